@@ -1,8 +1,8 @@
 """What ordinary nights do to a frame, drawn over wide ranges, for the network's hard fields.
 
-Drawn is what the detector's maps are made of: a frame whose pixels have been joined where stars
-are wide (``vision/working_frame.py``), so that discs and rings stay small; whose offsets of rows
-and columns have been taken away as far as they can be; and whose trailed stars may have been
+Drawn is what the detector's maps are made of: a frame whose pixels have been joined where stars are
+wide (``vision/detector/working_frame.py``), so that discs and rings stay small; whose offsets of
+rows and columns have been taken away as far as they can be; and whose trailed stars may have been
 covered with sky, so that a rest of them is left.
 """
 
@@ -14,10 +14,14 @@ import numpy as np
 
 from models.extras import Canvas, FloatArray, Points
 from models.light import log_uniform
-from rsoconsole.simulator.image_motion import WIND_TAU_S, ImageMotion
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.render import Streak, straight_streak
-from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
+    WIND_TAU_S,
+    ImageMotion,
+    SensorModel,
+    Streak,
+    straight_streak,
+)
 
 FWHM_PX = (1.0, 5.5)
 """Of the stars in the working frame."""
@@ -101,7 +105,7 @@ def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
     """(2, m) path of the whole image, stars and satellites alike, in one field of five.
 
     Drift along a line, or wind: a random walk that is pulled back (Ornstein and Uhlenbeck), as
-    ``simulator/image_motion.py`` has it. Its mean is nothing.
+    ``simulator/camera/motion.py`` has it. Its mean is nothing.
     """
     if rng.random() >= 0.2:
         return None

@@ -13,17 +13,17 @@ import numpy as np
 from models.fields import clip_to_box
 from models.frames import Split, TrueFrame, TrueTrail, noise_electrons, sky_field
 from rsoconsole.records import FloatArray, Frame
-from rsoconsole.simulator.image_motion import ImageMotion
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.render import (
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
     FieldContent,
+    ImageMotion,
+    SensorModel,
     Streak,
     frame_rng,
+    integrated_snr,
     render,
     straight_streak,
 )
-from rsoconsole.simulator.sensor import SensorModel
-from rsoconsole.simulator.streak_snr import integrated_snr
 
 QUARTER = SensorModel(width_px=2328, height_px=1760)
 EXPOSURE_S = 10.0

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.vision.detector import WIDE_PX
 from rsoconsole.vision.stars import find_stars
-from rsoconsole.vision.working_frame import WIDE_PX
 
 Float32Array = npt.NDArray[np.float32]
 Ends = tuple[float, float, float, float]
@@ -206,7 +206,7 @@ def _read(path: Path, entry: Background) -> list[Float32Array]:
 
 
 def _joined(entry: Background, pixels: Float32Array) -> Plane:
-    """As ``vision/working_frame.py`` joins pixels: until stars are about three wide."""
+    """As ``vision/detector/working_frame.py`` joins pixels: until stars are about three wide."""
     import cv2
 
     pixels = np.nan_to_num(pixels, nan=float(np.nanmedian(pixels)))

@@ -17,14 +17,14 @@ from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU,
 from models.precision import INT8, choose, judged, network_at, quantise
 from models.scoring import Score, fit_platt, logit_for_rate, score
 from models.streak_net import StreakNet
-from rsoconsole.vision.maps import (
+from rsoconsole.vision.detector import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
+from rsoconsole.vision.frame import (
     CODES_PER_SIGMA,
     LOWEST_SIGMA,
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
 )
-from rsoconsole.vision.network import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
 
 VERSION = "3"
 LOG_NAME = "training_log.jsonl"

@@ -1,6 +1,7 @@
 """Random fields with their truth: what the detector's network learns from and is judged on.
 
-Every field is drawn by ``rsoconsole.simulator.render``; here is only the choice of what to draw.
+Every field is drawn by ``rsoconsole.simulator.camera.rendering``; here is only the choice of what
+to draw.
 """
 
 from collections.abc import Callable
@@ -35,11 +36,8 @@ from models.fields import (
 from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.render import FieldContent, Streak, render
-from rsoconsole.simulator.sensor import SensorModel
-from rsoconsole.vision.maps import make_map
-from rsoconsole.vision.pattern import find_pattern
+from rsoconsole.simulator.camera import FWHM_PER_SIGMA, FieldContent, SensorModel, Streak, render
+from rsoconsole.vision.frame import find_pattern, make_map
 
 _SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
 """How often each of ``KINDS`` is drawn."""

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import MapMode
-from rsoconsole.vision.bins import binning_of
-from rsoconsole.vision.maps import ByteArray
+from rsoconsole.vision.frame import ByteArray, binning_of
 
 FIELD_CELLS = 192
 Kind = Literal["ordinary", "empty", "trailed stars", "aircraft", "rays", "meteor"]

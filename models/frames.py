@@ -16,21 +16,22 @@ import numpy as np
 from models.fields import clip_to_box
 from models.nuisances import drawn_out_stars, passing_aircraft, wide_cosmic_rays
 from rsoconsole.records import Frame
-from rsoconsole.simulator.clouds import CloudDeck
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
-from rsoconsole.simulator.render import (
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
+    WINGS,
     FieldContent,
     FloatArray,
+    SensorModel,
     cloud_at,
     frame_rng,
     render,
     straight_streak,
+    vignetting,
 )
-from rsoconsole.simulator.scenarios import scenario_named
+from rsoconsole.simulator.nights import scenario_named
 from rsoconsole.simulator.scene import NS, Scene
-from rsoconsole.simulator.sensor import SensorModel, vignetting
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.sky.wcs import tan_wcs
+from rsoconsole.simulator.sky import CloudDeck
+from rsoconsole.sky import iso_to_utc_ns, tan_wcs
 
 Split = Literal["calibrate", "test"]
 Kind = Literal["empty", "satellites", "clouds", "aircraft", "jitter", "rays", "altered"]

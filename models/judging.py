@@ -14,13 +14,21 @@ from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Detections
-from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.candidate import Candidate, Focus, LineLight
-from rsoconsole.vision.confidence import ConfidenceCurve, confidence_features
-from rsoconsole.vision.detector import FrameAnalysis, StreakDetector
-from rsoconsole.vision.network import Network, NetworkBox
-from rsoconsole.vision.psf_field import PsfField
-from rsoconsole.vision.working_frame import WorkingFrame, to_original
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision.detector import (
+    Candidate,
+    ConfidenceCurve,
+    Focus,
+    FrameAnalysis,
+    LineLight,
+    Network,
+    NetworkBox,
+    StreakDetector,
+    WorkingFrame,
+    confidence_features,
+    to_original,
+)
+from rsoconsole.vision.stars import PsfField
 
 ON_TRAIL_PX, _ON_TRAIL_WIDTHS = 5.0, 0.6
 BOX_ON_TRAIL_PX = 16.0

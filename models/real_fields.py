@@ -19,12 +19,16 @@ from models.fields import FIELD_CELLS, Conditions, Field, Kind, TrueStreak
 from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, add_sources, smear
-from rsoconsole.simulator.render import FieldContent, straight_streak, streak_points
-from rsoconsole.simulator.sensor import SensorModel
-from rsoconsole.vision.background import local_background
-from rsoconsole.vision.maps import make_map
-from rsoconsole.vision.pattern import find_pattern
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
+    FieldContent,
+    SensorModel,
+    add_sources,
+    smear,
+    straight_streak,
+    streak_points,
+)
+from rsoconsole.vision.frame import find_pattern, local_background, make_map
 
 _BLOCKS = (2, 4)
 _ZOOM = (0.8, 1.6)

@@ -18,8 +18,8 @@ from pathlib import Path
 from models.altered import draw_altered
 from models.frames import KINDS, Kind, Split, TrueFrame, draw
 from models.judging import FrameRow, Judge
-from rsoconsole.simulator.sensor import SensorModel
-from rsoconsole.vision.network import MODEL_NAME
+from rsoconsole.simulator.camera import SensorModel
+from rsoconsole.vision.detector import MODEL_NAME
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
@@ -27,7 +27,7 @@ _PRODUCT = HERE.parent / "rsoconsole"
 _LOOKING = ("rsoconsole/vision/*.py", "rsoconsole/simulator/*.py")
 _ALL: tuple[Kind, ...] = (*KINDS, "altered")
 _DRAWING = ("models/frames.py", "models/altered.py", "models/nuisances.py", "models/judging.py")
-_NOT_LOOKING = ("rsoconsole/vision/confidence.py",)
+_NOT_LOOKING = ("rsoconsole/vision/detector/confidence.py",)
 
 Task = tuple[Split, Kind, int]
 

@@ -23,9 +23,15 @@ from models.fields import (
 )
 from models.light import log_uniform, satellite_curve
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.render import FieldContent, Streak, cloud_at, straight_streak
-from rsoconsole.simulator.sensor import SensorModel, amplifier_glow
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
+    FieldContent,
+    SensorModel,
+    Streak,
+    amplifier_glow,
+    cloud_at,
+    straight_streak,
+)
 
 Segment = tuple[float, float, float, float]
 """Middle (x, y in cells), length (cells) and direction (rad)."""

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from models.fields import Field, TrueStreak
-from rsoconsole.vision.maps import ByteArray
-from rsoconsole.vision.network import MapStreak, decode, keep_distinct
+from rsoconsole.vision.detector import MapStreak, decode, keep_distinct
+from rsoconsole.vision.frame import ByteArray
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]

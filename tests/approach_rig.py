@@ -14,16 +14,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.elements import parse_elements
-from rsoconsole.orbit.satellite import Satellite
-from rsoconsole.pipeline.fold import follow_settings
+from rsoconsole.orbit.elements.elements import parse_elements
+from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.lqe import sky_covariance_arcsec2
-from rsoconsole.tracking.sky_path import Plane
+from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
+from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.frame_by_frame import follow
 
 CADENCE_S, EXPOSURE_S = 30.0, 10.0
 BLEND_ARCSEC = 8.0

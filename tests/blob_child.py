@@ -7,7 +7,7 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector
+from rsoconsole.instruments.indi.indi_child import IndiClient, Mouth, Vector
 
 
 class Silent(Mouth):

@@ -6,14 +6,37 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from rsoconsole.console import watch
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.console.watches import watch
+from rsoconsole.session.writing.writer import SessionWriter
+from tests.fast_tier import is_slow, slow_tests
 from tests.record_differences import differences
 from tests.seat_rig import FakeWire, written
 
 # How fast this machine was while it did something else says nothing of the program.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--fast``."""
+    parser.addoption("--fast", action="store_true", help="leave out what tests/slow.txt names")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """A file that is left out whole is not even read."""
+    if not config.getoption("--fast") or collection_path.suffix != ".py":
+        return None
+    name = collection_path.relative_to(Path(__file__).parent).as_posix()
+    return True if name in slow_tests() else None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The fast tier."""
+    if config.getoption("--fast"):
+        slow = slow_tests()
+        left = [item for item in items if is_slow(item.nodeid, slow)]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not is_slow(item.nodeid, slow)]
 
 
 def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.records import Detection, Frame
-from rsoconsole.simulator.psf import add_points
+from rsoconsole.simulator.camera.psf import add_points
 
 SIZE = 500
 SKY, NOISE = 800.0, 15.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rsoconsole.simulator.psf import add_points
+from rsoconsole.simulator.camera.psf import add_points
 
 NOISE, SIGMA_PX, SIZE = 20.0, 1.3, 400
 

@@ -12,17 +12,22 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue, places_of, states_gcrs
-from rsoconsole.orbit.element_errors import (
+from rsoconsole.orbit.elements.catalogue import (
+    CatalogueEntry,
+    parse_catalogue,
+    places_of,
+    states_gcrs,
+)
+from rsoconsole.orbit.first.directions import Sightings, sightings
+from rsoconsole.orbit.identification.element_errors import (
     ElementErrors,
     Spread,
     manoeuvred_probability,
 )
-from rsoconsole.orbit.element_rows import ElementRow, row_of
-from rsoconsole.orbit.identify import compared_with, identification_alone
-from rsoconsole.orbit.sightings import Sightings, sightings
-from rsoconsole.pipeline.element_calibration import GATE_DEG
-from rsoconsole.pipeline.element_errors_of import wide_errors_of
+from rsoconsole.orbit.identification.element_rows import ElementRow, row_of
+from rsoconsole.orbit.identification.single import compared_with, identification_alone
+from rsoconsole.pipeline.calibrations.element_calibration import GATE_DEG
+from rsoconsole.pipeline.orbits.element_errors_of import wide_errors_of
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
 from tests.fields_of_truth import DAY_UTC_NS, EARTH_KM, MU, SITE, entry_of, off_its_elements

@@ -9,10 +9,10 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome, Request, command_of, sender_of
-from rsoconsole.engine.command_queue import CommandQueue
-from rsoconsole.engine.desk import Desk
-from rsoconsole.engine.hands import Hands
-from rsoconsole.engine.loop import Engine
+from rsoconsole.engine.aim.hands import Hands
+from rsoconsole.engine.control.command_queue import CommandQueue
+from rsoconsole.engine.loop.loop import Engine
+from rsoconsole.engine.service.desk import Desk
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import (
     ClockFault,
@@ -24,8 +24,8 @@ from rsoconsole.instruments.ports import (
     SlewEnd,
     StopResult,
 )
-from rsoconsole.pipeline.glance import Glance
-from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.pipeline.frame.glance import Glance
+from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import (
     Detections,
     Frame,

@@ -14,7 +14,7 @@ from rsoconsole.records import (
     Ruling,
     StateChange,
 )
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.writing.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import geo_measurement
 

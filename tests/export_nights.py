@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from rsoconsole.config import Config
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.frame_by_frame import follow
 
 NS = 1_000_000_000
 T0 = iso_to_utc_ns("2023-06-23T05:30:00Z") + 123_456_789

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from sgp4.api import WGS72, Satrec
 
-from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbit.element_errors import (
+from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbit.elements.sky_paths import Exposure, Lookout, array_of, drawn
+from rsoconsole.orbit.identification.element_errors import (
     MANOEUVRED,
     UNDISTURBED,
     Spread,
@@ -20,9 +21,8 @@ from rsoconsole.orbit.element_errors import (
     position_sigmas_km,
     regime_of,
 )
-from rsoconsole.orbit.field_crossings import FieldOfView
-from rsoconsole.orbit.field_match import Line
-from rsoconsole.orbit.sky_paths import Exposure, Lookout, array_of, drawn
+from rsoconsole.orbit.identification.field_crossings import FieldOfView
+from rsoconsole.orbit.identification.field_match import Line
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 from rsoconsole.sky.places import site_gcrs, teme_to_gcrs_rotation

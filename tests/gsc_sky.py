@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbit.elements import parse_elements
-from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.orbit.elements.elements import parse_elements
+from rsoconsole.orbit.elements.satellite import Satellite
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.proper_motion import julian_year
-from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
+from rsoconsole.sky.stars.proper_motion import julian_year
+from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 from tests.ccd_law import CcdLaw
 
 NS = 1_000_000_000

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from rsoconsole.cli.output import WITH_UNITS
+from rsoconsole.cli.words.output import WITH_UNITS
 from rsoconsole.resources import resource
 
 PAGE = resource("cli", "JSON.md").read_text(encoding="utf-8")

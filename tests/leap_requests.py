@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbit.ahead import SkyAhead, SkyPath, path_of
-from rsoconsole.orbit.two_body import propagate
-from rsoconsole.pipeline.leaps import Leap, LeapTerms, NoLeap, Telescope, next_leap
-from rsoconsole.pipeline.mount_motion import MountMotion
+from rsoconsole.orbit.motion.ahead import SkyAhead, SkyPath, path_of
+from rsoconsole.orbit.motion.two_body import propagate
+from rsoconsole.pipeline.leaps.leaps import Leap, LeapTerms, NoLeap, Telescope, next_leap
+from rsoconsole.pipeline.leaps.mount_motion import MountMotion
 from rsoconsole.sky.angles import unit_to_direction, wrap_180
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
-from rsoconsole.sky.limits import Limits, Pose
+from rsoconsole.sky.limits.limits import Limits, Pose
 from rsoconsole.sky.places import line_of_sight_gcrs, site_gcrs
 from rsoconsole.sky.times import NS_PER_S
 from tests.limits_by_astropy import Request

@@ -6,14 +6,14 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.orbit.known import KnownOrbit
-from rsoconsole.orbit.zonal import Zonal
-from rsoconsole.pipeline.awaited import is_dark
-from rsoconsole.pipeline.glance import Glance
-from rsoconsole.pipeline.measure import measured
-from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.orbit.motion.known_orbit import KnownOrbit
+from rsoconsole.orbit.motion.zonal import Zonal
+from rsoconsole.pipeline.frame.glance import Glance
+from rsoconsole.pipeline.frame.measurement import measured
+from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.pipeline.leaps.awaited import is_dark
 from rsoconsole.records import Detection, Detections, Frame
-from rsoconsole.simulator.mount_model import travel_s
+from rsoconsole.simulator.mount.mount_model import travel_s
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.places import astrometric_places, line_of_sight_gcrs, site_gcrs
 from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs

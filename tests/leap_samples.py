@@ -1,6 +1,6 @@
 """Records of leaps as a night has them."""
 
-from rsoconsole.leap_records import LeapDone, LowPass
+from rsoconsole.records import LeapDone, LowPass
 from tests.makers import NS, T0_UTC_NS
 
 

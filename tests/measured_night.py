@@ -10,21 +10,15 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.absence import StarHistory
-from rsoconsole.pipeline.fold import Shown, fold
-from rsoconsole.records import (
-    CycleTiming,
-    Detections,
-    FrameTaken,
-    Measurement,
-    Solution,
-)
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.pipeline.cycle.absence import StarHistory
+from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
+from rsoconsole.records import CycleTiming, Detections, FrameTaken, Measurement, Solution
+from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky import times
 from rsoconsole.sky.wcs import tan_wcs
-from rsoconsole.tracking.following import Following
+from rsoconsole.tracking.association.following import Following
 from tests.makers import straight_detection
-from tests.test_lqe_satellites import DAYTONA, geo
+from tests.orbit.test_lqe_satellites import DAYTONA, geo
 
 NS = times.NS_PER_S
 SIZE = (4656, 3520)

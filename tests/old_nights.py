@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 from rsoconsole.config import Config
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.writing.writer import SessionWriter
 
 DATA = Path(__file__).parent / "data" / "schema-3"
 CONFIG = Config.model_validate(

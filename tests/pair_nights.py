@@ -10,7 +10,12 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue, places_of, states_gcrs
+from rsoconsole.orbit.elements.catalogue import (
+    CatalogueEntry,
+    parse_catalogue,
+    places_of,
+    states_gcrs,
+)
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
 from rsoconsole.sky.places import site_gcrs
 from tests.regimes import TLES

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from rsoconsole.field_records import ExpectedMembers, PairMotion, PairMotions, UnseenMember
+from rsoconsole.records import ExpectedMembers, PairMotion, PairMotions, UnseenMember
 from tests.made_up_night import t_of
 
 NS_PER_MIN = 60_000_000_000

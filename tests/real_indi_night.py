@@ -15,9 +15,9 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.connect import connect_instruments
-from rsoconsole.instruments.indi_wire import IndiVector, IndiWire, stop_mount
-from rsoconsole.instruments.mount import IndiMount
+from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire, stop_mount
+from rsoconsole.instruments.mount.mount import IndiMount
+from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments, MountReport
 from rsoconsole.sky.frames import icrs_of_hour_angle
 

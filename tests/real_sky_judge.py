@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsoconsole.engine.summary import SAME_OBJECT_ARCSEC, summarise
+from rsoconsole.judge.summary import SAME_OBJECT_ARCSEC, summarise
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,

@@ -20,18 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.config import Config
-from rsoconsole.config_file import config_to_toml
+from rsoconsole.config import Config, config_to_toml
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi_wire import IndiWire
-from rsoconsole.instruments.mount import IndiMount
-from rsoconsole.orbit.elements import ElementSet
-from rsoconsole.orbit.mean_elements import TLE_STEP_NS, MeanElements
-from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments.mount.mount import IndiMount
+from rsoconsole.orbit.elements.elements import ElementSet
+from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbit.elements.sgp4_fit import TLE_STEP_NS, MeanElements
 from rsoconsole.records import Site
-from rsoconsole.simulator.faint_stars import faint_stars
+from rsoconsole.simulator.sky.star_background import faint_stars
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
+from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 from rsoconsole.sky.sun import sun_icrs
 from rsoconsole.sky.times import gmst_deg
 from tests.ccd_law import CcdLaw

@@ -8,7 +8,7 @@ from typing import Any
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.review import ReviewScreen
+from rsoconsole.console.screens.review import ReviewScreen
 from tests.seat_rig import FULL, FakeWire, until
 
 Play = Callable[[ReviewScreen, Pilot[str]], Awaitable[None]]

@@ -10,12 +10,12 @@ from typing import Any
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.dialogs import Dialog
-from rsoconsole.console.panes import LinesPane, StopBanner
+from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.control import Command, Outcome
 from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.errors import ControlError
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.writing.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
 

@@ -20,8 +20,8 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.reasons import Told
 from rsoconsole.records import Event, Frame, Miss
-from rsoconsole.session.frame_files import compress_frame, encode_preview
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.files.frame_files import compress_frame, encode_preview
+from rsoconsole.session.writing.writer import SessionWriter
 
 SAID = struct.Struct("=BQ")
 BEGUN, RECORD, FRAME, CLOSING, CLOSED = range(5)

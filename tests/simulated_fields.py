@@ -9,11 +9,11 @@ import numpy as np
 from astropy.io import fits
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbit.catalogue import CatalogueEntry
-from rsoconsole.orbit.sky_paths import Exposure, array_of, drawn
-from rsoconsole.simulator.scenarios import ScenarioSatellite, scenario_named
-from rsoconsole.simulator.scene import Scene
-from rsoconsole.simulator.truth import FrameTruth
+from rsoconsole.orbit.elements.catalogue import CatalogueEntry
+from rsoconsole.orbit.elements.sky_paths import Exposure, array_of, drawn
+from rsoconsole.simulator.camera.truth import FrameTruth
+from rsoconsole.simulator.nights.scenarios import ScenarioSatellite, scenario_named
+from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.sun import lit_fraction
 from rsoconsole.sky.times import NS_PER_S, utc_ns_to_iso

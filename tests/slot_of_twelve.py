@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.orbit.elements.elements import ElementSet, checksum, parse_elements
+from rsoconsole.orbit.elements.satellite import Satellite
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Measurement
-from rsoconsole.simulator.scenarios import elements_path
+from rsoconsole.simulator.nights.scenarios import elements_path
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_S, gmst_deg
-from rsoconsole.tracking.following import Seen
+from rsoconsole.tracking.association.following import Seen
 from tests.seen_satellites import DAYTONA
 
 MEMBERS = 12

@@ -7,23 +7,23 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.cli.demo import demo_config
-from rsoconsole.cli.demo_night import Night, run_night
-from rsoconsole.cli.demo_targets import plan_targets, planned_config
+from rsoconsole.cli.demo.demo import demo_config
+from rsoconsole.cli.demo.demo_night import Night, run_night
+from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
 from rsoconsole.config import Config
-from rsoconsole.engine import summary
 from rsoconsole.errors import ConfigError
+from rsoconsole.judge import summary
 from rsoconsole.records import Measurement, Site
-from rsoconsole.session.reader import SessionReader
-from rsoconsole.simulator.mount_model import MountModel
-from rsoconsole.simulator.night_plan import NightPlan
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.simulator.mount.mount_model import MountModel
+from rsoconsole.simulator.nights.night_plan import NightPlan
 from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import open_stage
 from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_to_jnow, jnow_to_icrs
+from tests.orbit.test_places import skyfield_site, skyfield_timescale
 from tests.regimes import Sample
-from tests.test_places import skyfield_site, skyfield_timescale
 
 INDEX = Path(__file__).resolve().parents[1] / ".cache/index/usr/share/astrometry"
 SITES = (

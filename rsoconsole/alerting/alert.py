@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rsoconsole.alerts_config import AlertKind
+from rsoconsole.config import AlertKind
 
 URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
 """What somebody may have to get up for."""

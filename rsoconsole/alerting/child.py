@@ -21,9 +21,9 @@ from rsoconsole.alerting.news import KINDS, News
 from rsoconsole.alerting.sender import FIRST_AGAIN_S, Sender
 from rsoconsole.alerting.services import Service, call
 from rsoconsole.alerting.spool import Spool
-from rsoconsole.control.text import one_line
+from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.reading import SessionReader
 
 log = logging.getLogger("rsoconsole.alerting")
 

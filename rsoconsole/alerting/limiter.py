@@ -5,7 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from rsoconsole.alerting.alert import Alert
-from rsoconsole.alerts_config import AlertKind
+from rsoconsole.config import AlertKind
 
 HOUR_S = 3600.0
 

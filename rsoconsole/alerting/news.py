@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from rsoconsole.alerting.alert import Alert
-from rsoconsole.alerts_config import AlertKind
+from rsoconsole.config import AlertKind
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import (

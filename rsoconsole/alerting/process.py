@@ -15,8 +15,7 @@ from typing import Any
 import platformdirs
 
 from rsoconsole.alerting.services import services_of
-from rsoconsole.alerts_config import AlertsConfig
-from rsoconsole.config import APP, state_dir
+from rsoconsole.config import APP, AlertsConfig, state_dir
 from rsoconsole.errors import ConfigError
 
 log = logging.getLogger(__name__)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.alerts_config import AlertsConfig, expect_service, scheme_of
+from rsoconsole.config import AlertsConfig, expect_service, scheme_of
 from rsoconsole.errors import ConfigError
 from rsoconsole.foreign_text import read_foreign
 
@@ -80,7 +80,7 @@ def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> 
 
 def call(url: str, *, limit_s: float = SEND_S) -> Sent:
     """One heartbeat."""
-    from rsoconsole.element_sources.fetch import Fetcher, FetchError
+    from rsoconsole.element_sources import Fetcher, FetchError
 
     try:
         Fetcher(deadline_s=limit_s).get(url)

@@ -8,31 +8,33 @@ import platformdirs
 import typer
 
 from rsoconsole import __version__
-from rsoconsole.cli import (
-    alerts,
+from rsoconsole.cli.demo import demo
+from rsoconsole.cli.recorded import (
     calibrate_elements,
     calibrate_time,
     catalogue,
-    demo,
     export,
     figures,
     frames,
-    house,
     identify,
     ledger,
     orbit,
-    output,
-    passes,
     review,
-    seat,
-    service,
     sessions,
-    telescope,
     what_if,
 )
-from rsoconsole.cli.usage import USAGE_EXIT, UsageError, fold_helps, help_of, is_help, usage_line
+from rsoconsole.cli.telescope import alerts, house, passes, seat, service, telescope
+from rsoconsole.cli.words import (
+    USAGE_EXIT,
+    UsageError,
+    fold_helps,
+    help_of,
+    is_help,
+    output,
+    usage_line,
+)
 from rsoconsole.config import APP
-from rsoconsole.control.text import one_line
+from rsoconsole.control import one_line
 from rsoconsole.errors import RsoconsoleError
 
 log = logging.getLogger(APP)

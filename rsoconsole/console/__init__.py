@@ -4,6 +4,6 @@ May touch session, control, sky, tracking, records and config below; never the e
 instrument or the simulator.
 """
 
-from rsoconsole.console.run import run_console, run_review
+from lazy_loader import attach_stub
 
-__all__ = ["run_console", "run_review"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -18,37 +18,40 @@ from textual.screen import Screen
 from textual.widgets import Input, TextArea
 
 from rsoconsole.config import ConsoleConfig, IndiConfig
-from rsoconsole.console.alerts import alerts_between, notification
-from rsoconsole.console.blocks import HALF_BLOCKS, QUADRANTS, Blocks
-from rsoconsole.console.clean import CleanFilter
-from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
-from rsoconsole.console.command import KeyCommand, Place
-from rsoconsole.console.commands import commands_in
-from rsoconsole.console.dialogs import HelpDialog
-from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.frame_sheet import FrameSheet
-from rsoconsole.console.key_line import MODE_WORDS, Mode
-from rsoconsole.console.key_names import bindings
-from rsoconsole.console.live import LiveScreen
-from rsoconsole.console.messages import EngineSeen, NightSeen, OrbitSeen, OutlookSeen
-from rsoconsole.console.night_screen import NightScreen
-from rsoconsole.console.night_view import NightView
-from rsoconsole.console.orbit_ahead import OrbitAhead
-from rsoconsole.console.orders import Orders
-from rsoconsole.console.outlook_watch import OutlookWatch
+from rsoconsole.console.actions import Seat
+from rsoconsole.console.commands import KeyCommand, Orders, Place, bindings, commands_in
+from rsoconsole.console.dialogs import HelpDialog, TourDialog
+from rsoconsole.console.drawing import (
+    COLOURS,
+    HALF_BLOCKS,
+    NIGHT_CSS,
+    QUADRANTS,
+    THEMES,
+    Blocks,
+    CleanFilter,
+    PlainFilter,
+)
+from rsoconsole.console.frame import FrameSheet
+from rsoconsole.console.night import EngineView, NightView, OrbitAhead, alerts_between, notification
+from rsoconsole.console.panes import MODE_WORDS, Mode
 from rsoconsole.console.picture import Picture
-from rsoconsole.console.plain import PlainFilter
-from rsoconsole.console.review import ReviewScreen
-from rsoconsole.console.seat import Seat
-from rsoconsole.console.tour import TourDialog
-from rsoconsole.console.watch import EngineWatch, SessionWatch
+from rsoconsole.console.screens import LiveScreen, NightScreen, ReviewScreen
+from rsoconsole.console.watches import (
+    EngineSeen,
+    EngineWatch,
+    NightSeen,
+    OrbitSeen,
+    OutlookSeen,
+    OutlookWatch,
+    SessionWatch,
+)
 from rsoconsole.control import Wire
 
 log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from rsoconsole.console.graphics import GraphicsKind
-    from rsoconsole.console.tour import TourMemory
+    from rsoconsole.console.dialogs import TourMemory
+    from rsoconsole.console.picture import GraphicsKind
     from rsoconsole.pipeline.outlook import Outlook
 
 StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]

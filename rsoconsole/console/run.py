@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Graphics, default_config_path, load_config, state_dir
-from rsoconsole.control import ControlClient, Sender, default_socket_path
-from rsoconsole.control.commands import AskStatus
-from rsoconsole.control.place import engine_pid
+from rsoconsole.control import AskStatus, ControlClient, Sender, default_socket_path, engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
@@ -42,7 +40,7 @@ def run_console(
     Raises ControlError when there is no engine, ConfigError for a keymap that is none,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
-    from rsoconsole.console.keymap import load_keymap
+    from rsoconsole.console.commands import load_keymap
 
     config = load_config()
     settings = config.console
@@ -53,8 +51,8 @@ def run_console(
         _expect_engine(socket)
     _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.console.graphics import offered
-    from rsoconsole.console.tour import TourMemory
+    from rsoconsole.console.dialogs import TourMemory
+    from rsoconsole.console.picture import offered
 
     name = _seat_name()
     drawn = offered(graphics or settings.graphics)
@@ -95,7 +93,7 @@ def run_review(
     Raises ConfigError for a keymap that is none, SessionError when ``session`` holds none,
     RsoconsoleError where there is no terminal.
     """
-    from rsoconsole.console.keymap import load_keymap
+    from rsoconsole.console.commands import load_keymap
 
     config = load_config()
     keymap = load_keymap(default_config_path().with_name("keymap.toml"))
@@ -103,7 +101,7 @@ def run_review(
         SessionReader(session)
     _expect_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.console.graphics import offered
+    from rsoconsole.console.picture import offered
 
     name = _seat_name()
     drawn = offered(graphics or config.console.graphics)

@@ -1,8 +1,8 @@
 """What a command of the operator is: a frozen dataclass that is all there is to know of its verb.
 
-Its fields are the arguments, its class attributes the policy, its methods the check and the
-words. The wire's JSON, the record's arguments and the shell's verb are made of the fields; the
-engine has a handler for each class (``engine/handlers.py``), keys and dialogs make instances.
+Its fields are the arguments, its class attributes the policy, its methods the check and the words.
+The wire's JSON, the record's arguments and the shell's verb are made of the fields; the engine has
+a handler for each class (``engine/operator/handlers.py``), keys and dialogs make instances.
 """
 
 import dataclasses

@@ -1,8 +1,8 @@
 """Everything an operator can ask of the engine: one command a verb.
 
-A new verb is a class here and a handler in the engine (``engine/handlers.py``); with a key in the
-console it is an entry in ``console/commands.py`` too. Wire, record, log, seats, panel and shell
-take the rest from the class: README.md beside this file shows one whole.
+A new verb is a class here and a handler in the engine (``engine/operator/handlers.py``); with a key
+in the console it is an entry in ``console/commands/commands.py`` too. Wire, record, log, seats,
+panel and shell take the rest from the class: README.md beside this file shows one whole.
 """
 
 import math
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.control.command import Command, argument, register, with_overrides
-from rsoconsole.sky.angles import format_dec, format_ra
+from rsoconsole.sky import format_dec, format_ra
 
 LARGEST_NUDGE_ARCMIN = 600.0
 MOST_FRAMES = 1000

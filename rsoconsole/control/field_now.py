@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from rsoconsole.control.text import one_line
-from rsoconsole.field_records import ExpectedMembers, PairMotion
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.records import ExpectedMembers, PairMotion
+from rsoconsole.sky import utc_ns_to_iso
 
 MOST_LINES = 12
 """Of pairs and of missing objects in plain lines: JSON has all."""

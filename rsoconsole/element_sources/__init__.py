@@ -3,7 +3,6 @@
 ``update`` is not among these: it loads what speaks to web servers, which readers never need.
 """
 
-from rsoconsole.element_sources.names import Source, parse_source
-from rsoconsole.element_sources.store import ElementStore, Kept, default_folder, is_store
+from lazy_loader import attach_stub
 
-__all__ = ["ElementStore", "Kept", "Source", "default_folder", "is_store", "parse_source"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -19,8 +19,8 @@ from typing import IO, Any, Literal
 from urllib.parse import unquote, urlencode, urlsplit, urlunsplit
 
 from rsoconsole import __version__
+from rsoconsole.config import shown
 from rsoconsole.errors import OrbitError
-from rsoconsole.source_names import shown
 
 MOST_BYTES = 64 << 20
 """Of one answer, unpacked: the whole catalogue is a third of that."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote, urlencode, urlsplit
 
-from rsoconsole.source_names import SourceKind, shown, split_source
+from rsoconsole.config import SourceKind, shown, split_source
 
 _SPACE_TRACK = {
     "all": "class/gp/decay_date/null-val/epoch/>now-30/orderby/norad_cat_id/format/json",

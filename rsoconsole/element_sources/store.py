@@ -19,8 +19,8 @@ from rsoconsole.durable_files import PART, write_durably
 from rsoconsole.element_sources.names import Source
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import json_of, read_foreign
-from rsoconsole.orbit.catalogue import CatalogueEntry
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.orbit.elements import CatalogueEntry
+from rsoconsole.sky import NS_PER_S
 
 LEAST_NS = 2 * 3600 * NS_PER_S
 """A source is asked at most once in so long, whatever came of it."""

@@ -14,7 +14,7 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import whole
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky import utc_ns_to_iso
 
 MARKING = "U"
 """Unclassified, as the UDL writes it."""

@@ -6,13 +6,8 @@ from pathlib import Path
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export.rows import MeasuredRow
-from rsoconsole.records import (
-    FollowedAgain,
-    FrameTaken,
-    Solution,
-    TrackState,
-)
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.records import FollowedAgain, FrameTaken, Solution, TrackState
+from rsoconsole.session.reading import SessionReader
 
 _KINDS = (FrameTaken, Solution, TrackState, FollowedAgain)
 

@@ -16,8 +16,7 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import whole
-from rsoconsole.sky.angles import largest_sigma, wrap_360
-from rsoconsole.sky.times import NS_PER_DAY, tai_minus_utc_s, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_DAY, largest_sigma, tai_minus_utc_s, utc_ns_to_iso, wrap_360
 
 NS_PER_MS = 1_000_000
 STATION = "9999"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rsoconsole.errors import ExportError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
     r"""

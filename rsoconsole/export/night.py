@@ -8,24 +8,26 @@ from typing import Any, TypeAlias, assert_never
 from rsoconsole import __version__
 from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
-from rsoconsole.field_records import ExpectedMembers, PairMotions
-from rsoconsole.leap_records import LeapDone, LowPass
-from rsoconsole.pipeline.shutter_time import shutter_time, usual_sigma_s
+from rsoconsole.pipeline.frame import shutter_time, usual_sigma_s
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
     Detections,
     Event,
+    ExpectedMembers,
     FollowedAgain,
     FrameTaken,
     Identified,
+    LeapDone,
+    LowPass,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
     OperatorAction,
     OrbitEstimate,
+    PairMotions,
     ParameterChange,
     Ruling,
     SlewCommand,
@@ -33,8 +35,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.clock_notes import clock_notes
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.reading import SessionReader, clock_notes
 
 OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
 KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain, Identified)

@@ -21,11 +21,10 @@ from rsoconsole.export.observed_rows import ObservedRow
 from rsoconsole.export.tdm_reader import Tdm, TdmSegment, parse_tdm
 from rsoconsole.export.uk_reader import is_uk, parse_uk
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbit.sightings import sightings
-from rsoconsole.pipeline.sightings_of import Observed, read_observed
+from rsoconsole.orbit.first import sightings
+from rsoconsole.pipeline.orbits import Observed, read_observed
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky import NS_PER_S, wrap_180
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")

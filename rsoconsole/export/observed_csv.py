@@ -15,7 +15,7 @@ from rsoconsole.errors import ExportError
 from rsoconsole.export.observed_rows import ObservedRow
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Site
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
 
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
 _RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")

@@ -14,8 +14,8 @@ import numpy as np
 from rsoconsole.export.frames import FrameOnRecord
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.records import TrackState
-from rsoconsole.sky.angles import wrap_360
-from rsoconsole.tracking.lqe import sky_covariance_arcsec2
+from rsoconsole.sky import wrap_360
+from rsoconsole.tracking.filters import sky_covariance_arcsec2
 
 HEAD = (
     "# Region file format: DS9 version 4.1\n"

@@ -4,11 +4,17 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rsoconsole.record_columns import TABLES, Column, columns_of, member
-from rsoconsole.records import FrameTaken, Measurement, TrackState
-from rsoconsole.sky.angles import wrap_360
-from rsoconsole.sky.times import utc_ns_to_iso
-from rsoconsole.tracking.lqe import sky_covariance_arcsec2, sky_rate_arcsec_s
+from rsoconsole.records import (
+    TABLES,
+    Column,
+    FrameTaken,
+    Measurement,
+    TrackState,
+    columns_of,
+    member,
+)
+from rsoconsole.sky import utc_ns_to_iso, wrap_360
+from rsoconsole.tracking.filters import sky_covariance_arcsec2, sky_rate_arcsec_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,9 @@ import erfa
 from rsoconsole.config import Config
 from rsoconsole.errors import ExportError
 from rsoconsole.export.frames import FrameOnRecord
-from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.frame import shutter_mid_utc_ns
 from rsoconsole.records import Solution
-from rsoconsole.sky.times import MJD_UNIX, NS_PER_DAY, utc_ns_to_iso
-from rsoconsole.sky.wcs import wcs_cards
+from rsoconsole.sky import MJD_UNIX, NS_PER_DAY, utc_ns_to_iso, wcs_cards
 
 STREAKS = "STREAKS"
 _PLATE = re.compile(

@@ -16,7 +16,7 @@ from rsoconsole.errors import ExportError
 from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import COLUMNS, DERIVED, MeasuredRow
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.record_columns import Column
+from rsoconsole.records import Column
 
 _NAMES = tuple(column.name for column in COLUMNS)
 _NEEDED = frozenset(_NAMES) & {*MeasuredRow.__dataclass_fields__, *DERIVED}

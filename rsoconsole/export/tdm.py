@@ -22,12 +22,16 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.track_names import name_words
-from rsoconsole.pipeline.shutter_words import day_of, shutter_words
+from rsoconsole.pipeline.frame import day_of, shutter_words
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import direction_to_unit, wrap_360
-from rsoconsole.sky.frames import hour_angle_icrs_deg
-from rsoconsole.sky.places import LIGHT_KM_S, earth_velocity_km_s
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky import (
+    LIGHT_KM_S,
+    direction_to_unit,
+    earth_velocity_km_s,
+    hour_angle_icrs_deg,
+    utc_ns_to_iso,
+    wrap_360,
+)
 
 VERSION = "2.0"
 ANGLE_DECIMALS = 9

@@ -13,7 +13,7 @@ from pathlib import Path
 from rsoconsole.errors import ExportError
 from rsoconsole.export.tdm_xml import lines_of_xml
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 VERSIONS = ("1.0", "2.0")
 TIME_SYSTEMS = ("UTC", "TAI", "GPS", "TT", "UT1", "TDB", "TCB", "TCG", "TDR", "MET", "MRT", "SCLK")

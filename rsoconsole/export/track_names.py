@@ -1,7 +1,7 @@
 """What a track's name on record is, as a line of an exported file."""
 
 from rsoconsole.records import CatalogueMatch, Identified
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky import utc_ns_to_iso
 
 _LIKELY = 0.05
 

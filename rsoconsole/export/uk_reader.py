@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export.iod_reader import EPOCHS, FIRST_SATELLITE, HORIZONTAL, IodObservation
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
     r"""

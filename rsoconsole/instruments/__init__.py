@@ -1,1 +1,5 @@
-"""The world outside: INDI camera and mount, plate-solver process, clock, frame files."""
+"""What the engine programs to: clock, mount and camera, whoever stands behind them."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -3,10 +3,9 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from rsoconsole.notebook.night import GREEN, GREY, RED, Spell, Summary, text
 from rsoconsole.notebook.pictures import Picture, layered
-from rsoconsole.notebook.summary import Spell, Summary
-from rsoconsole.notebook.svg import GREEN, GREY, RED, text
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky import utc_ns_to_iso
 
 STATE_COLOURS = {
     "IDLE": "#9aa0a6",

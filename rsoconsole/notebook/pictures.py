@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rsoconsole.notebook.svg import text
+from rsoconsole.notebook.night import text
 from rsoconsole.records import Detection, FloatArray, PixelArray
 
 SHOWN_PX = 560

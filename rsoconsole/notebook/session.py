@@ -10,16 +10,25 @@ from typing import TYPE_CHECKING, Any
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook import card
-from rsoconsole.notebook.night import Night, NightFold, title_of, with_frames
-from rsoconsole.notebook.plots import NightPlots
-from rsoconsole.notebook.rows import Logged, Row, rows_of
+from rsoconsole.notebook.figures import NightPlots
+from rsoconsole.notebook.night import (
+    Logged,
+    Night,
+    NightFold,
+    NightTrack,
+    Row,
+    Summary,
+    rows_of,
+    spells_of,
+    summary_of,
+    title_of,
+    tracks_of,
+    with_frames,
+)
 from rsoconsole.notebook.session_pictures import SessionPictures
-from rsoconsole.notebook.summary import Summary, spells_of, summary_of
-from rsoconsole.notebook.tracks import NightTrack, tracks_of
-from rsoconsole.record_columns import TABLES, Column
-from rsoconsole.records import StateChange
-from rsoconsole.session import schema
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.records import TABLES, Column, StateChange
+from rsoconsole.session.log import schema
+from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.notebook.panel import LivePanel
@@ -249,7 +258,7 @@ class Session(SessionPictures, NightPlots):
         ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html. Raises ExportError for
         another one, and for a file that is there already (unless ``force``).
         """
-        from rsoconsole.export.api import ExportOptions, default_path, export, write_file
+        from rsoconsole.export import ExportOptions, default_path, export, write_file
 
         path = default_path(self.path, format) if out is None else Path(out).expanduser()
         if format == "html":
@@ -267,8 +276,7 @@ class Session(SessionPictures, NightPlots):
 
         Raises ControlError when no engine runs, or the one that does writes another session.
         """
-        from rsoconsole.control import ControlClient, Sender, read_status
-        from rsoconsole.control.commands import AskStatus
+        from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
         from rsoconsole.errors import ControlError
         from rsoconsole.notebook import live_panel
 

@@ -4,14 +4,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook.night import NightFold
-from rsoconsole.notebook.overlay import FrameFacts, overlay_svg, words_of
+from rsoconsole.notebook.night import (
+    FrameFacts,
+    Logged,
+    NightFold,
+    overlay_svg,
+    tracks_of,
+    words_of,
+)
 from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw_tracks
-from rsoconsole.notebook.rows import Logged
-from rsoconsole.notebook.tracks import tracks_of
 from rsoconsole.records import Detections, PixelArray
-from rsoconsole.session.reader import SessionReader
-from rsoconsole.session.upkeep import pruned_on, read_notes
+from rsoconsole.session.files import pruned_on, read_notes
+from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +52,7 @@ class SessionPictures:
         Raises SessionError where it was not kept, and says which were; FrameError where its file
         cannot be read.
         """
-        from rsoconsole.instruments.frame_files import read_frame
+        from rsoconsole.instruments.frames import read_frame
 
         path = self._reader.frame_path(frame_id)
         if path is None:
@@ -64,7 +68,7 @@ class SessionPictures:
 
         Raises SessionError where the frame was not kept or nothing was detected in it.
         """
-        from rsoconsole.notebook.inline import NightFigure, styled
+        from rsoconsole.notebook.figures import NightFigure, styled
 
         facts = self._facts(frame_id)
         if facts.detections is None or not facts.detections.detections:
@@ -84,7 +88,7 @@ class SessionPictures:
 
         Raises SessionError where the frame was not kept or no track took anything of it.
         """
-        from rsoconsole.notebook.inline import NightFigure, styled
+        from rsoconsole.notebook.figures import NightFigure, styled
 
         facts, streaks = self._facts(frame_id), []
         for track in tracks_of(record for _, _, record in self._log).values():

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.notebook.extra import needed
-from rsoconsole.notebook.rows import Row
-from rsoconsole.record_columns import Column
-from rsoconsole.sky.times import jd_utc
+from rsoconsole.notebook.night import Row
+from rsoconsole.records import Column
+from rsoconsole.sky import jd_utc
 
 NS = "_utc_ns"
 

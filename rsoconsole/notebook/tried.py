@@ -5,10 +5,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.notebook.night import Night, NightFold
-from rsoconsole.notebook.plots import NightPlots
-from rsoconsole.notebook.summary import Summary, summary_of
-from rsoconsole.notebook.svg import text
+from rsoconsole.notebook.figures import NightPlots
+from rsoconsole.notebook.night import Night, NightFold, Summary, summary_of, text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 
@@ -90,8 +88,7 @@ class WhatIf(NightPlots):
         The session's own record is not touched. Raises SessionError for a name that is taken
         (unless ``force``) or cannot be one, and where it cannot be written.
         """
-        from rsoconsole.pipeline.branches import save_branch
-        from rsoconsole.pipeline.what_if_session import what_if_session
+        from rsoconsole.pipeline.replay import save_branch, what_if_session
 
         return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
 

@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from rsoconsole.simulator.weather_and_dome import Schedule
+from rsoconsole.simulator.devices import Schedule
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,20 +18,21 @@ from typing import Any
 from indipydriver import IPyDriver, getProperties
 from indipyserver import IPyServer
 
-from rsoconsole.simulator.camera_device import CameraDevice
-from rsoconsole.simulator.camera_traits import camera_traits
-from rsoconsole.simulator.clock_device import ClockDevice
-from rsoconsole.simulator.indi_vectors import stamp
+from rsoconsole.simulator.camera import camera_traits
+from rsoconsole.simulator.devices import (
+    CameraDevice,
+    ClockDevice,
+    DomeDevice,
+    MountDevice,
+    VirtualClock,
+    WeatherDevice,
+)
 from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME, WEATHER_NAME
-from rsoconsole.simulator.mount_device import MountDevice
-from rsoconsole.simulator.mount_model import MountModel, MountTraits
-from rsoconsole.simulator.mount_unrest import MountUnrest
+from rsoconsole.simulator.mount import MountModel, MountTraits, MountUnrest, stamp
 from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage, open_stage
-from rsoconsole.simulator.virtual_clock import VirtualClock
-from rsoconsole.simulator.weather_and_dome import DomeDevice, WeatherDevice
 from rsoconsole.simulator.world import World
-from rsoconsole.sky.frames import icrs_to_jnow
+from rsoconsole.sky import icrs_to_jnow
 
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 

@@ -5,15 +5,12 @@ from dataclasses import dataclass
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
-from rsoconsole.simulator.camera_device import SceneLike
-from rsoconsole.simulator.night_plan import plan_of_table, scenario_of, stars_of
+from rsoconsole.simulator.devices import SceneLike
+from rsoconsole.simulator.nights import plan_of_table, scenario_named, scenario_of, stars_of
 from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.scenarios import scenario_named
-from rsoconsole.simulator.scene import Scene
-from rsoconsole.simulator.world import NAMELESS, World
-from rsoconsole.simulator.world_file import world_from
-from rsoconsole.simulator.world_scene import binned
-from rsoconsole.sky.frames import icrs_of_hour_angle
+from rsoconsole.simulator.scene import Scene, binned
+from rsoconsole.simulator.world import NAMELESS, World, world_from
+from rsoconsole.sky import icrs_of_hour_angle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

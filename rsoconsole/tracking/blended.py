@@ -15,12 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking import estimator, lqe
-from rsoconsole.tracking.association import streak_motion
-from rsoconsole.tracking.following import FollowSettings, Seen, expected_motion
+from rsoconsole.tracking.association import FollowSettings, Pattern, Seen, expected_motion
+from rsoconsole.tracking.filters import Plane, estimator, lqe, streak_motion
 from rsoconsole.tracking.joint import Assignment, Weighed
-from rsoconsole.tracking.pattern import Pattern
-from rsoconsole.tracking.sky_path import Plane
 
 WIDTHS = 2.5
 """Beside each other closer than so many widths of a star, two streaks are found as one."""

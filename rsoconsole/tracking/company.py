@@ -13,10 +13,7 @@ import numpy as np
 
 from rsoconsole.reasons import Missed, NotTaken, TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
-from rsoconsole.tracking import adaptive, chains, lqe
-from rsoconsole.tracking.acquire import first_state
-from rsoconsole.tracking.association import disagreement, motion_between, streak_motion
-from rsoconsole.tracking.following import (
+from rsoconsole.tracking.association import (
     MAY_BE_FOLLOWED,
     Following,
     FollowSettings,
@@ -25,6 +22,8 @@ from rsoconsole.tracking.following import (
     expected_motion,
     three_sigma_deg,
 )
+from rsoconsole.tracking.filters import adaptive, disagreement, lqe, motion_between, streak_motion
+from rsoconsole.tracking.initiation import chains, first_state
 from rsoconsole.tracking.takeover import Step, is_neighbour
 
 UNSEEN_EACH = 2

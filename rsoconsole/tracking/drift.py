@@ -15,8 +15,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import IntArray
+from rsoconsole.sky import IntArray, wrap_180
 
 SAME_SLEW_ARCSEC = 10.0
 """The mount has been sent elsewhere where its own word changes by more than that."""

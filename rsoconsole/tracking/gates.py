@@ -3,38 +3,35 @@
 import numpy as np
 
 from rsoconsole.reasons import NotTaken
-from rsoconsole.records import (
-    Measurement,
-    NotFollowed,
-    TrackState,
-)
-from rsoconsole.tracking import adaptive, chains, estimator, lqe
+from rsoconsole.records import Measurement, NotFollowed, TrackState
 from rsoconsole.tracking.association import (
+    LEAST_MARGIN,
+    FollowSettings,
+    Neighbour,
+    Seen,
+    Tracked,
+    best_match,
+    expected_motion,
+    learnt_error_arcsec,
+    not_followed,
+    three_sigma_deg,
+)
+from rsoconsole.tracking.filters import (
     BENT_TOLERANCE_DEG,
     DIRECTION_TOLERANCE_DEG,
     LENGTH_TOLERANCE,
     LONGER_TOLERANCE,
     PART_TOLERANCE,
     Motion,
+    Update,
+    adaptive,
+    along_error_arcsec,
     disagreement,
+    estimator,
+    lqe,
     motion_between,
 )
-from rsoconsole.tracking.estimator import Update
-from rsoconsole.tracking.following import (
-    FollowSettings,
-    Seen,
-    Tracked,
-    expected_motion,
-    not_followed,
-    three_sigma_deg,
-)
-from rsoconsole.tracking.neighbours import (
-    LEAST_MARGIN,
-    Neighbour,
-    best_match,
-)
-from rsoconsole.tracking.pattern import learnt_error_arcsec
-from rsoconsole.tracking.streak_length import along_error_arcsec
+from rsoconsole.tracking.initiation import chains
 
 CANNOT_TELL = NotTaken(kind="cannot be told apart")
 

@@ -19,19 +19,16 @@ import numpy as np
 
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking import adaptive, lqe
-from rsoconsole.tracking.association import motion_between
-from rsoconsole.tracking.estimator import Update
-from rsoconsole.tracking.filter_update import inverted
-from rsoconsole.tracking.gates import nis_of
-from rsoconsole.tracking.neighbours import NEAREST_ARCSEC, BoolArray
-from rsoconsole.tracking.pattern import (
+from rsoconsole.tracking.association import (
+    NEAREST_ARCSEC,
     NO_PATTERN,
     OTHERWISE_ARCSEC_S,
+    BoolArray,
     Pattern,
     own_covariance,
 )
-from rsoconsole.tracking.sky_path import Plane
+from rsoconsole.tracking.filters import Plane, Update, adaptive, inverted, lqe, motion_between
+from rsoconsole.tracking.gates import nis_of
 
 DETECTED = 0.9
 """Chance that what is in the field is detected."""

@@ -3,21 +3,8 @@
 from dataclasses import replace
 
 from rsoconsole.reasons import Missed, NotTaken, TrackLost
-from rsoconsole.records import (
-    FoldRecord,
-    Measurement,
-    Miss,
-    TrackState,
-)
-from rsoconsole.tracking import estimator
-from rsoconsole.tracking.acquire import (
-    NOT_CHOSEN,
-    beside,
-    excesses_with,
-    first_state,
-)
-from rsoconsole.tracking.blended import Shared
-from rsoconsole.tracking.following import (
+from rsoconsole.records import FoldRecord, Measurement, Miss, TrackState
+from rsoconsole.tracking.association import (
     NOTHING_SEEN,
     FollowSettings,
     Seen,
@@ -25,12 +12,10 @@ from rsoconsole.tracking.following import (
     not_followed,
     three_sigma_deg,
 )
-from rsoconsole.tracking.gates import (
-    CANNOT_TELL,
-    off_nis,
-    updated_with,
-    verdicts,
-)
+from rsoconsole.tracking.blended import Shared
+from rsoconsole.tracking.filters import estimator
+from rsoconsole.tracking.gates import CANNOT_TELL, off_nis, updated_with, verdicts
+from rsoconsole.tracking.initiation import NOT_CHOSEN, beside, excesses_with, first_state
 from rsoconsole.tracking.joint import Weighed
 from rsoconsole.tracking.takeover import Step, is_in_field, with_rivals
 

@@ -19,12 +19,7 @@ from dataclasses import dataclass, replace
 from math import cos, hypot, radians, sin
 from typing import Literal
 
-from rsoconsole.sky.angles import (
-    direction_to_unit,
-    position_angle_deg,
-    separation_deg,
-    unit_to_direction,
-)
+from rsoconsole.sky import direction_to_unit, position_angle_deg, separation_deg, unit_to_direction
 
 GAIN = 0.5
 JUMP_ARCSEC = 120.0

@@ -6,34 +6,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.reasons import Cause, NotTaken
-from rsoconsole.records import (
-    FoldRecord,
-    Measurement,
-    NotFollowed,
-    TrackState,
-)
-from rsoconsole.tracking import estimator, lqe
-from rsoconsole.tracking.acquire import initiated
+from rsoconsole.records import FoldRecord, Measurement, NotFollowed, TrackState
 from rsoconsole.tracking.association import (
-    SHORTER_TOLERANCE,
-    disagreement,
-    motion_between,
-)
-from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
+    SURE_ODDS,
+    Field,
     FollowSettings,
+    RivalFilter,
     Seen,
     Tracked,
+    after_miss,
     expected_motion,
+    odds,
     three_sigma_deg,
 )
-from rsoconsole.tracking.gates import nis_of
-from rsoconsole.tracking.neighbours import (
-    Field,
+from rsoconsole.tracking.filters import (
+    SHORTER_TOLERANCE,
+    along_error_arcsec,
+    disagreement,
+    estimator,
+    lqe,
+    motion_between,
 )
-from rsoconsole.tracking.pairing import agree
-from rsoconsole.tracking.rivals import SURE_ODDS, RivalFilter, after_miss, odds
-from rsoconsole.tracking.streak_length import along_error_arcsec
+from rsoconsole.tracking.gates import nis_of
+from rsoconsole.tracking.initiation import agree, initiated
 
 _MOST_UNFIT = 6
 

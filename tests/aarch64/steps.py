@@ -20,14 +20,14 @@ CLONE = "rsoconsole"
 FRAMES = 6
 DEMO = f"demo --headless --frames {FRAMES} --keep-frames all --json"
 TEST_FILES = (
-    "tests/test_detector.py",
-    "tests/test_streak_fit.py",
-    "tests/test_lqe.py",
-    "tests/test_follow.py",
-    "tests/test_solver.py",
-    "tests/test_session.py",
-    "tests/test_session_codec.py",
-    "tests/test_setup_check.py",
+    "tests/vision/test_detector.py",
+    "tests/vision/test_streak_fit.py",
+    "tests/tracking/test_lqe.py",
+    "tests/tracking/test_follow.py",
+    "tests/instruments/test_solver.py",
+    "tests/session/test_session.py",
+    "tests/session/test_session_codec.py",
+    "tests/cli/test_setup_check.py",
 )
 TEST_PACKAGES = (
     "hypothesis",

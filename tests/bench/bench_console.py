@@ -26,7 +26,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.writing.writer import SessionWriter
 from tests import made_up_night as night
 from tests.terminal import Terminal
 

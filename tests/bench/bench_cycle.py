@@ -13,15 +13,15 @@ import sys
 import time
 
 from rsoconsole.config import Config
-from rsoconsole.engine.plan import Planner
+from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.pipeline.cycle import Cycle
-from rsoconsole.pipeline.open import open_reducer
+from rsoconsole.pipeline.cycle.cycle import Cycle
+from rsoconsole.pipeline.frame.open import open_reducer
 from rsoconsole.records import Frame
-from rsoconsole.simulator.scenarios import scenario_named
-from rsoconsole.simulator.scene import Scene
+from rsoconsole.simulator.nights.scenarios import scenario_named
+from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.tracking.following import Following
+from rsoconsole.tracking.association.following import Following
 
 NS = 1_000_000_000
 TARGET_HOUR_ANGLE_DEG = -41.0

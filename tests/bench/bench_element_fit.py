@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 
-from rsoconsole.orbit.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
-from rsoconsole.orbit.element_fit import fit_factors
+from rsoconsole.orbit.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
+from rsoconsole.orbit.identification.element_fit import fit_factors
 from rsoconsole.records import FloatArray
 from tests.element_rows_of_truth import low_rows, times
 

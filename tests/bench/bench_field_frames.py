@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frame_files import read_frame
-from rsoconsole.pipeline.field import FieldRun, FrameAnswer
-from rsoconsole.pipeline.field_frame import FieldReader, PlateMode, open_field_reader
-from rsoconsole.simulator.truth import FrameTruth, SatelliteTruth
+from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.pipeline.field.field import FieldRun, FrameAnswer
+from rsoconsole.pipeline.field.field_frame import FieldReader, PlateMode, open_field_reader
+from rsoconsole.simulator.camera.truth import FrameTruth, SatelliteTruth
 from tests.simulated_fields import OPTICS, crowd, frames_in
 
 SHORTEST_PX, FAINTEST_SNR = 15.0, 15.0

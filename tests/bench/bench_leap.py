@@ -15,14 +15,14 @@ import statistics
 import sys
 import time
 
-from rsoconsole.cli.demo_targets import plan_targets
+from rsoconsole.cli.demo.demo_targets import plan_targets
 from rsoconsole.config import Config, OpticsConfig
-from rsoconsole.pipeline.open import open_reducer
+from rsoconsole.pipeline.frame.open import open_reducer
 from rsoconsole.records import CycleTiming, Event, Frame, SlewCommand
-from rsoconsole.simulator.night_plan import scenario_of, stars_of
-from rsoconsole.simulator.scene import Scene
-from rsoconsole.simulator.world_file import world_from
-from rsoconsole.simulator.world_scene import binned
+from rsoconsole.simulator.nights.night_plan import scenario_of, stars_of
+from rsoconsole.simulator.scene.scene import Scene
+from rsoconsole.simulator.scene.world_scene import binned
+from rsoconsole.simulator.world.world_file import world_from
 from rsoconsole.sky.frames import icrs_of_hour_angle
 from tests import engine_rig
 from tests.campaign.leaps import FILE

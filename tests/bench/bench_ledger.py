@@ -13,10 +13,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbit.determine import determine
-from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.uncorrelated import SeenBefore, attributable, log_density, recognise
+from rsoconsole.orbit.determination.from_directions import determine
+from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbit.first.directions import Sightings
+from rsoconsole.orbit.identification.uncorrelated import (
+    SeenBefore,
+    attributable,
+    log_density,
+    recognise,
+)
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_identify import SITE, TLES, seen_off_elements, visible
 

@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbit.join import Alone, alone, join_probabilities
-from rsoconsole.tracking.link import link_points
+from rsoconsole.orbit.determination.join import Alone, alone, join_probabilities
+from rsoconsole.tracking.initiation.link import link_points
 from tests.seen_satellites import geostationary, instants, seen
-from tests.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
+from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
 
 _BINS = (0.0, 0.01, 0.1, 0.3, 0.7, 0.9, 0.99, 1.01)
 

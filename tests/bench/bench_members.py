@@ -24,18 +24,18 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config, DetectorConfig, OpticsConfig
-from rsoconsole.pipeline.orbits import Orbits
+from rsoconsole.pipeline.orbits.orbits import Orbits
 from rsoconsole.records import Frame, Identified
-from rsoconsole.simulator.psf import add_points
-from rsoconsole.simulator.scenarios import elements_path
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings
-from rsoconsole.vision.confidence import ConfidenceCurve
-from rsoconsole.vision.detector import StreakDetector
-from rsoconsole.vision.network import Network
+from rsoconsole.simulator.camera.psf import add_points
+from rsoconsole.simulator.nights.scenarios import elements_path
+from rsoconsole.tracking.association.following import Following, FollowSettings
+from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.vision.detector.confidence import ConfidenceCurve
+from rsoconsole.vision.detector.detector import StreakDetector
+from rsoconsole.vision.detector.network import Network
 from tests.slot_of_twelve import MEMBERS, frames, members
-from tests.test_company import settings
-from tests.test_rivals import config as plain_config
+from tests.tracking.test_company import settings
+from tests.tracking.test_rivals import config as plain_config
 
 RESULTS = Path(__file__).parent / "results" / "members.json"
 STEADY_FROM = 5

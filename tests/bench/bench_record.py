@@ -24,13 +24,13 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.durable_files import write_durably
-from rsoconsole.session.codec import encode
-from rsoconsole.session.database import connect_to_write
-from rsoconsole.session.digest import digest_log, sha256_of
-from rsoconsole.session.reader import SessionReader
-from rsoconsole.session.store import summarise
-from rsoconsole.session.verify import verify_session
-from rsoconsole.session.writer import SessionWriter
+from rsoconsole.session.files.digest import digest_log, sha256_of
+from rsoconsole.session.log.codec import encode
+from rsoconsole.session.log.database import connect_to_write
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.upkeep.store import summarise
+from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.session.writing.writer import SessionWriter
 from tests import made_up_night as night
 
 RESULTS = Path(__file__).parent / "results" / "record.json"

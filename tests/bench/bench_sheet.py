@@ -18,7 +18,7 @@ from statistics import median
 from typing import Any
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.frame_sheet import FrameSheet
+from rsoconsole.console.frame.frame_sheet import FrameSheet
 from tests.samples import SCHEMA_1
 from tests.seat_rig import FakeWire
 

@@ -13,9 +13,9 @@ import time
 import numpy as np
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings
-from tests.test_rivals import FRAMES, config, every_day, seen, streak, truth
+from rsoconsole.tracking.association.following import Following, FollowSettings
+from rsoconsole.tracking.frame_by_frame import follow
+from tests.tracking.test_rivals import FRAMES, config, every_day, seen, streak, truth
 
 NIGHTS = 5
 

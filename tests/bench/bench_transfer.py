@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.connect import connect_instruments
-from rsoconsole.instruments.frame_files import frame_from_bytes
-from rsoconsole.instruments.indi_wire import stop_mount
+from rsoconsole.instruments.frames.frame_files import frame_from_bytes
+from rsoconsole.instruments.indi.indi_wire import stop_mount
+from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments
-from rsoconsole.simulator.indi_fits import fits_bytes
+from rsoconsole.simulator.camera.indi_fits import fits_bytes
 from rsoconsole.simulator.launch import start_observatory
 
 WIDTH_PX, HEIGHT_PX = 4656, 3520

@@ -30,10 +30,10 @@ from models.frames import KINDS, draw
 from rsoconsole.cli import ONE_THREAD
 from rsoconsole.config import DetectorConfig, OpticsConfig
 from rsoconsole.records import Frame
-from rsoconsole.simulator.psf import add_points
-from rsoconsole.vision.confidence import ConfidenceCurve
-from rsoconsole.vision.detector import StreakDetector
-from rsoconsole.vision.network import Network
+from rsoconsole.simulator.camera.psf import add_points
+from rsoconsole.vision.detector.confidence import ConfidenceCurve
+from rsoconsole.vision.detector.detector import StreakDetector
+from rsoconsole.vision.detector.network import Network
 
 RESULTS = Path(__file__).parent / "results" / "vision.json"
 START_PX, END_PX = (2000.0, 1500.0), (2118.0, 1512.0)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rsoconsole.simulator.scenarios import elements_path
+from rsoconsole.simulator.nights.scenarios import elements_path
 from tests import real_sky_night
 from tests.campaign import clusters
 

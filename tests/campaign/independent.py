@@ -24,9 +24,9 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Detection
 from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.confidence import ConfidenceCurve
-from rsoconsole.vision.detector import StreakDetector
-from rsoconsole.vision.network import Network
+from rsoconsole.vision.detector.confidence import ConfidenceCurve
+from rsoconsole.vision.detector.detector import StreakDetector
+from rsoconsole.vision.detector.network import Network
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.campaign.satsim_altered import FAMILIES, FRAMES, Ends, drawn, looks, snr_of
 

@@ -21,10 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.leap_records import LeapDone, LowPass
-from rsoconsole.orbit.satellite import Satellite
-from rsoconsole.records import Site
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.records import LeapDone, LowPass, Site
+from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.times import NS_PER_S
 from tests.campaign import runner

@@ -1,12 +1,12 @@
 """The product's own tracker on the nights of ``slots``, with its everyday settings."""
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.fold import follow_settings
+from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FrameTaken
-from rsoconsole.tracking import lqe
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.filters import lqe
+from rsoconsole.tracking.frame_by_frame import follow
 from tests.campaign.slots import EXPOSURE_S, SITE, Night
 from tests.campaign.slots_judge import At
 

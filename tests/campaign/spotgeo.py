@@ -5,12 +5,12 @@
 
 The file has where annotators saw satellites in 639 sequences of five frames, and nothing else: a
 tracker gets points without a direction. Each has 0.5 px of noise, a tenth of them are gone, two
-false ones a frame are put beside them (``tests/test_link.py``); the order within a frame is drawn.
-The frames go through the fold that the engine uses, one after the other. A link is a point and the
-next one of the same track; after frame 5, the last, the tracker's are held against the truth.
-Pixels are laid onto a plane of the sky at spotGEO's 4.5 arcsec a pixel, ten seconds from frame to
-frame: the satellites then move at the rate of real ones. The same command goes on where it was
-stopped.
+false ones a frame are put beside them (``tests/tracking/test_link.py``); the order within a frame
+is drawn. The frames go through the fold that the engine uses, one after the other. A link is a
+point and the next one of the same track; after frame 5, the last, the tracker's are held against
+the truth. Pixels are laid onto a plane of the sky at spotGEO's 4.5 arcsec a pixel, ten seconds from
+frame to frame: the satellites then move at the rate of real ones. The same command goes on where it
+was stopped.
 """
 
 from collections import defaultdict
@@ -22,15 +22,15 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.fold import follow_settings
+from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, TrackState
-from rsoconsole.tracking.follow import follow
-from rsoconsole.tracking.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.sky_path import Plane
+from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.frame_by_frame import follow
 from tests.campaign.arguments import seeds_of
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.makers import NS, T0_UTC_NS
-from tests.test_link import HEIGHT_PX, WIDTH_PX, Point, annotated, spoilt, true_links
+from tests.tracking.test_link import HEIGHT_PX, WIDTH_PX, Point, annotated, spoilt, true_links
 
 NAME = "spotgeo"
 SCALE_ARCSEC_PX, CADENCE_S, EXPOSURE_S = 4.5, 10.0, 0.75

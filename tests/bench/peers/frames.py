@@ -12,11 +12,17 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.records import Frame
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
-from rsoconsole.simulator.render import FieldContent, Streak, frame_rng, render, straight_streak
-from rsoconsole.simulator.sensor import SensorModel, vignetting
+from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, WINGS
+from rsoconsole.simulator.camera.rendering import (
+    FieldContent,
+    Streak,
+    frame_rng,
+    render,
+    straight_streak,
+)
+from rsoconsole.simulator.camera.sensor import SensorModel, vignetting
 from tests.bench.peers.scoring import Line, TrueStreak
 
 SEED = 70417

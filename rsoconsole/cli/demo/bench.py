@@ -1,0 +1,79 @@
+"""``doctor --bench``: measures this machine and says which cadence it holds."""
+
+from dataclasses import asdict
+from typing import Any
+
+import typer
+
+from rsoconsole.cli.words import output
+from rsoconsole.config import Config
+
+BUSY_SHARE = 0.5
+"""Of the cores at work for others when it began: the figures are worse than the machine."""
+
+
+def run_bench(config: Config, *, json_: bool) -> None:
+    """Measure, print, and exit 1 where what is configured is not held."""
+    from rsoconsole.cli.demo.bench_frame import draw_fits
+    from rsoconsole.engine.doctor import STAGES, free_bytes, judge, measure, verdict_lines
+    from rsoconsole.engine.machine import identity, load_share, medium_of, read_machine, troubles_of
+    from rsoconsole.instruments.observatory import utc_now_ns
+
+    here, busy, before = identity(), load_share(), read_machine()
+    medium = medium_of(config.session.root)
+    output.complain(f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px")
+    fits = draw_fits(config)
+    result = measure(config, fits, tell=output.complain)
+    after = read_machine()
+    verdict = judge(config, result, free_bytes(config.session.root), utc_now_ns())
+    notes = list(result.notes)
+    if busy > BUSY_SHARE:
+        notes.append(f"other programs had {busy:.0%} of the cores when it began: repeat it alone")
+    notes += [f"{trouble.words}: {trouble.remedy}" for trouble in troubles_of(after)]
+    if json_:
+        machine: dict[str, Any] = asdict(here) | {
+            "threads": result.threads,
+            "load_share": busy,
+            "temperature_before_c": before.cpu_temperature_c,
+            "temperature_after_c": after.cpu_temperature_c,
+            "recording_medium": medium.kind,
+            "width_px": result.width_px,
+            "height_px": result.height_px,
+            "detections": result.detections,
+            "notes": notes,
+        }
+        output.emit_json({"kind": "machine", **machine})
+        for stage in result.stages:
+            output.emit_json({"kind": "stage", **asdict(stage)})
+        output.emit_json({"kind": "verdict", **asdict(verdict), "ok": verdict.is_enough})
+    else:
+        output.say(here.words)
+        output.say(
+            f"{result.width_px} x {result.height_px} px, {_counted(result.threads, 'thread')}, "
+            f"{_counted(result.detections, 'streak')} detected, session.root on "
+            f"{medium.kind}{f' {medium.device}' if medium.device else ''}"
+            + _heat(before.cpu_temperature_c, after.cpu_temperature_c)
+        )
+        output.say("the frame is drawn as of a 12-bit camera; 16 bits take about twice the disk")
+        output.say(f"{'stage':12} {'median':>9} {'least':>9} {'largest':>9}  ms")
+        for stage in result.stages:
+            output.say(
+                f"{stage.stage:12} {stage.median_ms:9.1f} {stage.least_ms:9.1f} "
+                f"{stage.largest_ms:9.1f}  {STAGES[stage.stage]}"
+            )
+        output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
+        for line in [*verdict_lines(verdict), *(f"note: {note}" for note in notes)]:
+            output.say(line)
+    if not verdict.is_enough:
+        output.complain("rsoconsole: this machine does not hold what is configured")
+        raise typer.Exit(1)
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _heat(before_c: float | None, after_c: float | None) -> str:
+    if before_c is None or after_c is None:
+        return ""
+    return f", {before_c:.0f} °C before and {after_c:.0f} after"

@@ -1,0 +1,277 @@
+"""A simulated night: observatory and engine together, here or in a process of its own.
+
+The process of its own (``python -m rsoconsole.cli.demo.demo_night``) is what stands behind the
+demo's console: it reads its settings as one JSON line, answers one line when the engine listens,
+and goes on whatever becomes of the console.
+"""
+
+import contextlib
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import platformdirs
+
+from rsoconsole.config import APP, Config
+from rsoconsole.errors import ControlError, InstrumentError, RsoconsoleError
+from rsoconsole.waits import told_to
+
+if TYPE_CHECKING:
+    from rsoconsole.engine.loop import Engine
+    from rsoconsole.pipeline.frame import Reduction
+
+
+log = logging.getLogger(__name__)
+
+BESIDE = "engine.sock"
+LOOK_S = 20.0
+FORGOTTEN_S = 900.0
+"""A demo whose console is gone ends after so long in which autonomy does not have the mount."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Night:
+    """What is simulated, and how."""
+
+    scenario: str
+    seed: int
+    speed: float
+    """Virtual seconds a wall second; 0: at once."""
+    frames: int | None
+    """None: until the engine is told to end."""
+    session: Path | None
+    world: Mapping[str, Any] = field(default_factory=dict)
+    """The imperfections that are named, by section."""
+    plan: dict[str, Any] | None = None
+    """A night of chosen satellites as a table (``NightPlan``), instead of the scenario."""
+
+
+def run_night(
+    config: Config,
+    night: Night,
+    *,
+    on_cycle: "Callable[[Engine, Reduction], None] | None" = None,
+    on_start: Callable[[Path, Path], None] | None = None,
+) -> dict[str, Any]:
+    """Observatory and engine until the night is over; returns its figures against the truth.
+
+    ``on_start`` gets session and socket once the engine listens.
+    """
+    from rsoconsole.control import default_socket_path
+    from rsoconsole.engine.service import RunSettings, run_engine
+    from rsoconsole.judge import read_truth, summarise
+    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.simulator import start_observatory
+
+    with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
+        truth_path = Path(scratch) / "truth.jsonl"
+        socket = control_socket(Path(scratch))
+        with start_observatory(
+            night.scenario,
+            night.seed,
+            night.speed,
+            truth_path,
+            plan=night.plan,
+            world=night.world,
+        ) as observatory:
+            indi = config.indi.model_copy(
+                update={
+                    "host": observatory.host,
+                    "port": observatory.port,
+                    "mount": observatory.mount_name,
+                    "camera": observatory.camera_name,
+                    "simulated": True,
+                }
+            )
+            settings = RunSettings(
+                title=f"{night.scenario} seed {night.seed}",
+                session=night.session,
+                frames=night.frames,
+                is_armed=True,
+            )
+
+            def engine_at(place: Path | None) -> Path:
+                def has_started(folder: Path) -> None:
+                    _record_world(night, folder)
+                    if on_start is not None:
+                        on_start(folder, place or default_socket_path())
+
+                return run_engine(
+                    config.model_copy(update={"indi": indi}),
+                    replace(settings, socket=place),
+                    on_cycle=on_cycle,
+                    on_start=has_started,
+                )
+
+            try:
+                folder = engine_at(socket)
+            except ControlError:
+                if socket is not None:
+                    raise
+                # Another engine has taken the usual place since it was looked at.
+                folder = engine_at(Path(scratch) / BESIDE)
+        records = (record for _, _, record in SessionReader(folder).records())
+        figures = summarise(records, read_truth(truth_path), targets_of(night))
+    about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
+    return {**about, **figures, "world": dict(night.world)}
+
+
+def _record_world(night: Night, session: Path) -> None:
+    """What was imperfect, in the session's folder: a file to simulate it again with."""
+    from rsoconsole.session.log import WORLD
+    from rsoconsole.simulator.world import world_from, world_to_toml
+
+    if night.world:
+        (session / WORLD).write_text(world_to_toml(world_from(night.world)), encoding="utf-8")
+
+
+def targets_of(night: Night) -> dict[int, str]:
+    """The satellites that the night was made for: names by catalogue number."""
+    if night.plan is not None:
+        return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
+    from rsoconsole.simulator.nights import scenario_named
+
+    scenario = scenario_named(night.scenario)
+    return {
+        each.element_set.norad_id: each.element_set.name
+        for each in scenario.satellites
+        if each.element_set.norad_id == scenario.target_norad_id
+    }
+
+
+def control_socket(scratch: Path) -> Path | None:
+    """Where the demo listens: None, the default place, if no engine has it; else in ``scratch``."""
+    from rsoconsole.control import EngineLock, default_socket_path
+
+    try:
+        # Asking an engine would not do: one that hangs or has just begun holds the place, too.
+        with EngineLock(default_socket_path()):
+            return None
+    except (ControlError, OSError):
+        return scratch / BESIDE
+
+
+class NightProcess:
+    """A night in a process of its own; it outlives whoever started it."""
+
+    def __init__(
+        self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info
+    ) -> None:
+        """Start it and wait until its engine listens. Raises InstrumentError with its words.
+
+        ``on_wait`` is told what is waited for where that takes long.
+        """
+        log_path = platformdirs.user_log_path(APP) / "demo.log"
+        log_path.parent.mkdir(parents=True, exist_ok=True)
+        with log_path.open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "rsoconsole.cli.demo.demo_night"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                # A terminal that closes must not take the telescope with it.
+                start_new_session=True,
+            )
+        order = {
+            "config": config.model_dump(mode="json"),
+            "night": asdict(night),
+            "starter": os.getpid(),
+        }
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(json.dumps(order, default=str).encode() + b"\n")
+            self._process.stdin.close()
+        started = self._line()
+        while "waiting" in started:
+            on_wait(started["waiting"])
+            started = self._line()
+        if "socket" not in started:
+            said = started.get("error", f"it said nothing; {log_path} may tell more")
+            raise InstrumentError(f"the demo's engine did not start: {said}")
+        self.socket = Path(started["socket"])
+        self.session = Path(started["session"])
+
+    def figures(self) -> dict[str, Any]:
+        """Wait for the end of the night; its figures. Raises InstrumentError when it failed."""
+        figures = self._line()
+        self._process.wait()
+        if "frames" not in figures:
+            raise InstrumentError(f"the demo ended early: {figures.get('error', 'see its log')}")
+        return figures
+
+    def _line(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        told: dict[str, Any] = json.loads(line) if line.strip() else {}
+        return told
+
+
+def end_when_forgotten(socket: Path, starter: int) -> None:
+    """End the engine at ``socket`` when its starter is gone and nothing has gone on for long.
+
+    Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
+    that was attached later does not count: an engine cannot tell who only looks.
+    """
+    from rsoconsole.control import AskStatus, ControlClient, Sender, Shutdown, read_status
+
+    client = ControlClient(socket, sender=Sender(name="demo"))
+    idle_since_s = time.monotonic()
+    while True:
+        time.sleep(LOOK_S)
+        try:
+            is_busy = read_status(client.send(AskStatus()).data).holder == "autonomy"
+            if is_busy or os.getppid() == starter:
+                idle_since_s = time.monotonic()
+            elif time.monotonic() - idle_since_s > FORGOTTEN_S:
+                client.send(Shutdown())
+                return
+        except ControlError as error:
+            log.warning("%s", error)
+            if isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError):
+                return
+
+
+def main() -> int:
+    """Run one night for a console elsewhere; it ends by itself once nobody cares for it."""
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO)
+    order = json.loads(sys.stdin.readline())
+    table = order["night"]
+    night = Night(**{**table, "session": Path(table["session"]) if table["session"] else None})
+
+    def tell(message: dict[str, Any]) -> None:
+        # Whoever asked may be gone: the night goes on.
+        with contextlib.suppress(OSError, ValueError):
+            print(json.dumps(message), flush=True)
+
+    waits = contextlib.ExitStack()
+    waits.enter_context(told_to(lambda words: tell({"waiting": words})))
+
+    def has_started(folder: Path, path: Path) -> None:
+        waits.close()
+        tell({"session": str(folder), "socket": str(path)})
+        forgotten = threading.Thread(
+            target=end_when_forgotten, args=(path, order["starter"]), daemon=True
+        )
+        forgotten.start()
+
+    try:
+        config = Config.model_validate(order["config"])
+        tell(run_night(config, night, on_start=has_started))
+    except RsoconsoleError as error:
+        logging.exception("the night failed")
+        tell({"error": str(error)})
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,12 @@
+from . import calibrate_elements as calibrate_elements
+from . import calibrate_time as calibrate_time
+from . import catalogue as catalogue
+from . import export as export
+from . import figures as figures
+from . import frames as frames
+from . import identify as identify
+from . import ledger as ledger
+from . import orbit as orbit
+from . import review as review
+from . import sessions as sessions
+from . import what_if as what_if

@@ -1,0 +1,185 @@
+"""The verb calibrate-elements: how far elements are off, from one's own nights."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.config import Config, default_config_path, load_config
+from rsoconsole.errors import OrbitError, SessionError
+
+if TYPE_CHECKING:
+    from rsoconsole.orbit.elements import CatalogueEntry
+    from rsoconsole.orbit.identification import FittedFactors
+    from rsoconsole.pipeline.calibrations import NightRows
+    from rsoconsole.session.ledgers import ElementLedger
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command("calibrate-elements")(calibrate_elements)
+
+
+def calibrate_elements(
+    nights: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="NIGHT",
+            help="Folders of recorded sessions, or files of lines by 'identify --field --json'.",
+        ),
+    ] = None,
+    *,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write the factors into the configuration.")
+    ] = False,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="Simulated nights; they have a ledger of their own.")
+    ] = False,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """How far are elements off? From tracks of your own nights that are surely named.
+
+    Each track goes into a ledger: observed minus computed along its path
+    (seconds, km) and across (arcsec, km), and how old its elements were. The
+    same track again takes its own place. Without NIGHT the ledger is shown.
+
+    What 'identify' and the engine assume of elements (from the literature) is
+    multiplied by factors of each kind of orbit, fitted to the ledger: along
+    the track at the epoch, along by age, and across; what a manoeuvre does
+    stays as assumed. Few tracks change little; many of one object count as
+    few.
+
+    With --write the factors go into catalogue.error_factors of the
+    configuration, for what is named from then on; sessions keep theirs. A
+    clock that is off looks like elements that are: 'calibrate-time' first.
+
+    Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
+    """
+    from rsoconsole.cli.words import element_ledger_lines
+    from rsoconsole.orbit.identification import fit_factors
+    from rsoconsole.pipeline.calibrations import regime_report
+    from rsoconsole.session.ledgers import element_ledger_path
+
+    if tle and not nights:
+        raise typer.BadParameter("elements are for nights: name one", param_hint="--tle")
+    if write and simulated:
+        raise typer.BadParameter(
+            "simulated nights tell nothing of real elements", param_hint="--write"
+        )
+    settings = load_config(config)
+    path = element_ledger_path(is_simulated=simulated)
+    found, failures = _read(nights or [], tle or [], settings, simulated=simulated)
+    ledger = _kept([each for _, each in found], path)
+    fitted = fit_factors(ledger.rows)
+    report: dict[str, Any] = {
+        "ledger": str(path),
+        "simulated": simulated,
+        "nights": [_night_report(night, rows) for night, rows in found],
+        "tracks": len(ledger.rows),
+        "regimes": [regime_report(each, ledger.rows, settings.catalogue) for each in fitted],
+        "written": _write(fitted, settings, config) if write else None,
+    }
+    if json_:
+        output.emit_json(report)
+    else:
+        output.say(*element_ledger_lines(report))
+        if not ledger.rows:
+            output.complain(f"no track is kept in {path}: name nights whose tracks are named")
+        elif report["written"]:
+            output.say("", f"written to {report['written']}: what is named from now on uses it")
+        elif not simulated:
+            output.say("", "--write puts the factors into the configuration")
+    if failures:
+        raise typer.Exit(1)
+
+
+def _read(
+    nights: Sequence[Path], tle: Sequence[Path], settings: Config, *, simulated: bool
+) -> "tuple[list[tuple[Path, NightRows]], int]":
+    """What each night gives, and how many give nothing: one that cannot be used ends no other."""
+    from rsoconsole.cli.words import element_files
+    from rsoconsole.pipeline.calibrations import is_session, rows_of_lines, rows_of_session
+    from rsoconsole.pipeline.orbits import read_catalogue, wide_errors_of
+
+    catalogue = settings.catalogue
+    known: dict[tuple[Path, ...], Sequence[CatalogueEntry]] = {}
+    found: list[tuple[Path, NightRows]] = []
+    failures = 0
+    for night in nights:
+        try:
+            if not is_session(night):
+                found.append((night, rows_of_lines(night, is_simulated=simulated)))
+                continue
+            folder = night if night.is_dir() else night.parent
+            _expect_kind(folder, simulated=simulated)
+            files = tuple(tle) or tuple(element_files(folder, catalogue.tle_files))
+            if files not in known:
+                known[files] = read_catalogue(files)
+            errors = wide_errors_of(catalogue)
+            found.append((night, rows_of_session(night, known[files], errors)))
+        except (OrbitError, SessionError) as error:
+            failures += 1
+            output.complain(f"rsoconsole: {error}")
+    return found, failures
+
+
+def _expect_kind(folder: Path, *, simulated: bool) -> None:
+    """Raises SessionError for a simulated night among real ones, and the other way round."""
+    from rsoconsole.session.reading import SessionReader
+
+    is_simulated = SessionReader(folder).about().get("is_simulated") is True
+    if is_simulated and not simulated:
+        raise SessionError(
+            f"{folder} is a simulated night, and tells nothing of real elements: with --simulated"
+            " it goes into a ledger of its own"
+        )
+    if simulated and not is_simulated:
+        raise SessionError(f"{folder} is a real night: leave --simulated out")
+
+
+def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
+    """The ledger with these rows in it."""
+    from rsoconsole.session.ledgers import element_damage_words, keep_rows, read_element_ledger
+
+    if not found:
+        ledger = read_element_ledger(path)
+        if words := element_damage_words(ledger, path):
+            output.complain(f"rsoconsole: {words}")
+        return ledger
+    sessions = [session for each in found for session in each.sessions]
+    ledger, aside = keep_rows(sessions, [row for each in found for row in each.rows], path)
+    if aside is not None:
+        output.complain(
+            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
+            " lines that can be read"
+        )
+    return ledger
+
+
+def _night_report(night: Path, found: "NightRows") -> dict[str, Any]:
+    from rsoconsole.pipeline.calibrations import row_report
+
+    return {
+        "night": str(night),
+        "tracks": found.tracks,
+        "rows": [row_report(each) for each in found.rows],
+    }
+
+
+def _write(fitted: "Sequence[FittedFactors]", settings: Config, config_path: Path | None) -> str:
+    """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
+    from rsoconsole.config import write_settings
+    from rsoconsole.pipeline.calibrations import settings_of
+
+    if not fitted:
+        raise OrbitError("not written: the ledger holds no track; name nights")
+    path = config_path or default_config_path()
+    write_settings(path, {"catalogue.error_factors": settings_of(fitted, settings.catalogue)})
+    return str(path)

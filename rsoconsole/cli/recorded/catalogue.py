@@ -1,0 +1,318 @@
+"""``rsoconsole catalogue``: whom elements come from, fetched when asked, and how old they are."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, SocketOption, output
+from rsoconsole.config import Config, default_config_path, load_config, shown
+from rsoconsole.errors import ControlError, OrbitError
+
+if TYPE_CHECKING:
+    from rsoconsole.element_sources import Kept, Source, Update
+
+SLEW_WAIT_S = 300.0
+_POLL_S = 2.0
+NS_PER_HOUR = 3_600_000_000_000
+
+catalogue_app = typer.Typer(
+    no_args_is_help=True,
+    help="Elements from CelesTrak, Space-Track and others, cached: update, list, add.",
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    catalogue_app.command()(update)
+    catalogue_app.command("list")(list_)
+    catalogue_app.command()(add)
+    app.add_typer(catalogue_app, name="catalogue")
+
+
+def update(
+    *,
+    source: Annotated[
+        list[str] | None,
+        typer.Argument(help="Of those added, these alone; default: all, in their order."),
+    ] = None,
+    config: ConfigOption = None,
+    socket: SocketOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Fetch the elements of all sources, each at most once in two hours.
+
+    Nothing else in this program fetches elements, and nothing does so unasked: run it by hand or
+    from a timer. A source that refuses (403) is not asked again until it is added again; whatever
+    fails, what was kept before stays. While the mount slews it waits.
+
+    --json: `source, fetched, ok, detail` and the keys of 'catalogue list'.
+    Example: rsoconsole catalogue update
+    """
+    settings = load_config(config)
+    chosen = _chosen(_configured(settings), source or [])
+    run = _run(settings, wait=lambda: _wait_while_slewing(socket))
+    run.store.arrange(_configured(settings))
+    faults = 0
+    for each in run.run(chosen):
+        faults += each.is_fault
+        if json_:
+            told = {
+                "fetched": each.is_fetched,
+                "ok": not each.is_fault,
+                "detail": each.words,
+            }
+            output.emit_json({**_row(each.source, each.kept, settings), **told})
+        else:
+            mark = "FAIL" if each.is_fault else "new " if each.is_fetched else "-   "
+            output.say(f"{mark} {each.source.words:24} {each.words}")
+    if faults:
+        output.complain(f"rsoconsole: {faults} source(s) could not be fetched; each says why")
+        raise typer.Exit(1)
+
+
+def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """The sources in their order of precedence, and how old what they gave is.
+
+    An object that several sources have is taken from the first, unless a later one has elements
+    that are three days newer.
+
+    Example: rsoconsole catalogue list --json
+    """
+    from rsoconsole.element_sources import ElementStore, Kept
+
+    settings = load_config(config)
+    kept = ElementStore().kept()
+    sources = _configured(settings)
+    rows = [_row(each, kept.get(each.text, Kept(source=each.text)), settings) for each in sources]
+    rows += [_file_row(path) for path in settings.catalogue.tle_files if not path.is_dir()]
+    for row in rows:
+        if json_:
+            output.emit_json(row)
+        else:
+            output.say(_line(row))
+    if not json_ and not sources and not settings.catalogue.tle_files:
+        output.say(
+            "no elements: 'rsoconsole catalogue add celestrak:geo' names a source,"
+            " 'rsoconsole catalogue add FILE' brings a file in"
+        )
+
+
+def add(
+    *,
+    source: Annotated[
+        list[str],
+        typer.Argument(
+            help="celestrak:GROUP, supgp:FILE, space-track:all, an address (https://...) or a file."
+        ),
+    ],
+    first: Annotated[
+        bool, typer.Option("--first", help="With precedence over those that are there.")
+    ] = False,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Name a source of elements in the configuration; a file is read at once, without a network.
+
+    The cache is named in catalogue.tle_files too, so that names, go-to and passes go by it. A
+    source that is there already keeps its place, and one that has refused may be asked again.
+
+    Groups of CelesTrak are geo, active, visual, gnss and so on; its supplemental elements, made of
+    the owners' own orbits, are starlink, intelsat, ses, gps and so on. space-track:all wants an
+    account, in the file catalogue.space_track_login. Amateurs' elements of classified satellites
+    are named by their address.
+
+    Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
+    """
+    from rsoconsole.config import write_settings
+    from rsoconsole.element_sources import Kept
+
+    given = [_source_of(text) for text in source]
+    settings = load_config(config)
+    run = _run(settings)
+    there = _configured(settings)
+    new = [each for each in given if each.text not in {one.text for one in there}]
+    order = [*new, *there] if first else [*there, *new]
+    # A file that cannot be read is not added.
+    brought = {each.text: run.bring_in(each) for each in given if each.file is not None}
+    files = [str(path) for path in settings.catalogue.tle_files]
+    if str(run.store.folder) not in files:
+        files.append(str(run.store.folder))
+    path = config or default_config_path()
+    write_settings(
+        path,
+        {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
+    )
+    if any(each.words != each.text for each in order):
+        path.chmod(0o600)  # an address with a password
+    run.store.arrange(order)
+    settings = load_config(config)
+    for each in given:
+        known = brought.get(each.text) or run.store.note(each, refused_utc_ns=None, fault=None)
+        row = _row(each, known or Kept(source=each.text), settings)
+        if json_:
+            output.emit_json(row)
+        else:
+            output.say(_line(row))
+    if any(each.file is None for each in given) and not json_:
+        output.say(
+            "'rsoconsole catalogue update' fetches them; a running engine reads them when"
+            " it is started again"
+        )
+
+
+def _source_of(text: str) -> "Source":
+    """A source as people write it: a file and an address need no kind. Raises OrbitError."""
+    from rsoconsole.element_sources import parse_source
+
+    path = Path(text.removeprefix("file:")).expanduser()
+    is_file = text.startswith("file:") or path.exists()
+    if text.startswith(("http://", "https://")):
+        text = f"url:{text}"
+    elif is_file:
+        text = f"file:{path.resolve()}"
+    try:
+        return parse_source(text)
+    except ValueError as error:
+        raise OrbitError(str(error)) from error
+
+
+def _configured(settings: Config) -> "list[Source]":
+    from rsoconsole.element_sources import parse_source
+
+    return [parse_source(text) for text in dict.fromkeys(settings.catalogue.sources)]
+
+
+def _chosen(there: "list[Source]", wanted: list[str]) -> "list[Source]":
+    if not there:
+        raise OrbitError(
+            "no source of elements: 'rsoconsole catalogue add celestrak:geo' names one"
+            " (nothing is fetched unasked)"
+        )
+    if not wanted:
+        return there
+    known = {each.text: each for each in there}
+    texts = [_source_of(text).text for text in wanted]
+    missing = [shown(text) for text in texts if text not in known]
+    if missing:
+        raise OrbitError(f"{missing[0]} is not among the sources: 'rsoconsole catalogue add' first")
+    return [known[text] for text in texts]
+
+
+def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "Update":
+    from rsoconsole.element_sources import ElementStore, Update
+
+    catalogue = settings.catalogue
+    return Update(
+        store=ElementStore(),
+        celestrak_url=catalogue.celestrak_url,
+        space_track_url=catalogue.space_track_url,
+        space_track_login=catalogue.space_track_login,
+        wait=wait,
+    )
+
+
+def _wait_while_slewing(socket: Path | None) -> None:
+    """Until the running engine's mount stands; at once where none runs. Raises OrbitError."""
+    from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
+
+    deadline = time.monotonic() + SLEW_WAIT_S
+    while True:
+        try:
+            outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+        except ControlError:
+            return
+        if not outcome.ok:
+            return
+        told = read_status(outcome.data)
+        if not told.is_slewing and told.slew_left_s is None:
+            return
+        if time.monotonic() > deadline:
+            raise OrbitError(
+                f"the mount slews for {SLEW_WAIT_S / 60:.0f} min: nothing is fetched meanwhile,"
+                " run it again later"
+            )
+        time.sleep(_POLL_S)
+
+
+def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
+    from rsoconsole.element_sources import default_folder
+    from rsoconsole.sky import utc_ns_to_iso
+
+    def iso(t_utc_ns: int | None) -> str | None:
+        return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns, 0)
+
+    now_utc_ns = time.time_ns()
+
+    def hours(t_utc_ns: int | None) -> float | None:
+        return None if t_utc_ns is None else round((now_utc_ns - t_utc_ns) / NS_PER_HOUR, 2)
+
+    folder = default_folder()
+    in_use = kept.file is not None and folder in settings.catalogue.tle_files
+    due = kept.due_utc_ns(now_utc_ns)
+    is_refused = kept.refused_utc_ns is not None
+    return {
+        "source": source.words,
+        "objects": kept.objects,
+        "sets": kept.sets,
+        "fetched_utc": iso(kept.fetched_utc_ns),
+        "age_h": hours(kept.fetched_utc_ns),
+        "newest_epoch_utc": iso(kept.newest_epoch_utc_ns),
+        "middle_age_h": hours(kept.middle_epoch_utc_ns),
+        "refused_utc": iso(kept.refused_utc_ns),
+        "next_utc": None if is_refused or source.file is not None else iso(max(due, now_utc_ns)),
+        "fault": kept.fault,
+        "in_use": in_use,
+        "path": None if kept.file is None else str(folder / kept.file),
+    }
+
+
+def _file_row(path: Path) -> dict[str, Any]:
+    """Of a file that the configuration names itself."""
+    from rsoconsole.pipeline.orbits import read_catalogue
+
+    row: dict[str, Any] = dict.fromkeys(
+        ("fetched_utc", "age_h", "newest_epoch_utc", "middle_age_h", "refused_utc", "next_utc")
+    )
+    row |= {"source": str(path), "objects": 0, "sets": 0, "fault": None, "in_use": True}
+    row["path"] = str(path)
+    try:
+        entries = read_catalogue([path])
+    except OrbitError as error:
+        return {**row, "fault": str(error), "in_use": False}
+    return {**row, **_epochs(entries)}
+
+
+def _epochs(entries: Any) -> dict[str, Any]:
+    from rsoconsole.sky import utc_ns_to_iso
+
+    newest: dict[int, int] = {}
+    for each in entries:
+        newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
+    epochs = sorted(newest.values())
+    middle = epochs[len(epochs) // 2]
+    return {
+        "objects": len(newest),
+        "sets": len(entries),
+        "newest_epoch_utc": utc_ns_to_iso(epochs[-1], 0),
+        "middle_age_h": round((time.time_ns() - middle) / NS_PER_HOUR, 2),
+    }
+
+
+def _line(row: dict[str, Any]) -> str:
+    words = [f"{row['source']:28} {row['objects']:>7,} objects"]
+    if row["age_h"] is not None:
+        words.append(f"fetched {row['age_h']:.1f} h ago")
+    if row["middle_age_h"] is not None:
+        words.append(f"half of its elements younger than {row['middle_age_h'] / 24:.1f} d")
+    if row["objects"] == 0 and row["fault"] is None and row["refused_utc"] is None:
+        words.append("not fetched yet")
+    if row["refused_utc"]:
+        words.append(f"REFUSED {row['refused_utc']}")
+    elif row["fault"]:
+        words.append(f"last time: {row['fault']}")
+    if row["objects"] and not row["in_use"]:
+        words.append("not in catalogue.tle_files, so not used")
+    return "  ".join(words[:1]) + ("; " + "; ".join(words[1:]) if words[1:] else "")

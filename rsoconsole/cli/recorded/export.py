@@ -1,0 +1,225 @@
+"""The verb export: the night in the formats that others read."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import typer
+
+from rsoconsole.cli.words import JsonOption, output
+from rsoconsole.errors import ExportError
+
+AnyFormat: TypeAlias = Literal[
+    "csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "fits", "regions", "html"
+]
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
+STDOUT = "-"
+FOLDER_KINDS = ("fits", "regions")
+"""A folder of files, one a frame."""
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(export)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wish:
+    """What was asked for, checked."""
+
+    session: Path
+    kind: str
+    out: str | None
+    is_forced: bool
+
+
+def export(
+    session: Annotated[
+        Path, typer.Argument(metavar="SESSION", help="A session's folder, or a branch's.")
+    ],
+    *,
+    format_: Annotated[AnyFormat, typer.Option("--format", help="What to make of it.")],
+    out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="Where to write: a file, for fits and regions a folder, - for stdout; "
+            "default: SESSION/branches/exports.",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over existing files.")] = False,
+    everything: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Tables also hold what the operator's word replaced, and say so."
+        ),
+    ] = False,
+    frames: Annotated[
+        str | None, typer.Option(metavar="3,9-12", help="fits, regions: these frames alone.")
+    ] = None,
+    track: Annotated[int | None, typer.Option(help="tdm, iod, udl: this track alone.")] = None,
+    norad: Annotated[
+        int | None, typer.Option(help="tdm, iod, udl: the object's catalogue number, if known.")
+    ] = None,
+    cospar: Annotated[
+        str | None,
+        typer.Option(metavar="2009-064A", help="tdm, iod, udl: its international designation."),
+    ] = None,
+    station: Annotated[
+        str, typer.Option(help="iod: your station's number; 9999 has none.")
+    ] = "9999",
+    sky: Annotated[
+        str, typer.Option(help="iod: the sky, one of E G F P B T, excellent to terrible.")
+    ] = " ",
+    site_line: Annotated[
+        bool | None,
+        typer.Option(
+            "--site-line/--no-site-line",
+            help="iod: begin with your station and its place, as on SeeSat-L; default: in files.",
+        ),
+    ] = None,
+    originator: Annotated[str, typer.Option(help="tdm, udl: who makes it.")] = "RSOCONSOLE",
+    json_: JsonOption = False,
+) -> None:
+    """The night for others: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
+
+    csv, ecsv, jsonl: every measurement, its errors, and what the track made of it.
+
+    tdm, tdm-xml, iod, udl: what the tracks took, as messages to others; no streak that the frame
+    cuts. udl is a file of EOObservation records; nothing is uploaded.
+
+    fits, regions: kept frames with their plate in the header; their streaks for DS9.
+
+    html: a report in one file, which needs no network.
+
+    An existing file is left alone unless --force is given.
+
+    Example: rsoconsole export sessions/intelsat-14 --format tdm --norad 36097 --out -
+    """
+    wish = _Wish(session=session, kind=format_, out=out, is_forced=force)
+    if out == STDOUT and (json_ or format_ in FOLDER_KINDS):
+        raise typer.BadParameter(
+            "--out - prints one text: not with --json, not for fits or regions"
+        )
+    if format_ == "html":
+        _report(wish, json_)
+        return
+    from rsoconsole.export import ExportOptions, Target, parse_numbers
+
+    try:
+        options = ExportOptions(
+            everything=everything,
+            track=track,
+            target=Target(norad_id=norad, cospar=cospar),
+            station=station,
+            sky=sky,
+            site_line=out != STDOUT if site_line is None else site_line,
+            originator=originator,
+            frames=None if frames is None else parse_numbers(frames),
+            is_forced=force,
+        )
+    except (ValueError, ExportError) as error:
+        raise typer.BadParameter(str(error)) from error
+    _export(wish, options, json_)
+
+
+def _export(wish: _Wish, options: Any, json_: bool) -> None:
+    from rsoconsole.export import export as write
+    from rsoconsole.export import render
+
+    kind: Any = wish.kind
+    new_folder = _folder_to_make(wish)
+    if wish.out == STDOUT:
+        text, made = render(wish.session, kind, options)
+        output.hand_over(text)
+    else:
+        made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
+    if json_:
+        output.emit_json(
+            {
+                "export": str(made.path),
+                "format": made.format,
+                "measurements": made.measurements,
+                "tracks": made.tracks,
+                "files": [str(path) for path in made.files],
+                "left_out": dict(made.left_out),
+                "simulated": made.is_simulated,
+            }
+        )
+    elif wish.out != STDOUT:
+        for path in made.files:
+            output.say(str(path))
+    _tell_folder(new_folder)
+    _tell_what_is_not_in_it(made)
+    if made.format in MESSAGES and not options.target.is_known:
+        _tell_name(wish.session)
+
+
+def _folder_to_make(wish: _Wish) -> Path | None:
+    """The folder that --out names and that is not there yet; None where there is nothing to make.
+
+    The session's own folder for exports needs no word.
+    """
+    if wish.out is None or wish.out == STDOUT:
+        return None
+    folder = Path(wish.out) if wish.kind in FOLDER_KINDS else Path(wish.out).parent
+    return None if folder.exists() else folder
+
+
+def _tell_folder(folder: Path | None) -> None:
+    if folder is not None:
+        output.complain(f"created the folder {folder}")
+
+
+def _tell_name(session: Path) -> None:
+    """What the engine took it for: whether the message says so is the operator's word."""
+    from rsoconsole.session.reading import SessionReader
+
+    rows = SessionReader(session).view("identifications")
+    last = {row["track_id"]: row for row in rows if not row["is_superseded"]}
+    named = {n: row for n, row in last.items() if row["verdict"] == "identified"}
+    for track_id, row in sorted(named.items()):
+        name, number = row["name"], row["norad_id"]
+        if len(last) == 1:
+            output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
+        else:
+            output.complain(
+                f"on record track {track_id} is {name} ({number}):"
+                f" --track {track_id} --norad {number} writes that"
+            )
+
+
+def _tell_what_is_not_in_it(made: Any) -> None:
+    if made.left_out:
+        words = ", ".join(f"{number} {what}" for what, number in made.left_out.items())
+        output.complain(f"left out: {words}")
+    if made.is_simulated and made.format in MESSAGES:
+        output.complain("this night was simulated: send it to nobody")
+
+
+def _report(wish: _Wish, json_: bool) -> None:
+    from rsoconsole.export import default_path, write_file
+    from rsoconsole.notebook.report import render_report
+
+    report = render_report(wish.session)
+    if wish.out == STDOUT:
+        output.hand_over(report.html)
+        return
+    path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
+    new_folder = _folder_to_make(wish)
+    write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
+    _tell_folder(new_folder)
+    if json_:
+        output.emit_json(
+            {
+                "export": str(path),
+                "format": "html",
+                "measurements": report.measurements,
+                "tracks": report.tracks,
+                "files": [str(path)],
+                "left_out": {},
+                "simulated": report.is_simulated,
+            }
+        )
+    else:
+        output.say(str(path))

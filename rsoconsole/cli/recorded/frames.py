@@ -1,0 +1,352 @@
+"""Verbs that work on recorded frames: process, detect, solve."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rsoconsole.cli.recorded.nights import process_nights
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    NoDaskOption,
+    SchedulerOption,
+    SerialOption,
+    WorkersOption,
+    everywhere,
+    output,
+)
+from rsoconsole.config import Config, load_config
+from rsoconsole.errors import FrameError
+from rsoconsole.streak_text import name_words, pulse_words
+
+FramesArgument = Annotated[
+    list[Path], typer.Argument(metavar="FRAME...", help="FITS (.gz .bz2 .fz), TIFF or PNG files.")
+]
+ExtensionOption = Annotated[
+    str | None,
+    typer.Option(
+        "--extension",
+        metavar="NAME|N|all",
+        help="Image of a FITS file that has several: its extension's name (SCI or SCI,2), its"
+        " number, or all for one after another. Default: the first.",
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.command()(process)
+    app.command()(detect)
+    app.command()(solve)
+
+
+def _report_error(path: Path, error: FrameError, json_: bool) -> None:
+    if json_:
+        output.emit_json({"frame": str(path), "error": str(error)})
+    output.complain(f"rsoconsole: {error}")
+
+
+def _each(
+    frames: list[Path],
+    json_: bool,
+    work: Callable[[Path, int], Iterator[dict[str, Any]]],
+    lines: Callable[[dict[str, Any]], list[str]],
+) -> None:
+    """Run ``work`` over the files in order; broken ones are reported and the others go on."""
+    failures = 0
+    told: set[str] = set()
+    for number, path in enumerate(frames, start=1):
+        try:
+            for found in work(path, number):
+                output.emit_json(found) if json_ else output.say(*lines(found))
+                _warn(_name(found), found["notes"], told)
+        except FrameError as error:
+            failures += 1
+            _report_error(path, error, json_)
+    if failures:
+        raise typer.Exit(1)
+
+
+def _name(found: dict[str, Any]) -> str:
+    """The file, and which of its images."""
+    extension = found["extension"]
+    return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
+
+
+def _warn(name: str, notes: list[str], told: set[str]) -> None:
+    """What is unusual about a frame, each sentence once in a run."""
+    for note in notes:
+        if note not in told:
+            told.add(note)
+            output.complain(f"rsoconsole: {name}: {note}")
+
+
+def process(
+    frames: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FRAME... | NIGHT...",
+            help="FITS (.gz .bz2 .fz), TIFF or PNG files; or folders of them, or sessions.",
+        ),
+    ],
+    *,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also record it as a session in this new folder; for nights: the folder in which"
+            " each becomes a session of its own."
+        ),
+    ] = None,
+    config: ConfigOption = None,
+    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+    ] = None,
+    extension: ExtensionOption = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Make also those nights anew that are there already.")
+    ] = False,
+    workers: WorkersOption = None,
+    serial: SerialOption = False,
+    scheduler: SchedulerOption = None,
+    no_dask: NoDaskOption = False,
+    json_: JsonOption = False,
+) -> None:
+    """Run the autonomous algorithm over recorded frames, without a mount.
+
+    Frames are taken in the order given. Example: rsoconsole process night/*.fits --json
+
+    Folders are nights: each one's frames, in the order of their names, or a session's kept frames
+    become a session, several at once (on Dask where that is installed). Interrupted work goes on
+    where it was when the same command is given again: nights that are done are not done twice.
+    Example: rsoconsole process nights/* --session processed
+    """
+    from rsoconsole.pipeline.batch import crew_for, nights_in
+
+    overrides = {"detector.tau": tau, "filter.preset": preset}
+    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
+    is_nights = all(path.is_dir() for path in frames)
+    if extension is not None and (is_nights or extension.strip().lower() == "all"):
+        raise typer.BadParameter(
+            "a track follows one image after another: name one extension, and single files",
+            param_hint="--extension",
+        )
+    if is_nights:
+        if session is None:
+            raise typer.BadParameter(
+                "a folder of frames becomes a session: --session names where",
+                param_hint="--session",
+            )
+        nights = nights_in(everywhere(frames), session.resolve(), settings, is_again=again)
+        crew_of = partial(
+            crew_for,
+            workers=workers,
+            scheduler=scheduler,
+            is_serial=serial,
+            is_dask_wanted=not no_dask,
+        )
+        process_nights(nights, session.resolve(), crew_of, json_)
+        return
+    _process_frames(frames, session, settings, extension, json_)
+
+
+def _process_frames(
+    frames: list[Path], session: Path | None, settings: Config, extension: str | None, json_: bool
+) -> None:
+    from rsoconsole.pipeline.batch import Processed, process_files
+    from rsoconsole.pipeline.frame import open_reducer
+    from rsoconsole.pipeline.words import process_report
+    from rsoconsole.session.writing import BatchRecording
+
+    failures = 0
+    told: set[str] = set()
+    with open_reducer(settings) as (reducer, model_sha256):
+        recording = BatchRecording(session, settings, model_sha256)
+        try:
+            for result in process_files(frames, reducer, settings, extension=extension):
+                if not isinstance(result, Processed):
+                    failures += 1
+                    _report_error(*result, json_)
+                    continue
+                recording.append(result.records, result.t_mid_utc_ns)
+                found = process_report(str(result.path), result)
+                output.emit_json(found) if json_ else output.say(_process_words(found))
+                _warn(_name(found), found["notes"], told)
+        finally:
+            recording.close()
+    if failures:
+        raise typer.Exit(1)
+
+
+def detect(
+    frames: FramesArgument,
+    *,
+    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    map_mode: Annotated[
+        str | None, typer.Option(help="Map the network sees: fast or paper.")
+    ] = None,
+    extension: ExtensionOption = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Find streaks in frames.
+
+    Of a file with several images the first is taken, and a line on stderr names the others. There
+    too is said, once, what a frame lacks: 8 bits a pixel, a scale or an exposure for which
+    confidence is not calibrated.
+
+    Example: rsoconsole detect frame.fits --tau 0.2 --json
+
+    Example: rsoconsole detect mosaic.fits --extension all
+    """
+    from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
+    from rsoconsole.pipeline.frame import Calibration, cautions
+    from rsoconsole.pipeline.words import detections_report
+    from rsoconsole.vision.detector import ConfidenceCurve, Network, StreakDetector
+
+    overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
+    whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
+    settings = whole.detector
+    network = Network.load(settings.model, settings.threads)
+    detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
+    calibration = Calibration(whole)
+
+    def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
+        for frame in read_frames(path, number, extension=extension):
+            prepared, told = calibration.prepare(frame)
+            yield detections_report(
+                str(path),
+                detector.analyse(prepared).detections,
+                extension=frame.header.get(EXTENSION_KEY),
+                notes=[each.words for each in (*told, *cautions(frame, None, whole))],
+            )
+
+    _each(frames, json_, work, _detect_lines)
+
+
+def solve(
+    frames: FramesArgument,
+    *,
+    ra: Annotated[float | None, typer.Option(help="Centre, RA in degrees.")] = None,
+    dec: Annotated[float | None, typer.Option(help="Centre, Dec in degrees.")] = None,
+    radius: Annotated[float | None, typer.Option(min=0.01, help="How far off, degrees.")] = None,
+    scale: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Plate scale, arcsec a pixel."),
+    ] = None,
+    extension: ExtensionOption = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Plate-solve frames; hints come from the header, options override them.
+
+    A field that fails with its hints is tried without them, within the same deadline; where that
+    succeeds the wrong hint is named. Where a field wants finer index files than there are, the
+    answer says which. A field without a solution is an answer, not an error.
+
+    Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
+    """
+    from rsoconsole.instruments.frames import read_frames
+    from rsoconsole.instruments.solver import PlateSolver, series_name
+    from rsoconsole.pipeline.frame import (
+        Calibration,
+        PlateFinder,
+        WrongHint,
+        cautions,
+        hint_of,
+        overridden,
+        wrong_hints,
+    )
+    from rsoconsole.pipeline.words import solved_report
+    from rsoconsole.records import Solution
+    from rsoconsole.vision.stars import find_stars
+
+    if (ra is None) != (dec is None):
+        raise typer.BadParameter("--ra and --dec go together")
+    settings = load_config(config)
+    with PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver:
+        finder, calibration = PlateFinder(solver, settings), Calibration(settings)
+
+        def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
+            frames_of = read_frames(path, number, extension=extension, max_nonfinite_fraction=0.2)
+            for frame in frames_of:
+                prepared, calibrated = calibration.prepare(frame)
+                stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
+                hint = overridden(hint_of(frame, settings), ra, dec, radius, scale)
+                solution = finder.solve_in_full(frame, stars, hint)
+                wrong: tuple[WrongHint, ...] = ()
+                missing: tuple[int, ...] = ()
+                if isinstance(solution, Solution):
+                    wrong = wrong_hints(hint, solution, frame, settings)
+                else:
+                    missing = solver.missing_index(hint, frame.width_px, frame.height_px)
+                told = (*calibrated, *cautions(frame, solution, settings))
+                yield solved_report(
+                    str(path),
+                    solution,
+                    frame,
+                    wrong=wrong,
+                    index_missing=[series_name(number) for number in missing],
+                    notes=[each.words for each in told if not each.kind.endswith(" hint")],
+                )
+
+        _each(frames, json_, work, _solve_lines)
+
+
+def _process_words(found: dict[str, Any]) -> str:
+    words = [found["frame"], found["state"]]
+    measurement = found["measurement"]
+    if measurement is None:
+        solution = found["solution"]
+        reason = "nothing detected" if not found["detections"] else "not measured"
+        words.append(reason if solution is None or solution["solved"] else solution["reason"])
+    else:
+        words.append(output.direction_text(measurement["ra"], measurement["dec"]))
+        words.append(
+            f'±{measurement["sigma_ra_arcsec"]:.1f}" ±{measurement["sigma_dec_arcsec"]:.1f}"'
+        )
+        words.append(f"confidence {measurement['confidence']:.2f}")
+    if found["nis"] is not None:
+        words.append(f"NIS {found['nis']:.1f}")
+    return "  ".join(words)
+
+
+def _detect_lines(found: dict[str, Any]) -> list[str]:
+    lines = [f"{_name(found)}: {len(found['detections'])} streak(s)"]
+    lines.extend(
+        f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
+        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"
+        for d in found["detections"]
+    )
+    lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
+    return lines
+
+
+def _named_words(detection: dict[str, Any]) -> str:
+    """What a streak is, of its report: ``, crossing, aircraft 0.83``."""
+    name = name_words(
+        detection["kind"],
+        detection["class"],
+        detection["class_probability"],
+        train=detection["train"],
+    )
+    pulse = pulse_words(
+        detection["modulation_period_px"],
+        detection["modulation_period_s"],
+        detection["modulation_depth"],
+    )
+    return "".join(f", {words}" for words in (name, pulse) if words)
+
+
+def _solve_lines(found: dict[str, Any]) -> list[str]:
+    if not found["solved"]:
+        return [f"{_name(found)}: not solved: {found['reason']}"]
+    solved = (
+        f"{_name(found)}: {output.direction_text(found['ra'], found['dec'])}"
+        f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
+        f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
+    )
+    return [solved, *(f"  {wrong['reason']}" for wrong in found["wrong_hints"])]

@@ -1,0 +1,186 @@
+"""The verb identify: from the tracks of a night, or the streaks of frames, to names."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from rsoconsole.cli.recorded.frames import ExtensionOption
+from rsoconsole.cli.recorded.orbit import (
+    ObjectOption,
+    RadiansOption,
+    SigmaOption,
+    SiteOption,
+    StationsOption,
+    TrackOption,
+    read_as,
+)
+from rsoconsole.cli.words import ConfigOption, JsonOption, element_files, output
+from rsoconsole.config import load_config
+
+if TYPE_CHECKING:
+    from rsoconsole.export import ReadAs
+    from rsoconsole.pipeline.orbits import Observed
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(identify)
+
+
+def identify(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SESSION-or-FILE | FRAME...",
+            help="Session or file of observations; with --field frames (FITS).",
+        ),
+    ],
+    *,
+    field: Annotated[
+        bool, typer.Option("--field", help="What was in these frames: each by itself, and movers.")
+    ] = False,
+    plate: Annotated[
+        Literal["auto", "solve", "header"],
+        typer.Option(
+            help="With --field: solve each frame, take its header's WCS, or (auto) the header's"
+            " where solving fails."
+        ),
+    ] = "auto",
+    extension: ExtensionOption = None,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
+    ] = None,
+    gate: Annotated[
+        float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
+    ] = 0.2,
+    track: TrackOption = None,
+    sigma: SigmaOption = 1.0,
+    site: SiteOption = None,
+    stations: StationsOption = None,
+    object_: ObjectOption = None,
+    radians: RadiansOption = None,
+    keep: Annotated[
+        bool,
+        typer.Option(
+            "--keep", help="Keep the session's tracks that no catalogue explains in the ledger."
+        ),
+    ] = False,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Which catalogued object was followed, and which it might have been.
+
+    Every object of the files is put where its elements say it was, and
+    compared in place and motion, with the error that elements of that age
+    have. Without --tle the files of catalogue.tle_files in the configuration
+    are taken; of a simulated night, or where it names none, those that the
+    session was recorded with. 'ambiguous' and 'unknown' are answers too.
+
+    All tracks of a session are named together: a catalogued object is one of
+    those that were seen at the same time, and what the elements of a slot
+    are off together is found by where its members stand to each other. Where
+    another choice is one twentieth as likely or more, it is 'ambiguous'.
+
+    Files of observations may be what 'rsoconsole orbit' reads.
+
+    What no catalogue explains is looked up in the ledger of such tracks, and
+    with --keep put into it (see 'rsoconsole ledger'). Tracks of simulated
+    nights have a ledger of their own.
+
+    Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
+
+    With --field the arguments are frames: what was in each of them? Every
+    catalogued object whose path comes into the frame during the exposure is
+    compared with every streak and crossing that the detector finds: how far
+    ahead of its elements or behind them (seconds), how far off its path
+    (arcsec), direction, and rate times exposure against length. One streak
+    is one object. Listed are the streaks with their names or 'in no
+    catalogue', and what is catalogued and was not seen. Points that move
+    through three frames or more, and are no star, are measured in each.
+
+    How far off an object may be is assumed from the literature by element
+    age and kind of orbit until 'calibrate-elements' has measured it on your
+    nights; which, the last line says. Low ones are sought a minute along
+    their path at least, and no set more than 60 days from the frame is used.
+    The frames need DATE-OBS (UTC) and EXPTIME, the configuration your site.
+
+    Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
+    """
+    if field:
+        from rsoconsole.cli.recorded.identify_field import identify_field
+
+        if keep or track is not None:
+            raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
+        identify_field(paths, tle or [], plate, config, extension=extension, json_=json_)
+        return
+    if extension is not None:
+        raise typer.BadParameter("only frames have images: --field", param_hint="--extension")
+    if len(paths) > 1:
+        raise typer.BadParameter("one session or file at a time; frames need --field")
+    (path,) = paths
+    from rsoconsole.cli.recorded.identify_ledger import SessionLedger
+    from rsoconsole.orbit.identification import identify_jointly
+    from rsoconsole.pipeline.orbits import errors_of, errors_report, longest_arc, read_catalogue
+    from rsoconsole.pipeline.words import identification_report, named_track_report
+
+    catalogue = load_config(config).catalogue
+    files = tle or element_files(path, catalogue.tle_files)
+    ask = read_as(sigma, site, stations, object_, is_radians=radians)
+    tracks, shown = _tracks_of(path, ask, track)
+    entries = read_catalogue(files)
+    arcs = [longest_arc(each.seen) for each in tracks]
+    named = identify_jointly(
+        arcs, tracks[0].site, entries, gate_deg=gate, errors=errors_of(catalogue)
+    )
+    ledger = SessionLedger(path, tracks, named)
+    found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
+    one, arc = found[shown.number]
+    arc_s = float(arc.t_s[-1] - arc.t_s[0])
+    report: dict[str, Any] = identification_report(shown.name, one, arc_s)
+    report["tracks"] = [
+        {**named_track_report(number, *found[number]), "ledger": ledger.report_of(number)}
+        for number in sorted(found)
+    ]
+    report["kept"] = ledger.keep() if keep else None
+    report["element_errors"] = errors_report(catalogue)
+    if json_:
+        output.emit_json(report)
+        return
+    from rsoconsole.cli.words import (
+        identification_lines,
+        named_tracks_lines,
+        past_tracks_lines,
+        source_lines,
+    )
+
+    if track is None and len(tracks) > 1:
+        output.say(*named_tracks_lines(report["tracks"]), "")
+    regimes = {each["regime"] for each in report["matches"]}
+    output.say(
+        *identification_lines(report),
+        *source_lines(report["element_errors"], regimes),
+        *past_tracks_lines(report),
+    )
+
+
+def _tracks_of(
+    path: Path, ask: "ReadAs", track: int | None
+) -> "tuple[tuple[Observed, ...], Observed]":
+    """All that are named together, and the one that is told in full."""
+    from rsoconsole.export import read_observations
+
+    groups = read_observations(path, ask)
+    tracks = max(groups, key=lambda each: len(each[0].seen))
+    if len(groups) > 1:
+        output.complain(f"rsoconsole: {len(groups)} stations; by {tracks[0].name}, which has most")
+    if track is not None:
+        chosen = [each for each in tracks if each.number == track or each.track_id is None]
+        # Asked for one that is not there, it says which there are.
+        return tracks, chosen[0] if chosen else read_observations(path, ask, track=track)[0][0]
+    if len(tracks) > 1:
+        output.complain(
+            f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
+        )
+    return tracks, tracks[0]

@@ -1,0 +1,99 @@
+"""identify --field: what was in the frames."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from rsoconsole.cli.words import output
+from rsoconsole.config import effective_settings, load_config
+from rsoconsole.errors import ConfigError, FrameError, OrbitError
+from rsoconsole.pipeline.field import FieldFrame, PlateMode
+
+
+def identify_field(
+    paths: Sequence[Path],
+    tle: Sequence[Path],
+    plate: PlateMode,
+    config_path: Path | None,
+    *,
+    extension: str | None,
+    json_: bool,
+) -> None:
+    """Read the frames one after another, then answer. A frame that cannot be used ends nothing."""
+    from rsoconsole.cli.words import frame_lines, movers_lines, source_lines
+    from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
+    from rsoconsole.pipeline.field import (
+        FEWEST,
+        FieldRun,
+        frame_report,
+        movers_report,
+        named_movers,
+        open_field_reader,
+    )
+    from rsoconsole.pipeline.orbits import errors_report, read_catalogue
+
+    config = load_config(config_path)
+    _expect_site(config_path)
+    files = list(tle) or list(config.catalogue.tle_files)
+    if not files:
+        raise OrbitError(
+            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
+            " configuration"
+        )
+    run = FieldRun(config, read_catalogue(files))
+    read: list[tuple[str, FieldFrame]] = []
+    failures = 0
+    with open_field_reader(config, plate) as reader:
+        for number, path in enumerate(paths, start=1):
+            try:
+                for image in read_frames(path, number, extension=extension):
+                    label = image.header.get(EXTENSION_KEY)
+                    name = f"{path}[{label}]" if label else str(path)
+                    read.append((name, reader.read(image)))
+            except FrameError as error:
+                failures += 1
+                if json_:
+                    output.emit_json({"frame": str(path), "error": str(error)})
+                output.complain(f"rsoconsole: {error}")
+    read.sort(key=lambda each: each[1].t_mid_utc_ns)
+    frames = [frame for _, frame in read]
+    movers = run.movers(frames) if len(frames) >= FEWEST else ()
+    named = named_movers(movers)
+    said: set[str] = set()
+    errors, regimes = errors_report(config.catalogue), set[str]()
+    for name, frame in read:
+        found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
+        regimes |= {each["regime"] for each in found["crossed"]}
+        output.emit_json(found) if json_ else output.say(*frame_lines(found))
+        _warn(found, said)
+    if len(read) > 1:
+        report = movers_report([name for name, _ in read], frames, movers)
+        output.emit_json(report) if json_ else output.say(*movers_lines(report, FEWEST))
+    if not json_:
+        output.say(*source_lines(errors, regimes))
+    if failures:
+        raise typer.Exit(1)
+
+
+def _expect_site(config_path: Path | None) -> None:
+    """Raises ConfigError where nobody has set a site: a default one would name wrong objects."""
+    wanted = ("site.latitude_deg", "site.longitude_deg")
+    missing = [
+        each.name
+        for each in effective_settings(config_path)
+        if each.name in wanted and each.origin == "default"
+    ]
+    if missing:
+        raise ConfigError(
+            f"the configuration sets no site ({', '.join(missing)}): where the frames were taken"
+            " decides what crossed them; set latitude, longitude (east positive) and elevation"
+        )
+
+
+def _warn(found: dict[str, Any], said: set[str]) -> None:
+    for note in found["notes"]:
+        if note not in said:
+            said.add(note)
+            output.complain(f"rsoconsole: {found['frame']}: {note}")

@@ -1,0 +1,184 @@
+"""The verb ledger: tracks that no catalogue explains, across nights."""
+
+from typing import Annotated, Any
+
+import typer
+
+from rsoconsole.cli.words import JsonOption, output
+
+ledger_app = typer.Typer(invoke_without_command=True)
+NumberArgument = Annotated[
+    int, typer.Argument(metavar="NUMBER", min=1, help="Of the object: 7 for UCT 7.")
+]
+SimulatedOption = Annotated[
+    bool, typer.Option("--simulated", help="The ledger of simulated nights.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.add_typer(ledger_app, name="ledger")
+
+
+@ledger_app.callback()
+def ledger(
+    context: typer.Context, *, simulated: SimulatedOption = False, json_: JsonOption = False
+) -> None:
+    """List the objects that were seen and that no catalogue explains.
+
+    The engine keeps such tracks at the end of a night, 'rsoconsole identify
+    SESSION --keep' those of a recorded one. Later tracks are compared with
+    them in place and motion, with errors that grow with time, and named by
+    them: UCT 7. Tracks of fewer than 5 directions, ambiguous ones and those
+    that were compared with no catalogue are not kept. A simulated night is
+    kept by 'identify --keep' alone, and in a ledger of its own (--simulated).
+
+    Example: rsoconsole ledger
+    """
+    if context.invoked_subcommand is not None:
+        if simulated or json_:
+            raise typer.BadParameter(f"give options behind the verb: {context.invoked_subcommand}")
+        return
+    _list(simulated=simulated, json_=json_)
+
+
+@ledger_app.command("list")
+def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> None:
+    """List the objects: the same as 'rsoconsole ledger' alone.
+
+    Example: rsoconsole ledger list --json
+    """
+    _list(simulated=simulated, json_=json_)
+
+
+@ledger_app.command()
+def show(
+    number: NumberArgument, *, simulated: SimulatedOption = False, json_: JsonOption = False
+) -> None:
+    """One object: its tracks, its orbit, where it was seen last.
+
+    Example: rsoconsole ledger show 7
+    """
+    from rsoconsole.cli.words import object_json, object_lines
+
+    found = _read(simulated=simulated).named(number)
+    if json_:
+        output.emit_json(object_json(found))
+    else:
+        output.say(*object_lines(found))
+
+
+@ledger_app.command()
+def rename(
+    number: NumberArgument,
+    name: Annotated[str, typer.Argument(help="What it is called from now on; '' for UCT again.")],
+    *,
+    simulated: SimulatedOption = False,
+    json_: JsonOption = False,
+) -> None:
+    """Give an object a name.
+
+    Example: rsoconsole ledger rename 7 "drifter near 60W"
+    """
+    from rsoconsole.cli.words import object_json
+    from rsoconsole.session.ledgers import Ledger, renamed
+
+    def change(before: Ledger) -> list[Any]:
+        before.named(number)
+        return [renamed(number, name)]
+
+    found = _changed(change, simulated=simulated).named(number)
+    if json_:
+        output.emit_json(object_json(found))
+    else:
+        output.say(f"UCT {number} is called {found.called}")
+
+
+@ledger_app.command()
+def join(
+    number: NumberArgument,
+    into: Annotated[int, typer.Argument(metavar="INTO", min=1, help="The object that it is.")],
+    *,
+    simulated: SimulatedOption = False,
+    json_: JsonOption = False,
+) -> None:
+    """Two numbers are of one object: all tracks of the first become the other's.
+
+    Example: rsoconsole ledger join 9 7
+    """
+    from rsoconsole.cli.words import object_json
+    from rsoconsole.session.ledgers import Ledger, kept
+
+    if number == into:
+        raise typer.BadParameter("name two objects")
+
+    def change(before: Ledger) -> list[Any]:
+        before.named(into)
+        return [kept(into, each) for each in before.named(number).tracks]
+
+    found = _changed(change, simulated=simulated).named(into)
+    if json_:
+        output.emit_json(object_json(found))
+    else:
+        output.say(f"UCT {number} is {found.called}: {len(found.tracks)} tracks")
+
+
+@ledger_app.command()
+def forget(
+    number: NumberArgument, *, simulated: SimulatedOption = False, json_: JsonOption = False
+) -> None:
+    """List and match an object no more. Its number is not given again.
+
+    Its lines stay in the file: nothing is erased.
+
+    Example: rsoconsole ledger forget 7
+    """
+    from rsoconsole.session.ledgers import Ledger, forgotten
+
+    def change(before: Ledger) -> list[Any]:
+        before.named(number)
+        return [forgotten(number)]
+
+    _changed(change, simulated=simulated)
+    if json_:
+        output.emit_json({"number": number, "forgotten": True})
+    else:
+        output.say(f"UCT {number} is forgotten: it names no track any more")
+
+
+def _list(*, simulated: bool, json_: bool) -> None:
+    from rsoconsole.cli.words import HEADER, object_json, object_line
+    from rsoconsole.session.ledgers import ledger_path
+
+    found = _read(simulated=simulated)
+    if found.objects and not json_:
+        output.say(HEADER)
+    for each in found.objects:
+        if json_:
+            output.emit_json(object_json(each))
+        else:
+            output.say(object_line(each))
+    if not found.objects:
+        output.complain(f"no object is kept in {ledger_path(is_simulated=simulated)}")
+
+
+def _read(*, simulated: bool) -> Any:
+    from rsoconsole.session.ledgers import damage_words, ledger_path, read_ledger
+
+    path = ledger_path(is_simulated=simulated)
+    found = read_ledger(path)
+    if words := damage_words(found, path):
+        output.complain(f"rsoconsole: {words}")
+    return found
+
+
+def _changed(change: Any, *, simulated: bool) -> Any:
+    from rsoconsole.session.ledgers import change_ledger, ledger_path
+
+    found, aside = change_ledger(change, ledger_path(is_simulated=simulated))
+    if aside is not None:
+        output.complain(
+            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
+            " lines that can be read"
+        )
+    return found

@@ -1,0 +1,61 @@
+"""The verb review: a recorded night, moment by moment."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsoconsole.cli.words import SocketOption
+from rsoconsole.config import Graphics, load_config
+from rsoconsole.instruments.mount import stop_past_engine
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(review)
+
+
+def review(
+    session: Annotated[
+        Path | None,
+        typer.Argument(
+            help="A session's folder, or its name under session.root; without it: choose from a "
+            "list.",
+            show_default=False,
+        ),
+    ] = None,
+    at: Annotated[
+        str, typer.Option(metavar="FRAME|UTC", help="Begin there: 128, 03:14 or 03:14:22.")
+    ] = "",
+    graphics: Annotated[
+        Graphics | None,
+        typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
+    ] = None,
+    socket: SocketOption = None,
+) -> None:
+    """Look through a recorded night: the console's screen as it was at any moment.
+
+    The line at the bottom is the night; the mouse goes anywhere in it. space
+    plays, [ ] changes the speed, , . steps by frame, < > jumps to the next miss,
+    rejection, loss, action, note or alarm (E chooses which), g goes to a frame
+    or a UTC time, K keeps a moment and compares it with another, B blinks
+    between the two, / searches the log, t tries other settings on what was
+    recorded, r lists the sessions, F1 shows every key, q leaves.
+
+    Nothing that was recorded is changed. A night that goes on can be reviewed
+    too, here or by r in its console, where STOP (x) works as ever.
+
+    Example: rsoconsole review sessions/intelsat-14 --at 12
+    """
+    from rsoconsole.console import run_review
+    from rsoconsole.console.timeline import understood
+
+    if at:
+        try:
+            understood(at)
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--at") from error
+    if session is not None and not session.exists() and len(session.parts) == 1:
+        named = load_config().session.root / session
+        session = named if named.exists() else session
+    run_review(session, start=at, socket=socket, stop_directly=stop_past_engine, graphics=graphics)

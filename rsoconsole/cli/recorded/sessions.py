@@ -1,0 +1,334 @@
+"""The verb sessions: what was recorded, whether it is whole, and how long it is kept."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import sessions_words as told
+from rsoconsole.config import load_config
+from rsoconsole.errors import SessionError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+BYTES_A_GB = 1e9
+
+sessions_app = typer.Typer(invoke_without_command=True)
+SessionArgument = Annotated[
+    list[Path], typer.Argument(metavar="SESSION...", help="Sessions' folders.")
+]
+RootOption = Annotated[
+    Path | None, typer.Option(help="Folder of the sessions, if not session.root.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.add_typer(sessions_app, name="sessions")
+
+
+@sessions_app.callback()
+def sessions(
+    context: typer.Context,
+    root: RootOption = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """List recorded sessions, one a line: when, how long, frames, what of them was followed, size.
+
+    The share is that of the frames in which the object followed was measured.
+    "cut off" means that the engine did not live to close it: nothing that was
+    acknowledged is lost, and 'rsoconsole sessions repair' closes it. Rescue sessions,
+    which went on where a session could not be written, come last and name it.
+
+    Example: rsoconsole sessions --root /media/usb/sessions
+    """
+    if context.invoked_subcommand is not None:
+        if root is not None or config is not None or json_:
+            raise typer.BadParameter(f"give options behind the verb: {context.invoked_subcommand}")
+        return
+    _list(root, config, json_)
+
+
+@sessions_app.command("list")
+def list_(
+    root: RootOption = None, config: ConfigOption = None, *, json_: JsonOption = False
+) -> None:
+    """List recorded sessions: the same as 'rsoconsole sessions' alone.
+
+    Example: rsoconsole sessions list --json
+    """
+    _list(root, config, json_)
+
+
+def _list(root: Path | None, config: Path | None, json_: bool) -> None:
+    from rsoconsole.session.upkeep import find_rescues, list_sessions, summarise
+
+    folder = _root(root, config)
+    found = list_sessions(folder)
+    own = {each.folder.resolve() for each in found}
+    rescues = (each for each in find_rescues() if each.resolve() not in own)
+    found += tuple(
+        each for each in map(summarise, rescues) if root is None or _lies_under(each.rescues, root)
+    )
+    if found and not json_:
+        output.say(told.HEADER)
+    for each in found:
+        if json_:
+            output.emit_json(told.summary_json(each))
+        else:
+            output.say(told.summary_words(each))
+    if not found:
+        output.complain(f"no session is kept in {folder}")
+
+
+@sessions_app.command()
+def verify(
+    places: Annotated[
+        list[Path],
+        typer.Argument(metavar="SESSION...", help="Sessions' folders, or their archives (.tar)."),
+    ],
+    *,
+    json_: JsonOption = False,
+) -> None:
+    """Is a session still what was written? Database, log and every file are read.
+
+    The log is held against the digest it was closed with, every file against its
+    hash; each finding says where it is and what to do. Nothing is changed.
+    Exit 1 when anything is damaged; a session that was cut off is not.
+
+    Example: rsoconsole sessions verify NIGHT NIGHT.tar
+    """
+    from rsoconsole.session.upkeep import verify_session
+
+    failed = 0
+    for place in places:
+        with _progress() as tell, _each(place, json_) as outcome:
+            found = verify_session(place, lambda done, total: tell("verifying", done, total))
+            outcome["is_done"] = True
+        if not outcome:
+            failed += 1
+            continue
+        failed += not found.is_sound
+        if json_:
+            output.emit_json(told.verification_json(found))
+        else:
+            told.say_verification(found)
+    _end(failed, "not sound")
+
+
+@sessions_app.command()
+def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
+    """Set a session right after a loss of power, or save what can be read of a damaged one.
+
+    Closes it with the digest of its log, takes in frames that were whole on the
+    disk and not yet in the log, removes what was half written. No record is
+    changed. A damaged database stays as it is: what can be read of it goes into
+    a new session beside it, NAME.recovered. What a rescue session holds goes back into
+    its session, is read back, and only then is the rescue removed. A second time
+    there is nothing to do.
+
+    Example: rsoconsole sessions repair NIGHT
+    """
+    from rsoconsole.session.upkeep import repair_session
+
+    failed = 0
+    for place in places:
+        with _each(place, json_) as outcome:
+            done = repair_session(place, time.time_ns())
+            outcome["is_done"] = True
+        if not outcome:
+            failed += 1
+        elif json_:
+            output.emit_json(told.repair_json(done))
+        else:
+            told.say_repair(done)
+    _end(failed, "not repaired")
+
+
+@sessions_app.command()
+def archive(
+    places: SessionArgument,
+    *,
+    out: Annotated[
+        Path | None, typer.Option(help="Where the archive goes; default: beside the session.")
+    ] = None,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove the original once the archive is verified.")
+    ] = False,
+    json_: JsonOption = False,
+) -> None:
+    """Pack sessions into one plain tar each, with the hash of every file in it.
+
+    The session is verified first, the archive is read back afterwards; only then
+    is the original removed, and only with --remove. Frames are compressed
+    without loss where they are not yet. 'tar xf' makes a session of it again,
+    'sha256sum -c MANIFEST.sha256' checks it, and so does 'sessions verify'.
+
+    Example: rsoconsole sessions archive NIGHT --out /media/usb --remove
+    """
+    from rsoconsole.session.upkeep import archive_session
+
+    failed = 0
+    for place in places:
+        with _progress() as tell, _each(place, json_) as outcome:
+            target = place.resolve().parent if out is None else out
+            made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=tell)
+            outcome["is_done"] = True
+        if not outcome:
+            failed += 1
+            continue
+        if json_:
+            output.emit_json(
+                {
+                    "session": str(place),
+                    "archive": str(made.path),
+                    "files": made.files,
+                    "bytes": made.bytes,
+                    "compressed": made.compressed,
+                    "removed": made.is_removed,
+                }
+            )
+            continue
+        gone = "; the original is removed" if made.is_removed else ""
+        size = told.size_words(made.bytes)
+        output.say(f"{made.path}: {made.files} files, {size}, read back and verified{gone}")
+    _end(failed, "not archived")
+
+
+@sessions_app.command()
+def prune(
+    *,
+    keep_days: Annotated[
+        float | None, typer.Option(min=0, help="Leave sessions younger than so many days.")
+    ] = None,
+    keep_last: Annotated[
+        int | None, typer.Option(min=0, help="Leave so many newest sessions.")
+    ] = None,
+    free: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="GB", help="The oldest first, until so much disk is free."),
+    ] = None,
+    what: Annotated[
+        Literal["frames", "previews", "all"],
+        typer.Option(help="What goes; the log stays for ever, but with all."),
+    ] = "frames",
+    with_branches: Annotated[
+        bool, typer.Option("--with-branches", help="Also sessions with a what-if branch.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do it; else it is only shown.")] = False,
+    root: RootOption = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Give disk back by a policy: shows what would go, and does it with --yes.
+
+    A session goes only if every rule allows it. Never touched: live sessions, those
+    that wait for a repair, those marked by 'sessions keep', and those on which a
+    what-if branch stands. What went is on record in the session's upkeep.jsonl.
+
+    Example: rsoconsole sessions prune --keep-days 30 --keep-last 5 --free 20
+    """
+    from rsoconsole.session.upkeep import Policy, plan_pruning
+    from rsoconsole.session.upkeep import prune as prune_sessions
+
+    if keep_days is None and keep_last is None and free is None:
+        raise typer.BadParameter("say what may go: --keep-days, --keep-last or --free")
+    folder = _root(root, config)
+    policy = Policy(
+        keep_days=keep_days,
+        keep_last=keep_last,
+        free_bytes=None if free is None else round(free * BYTES_A_GB),
+        what=what,
+        with_branches=with_branches,
+    )
+    now_utc_ns = time.time_ns()
+    steps = plan_pruning(folder, policy, now_utc_ns)
+    if yes:
+        prune_sessions(steps, policy, now_utc_ns)
+    for step in steps:
+        if json_:
+            output.emit_json(told.step_json(step, what, yes))
+        else:
+            output.say(told.step_words(step))
+    if not json_:
+        told.say_plan(steps, folder, what, yes)
+
+
+@sessions_app.command()
+def keep(
+    places: SessionArgument,
+    *,
+    why: Annotated[str, typer.Option(help="Why, for whoever finds the mark.")] = "",
+    release: Annotated[bool, typer.Option("--release", help="Take the mark away again.")] = False,
+) -> None:
+    """Mark sessions so that 'sessions prune' never touches them: a file KEEP in the folder.
+
+    Example: rsoconsole sessions keep NIGHT --why "first light"
+    """
+    from rsoconsole.session.files import upkeep
+    from rsoconsole.session.reading import SessionReader
+
+    for place in places:
+        SessionReader(place)
+        upkeep.release(place) if release else upkeep.keep(place, why)
+        output.say(f"{place}: {'may be pruned' if release else 'kept'}")
+
+
+@contextmanager
+def _each(place: Path, json_: bool) -> Iterator[dict[str, bool]]:
+    """What becomes of one session does not keep the next from its turn.
+
+    Gives a dictionary that stays empty when the work could not be done; the reason is told.
+    """
+    outcome: dict[str, bool] = {}
+    try:
+        yield outcome
+    except SessionError as error:
+        if json_:
+            output.emit_json({"session": str(place), "error": str(error)})
+        output.complain(f"rsoconsole: {error}")
+
+
+def _end(failed: int, what: str) -> None:
+    if failed:
+        output.complain(f"rsoconsole: {failed} {what}")
+        raise typer.Exit(1)
+
+
+def _lies_under(session: Path | None, root: Path) -> bool:
+    """Whether a rescue is of a session there; one that does not say is shown everywhere."""
+    return session is None or session.resolve().parent == root.resolve()
+
+
+def _root(root: Path | None, config: Path | None) -> Path:
+    return root if root is not None else load_config(config).session.root
+
+
+@contextmanager
+def _progress() -> "Iterator[Callable[[str, int, int], None]]":
+    """A bar on a terminal's stderr, nothing elsewhere; gone when the work is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:12}"), BarColumn(), DownloadColumn())
+    with Progress(
+        *columns,
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as progress:
+        task = progress.add_task("", total=None)
+
+        def tell(doing: str, done: int, total: int) -> None:
+            progress.update(task, description=doing, completed=done, total=total)
+
+        yield tell

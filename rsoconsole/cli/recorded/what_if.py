@@ -1,0 +1,273 @@
+"""The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from rsoconsole.cli.words import (
+    JsonOption,
+    NoDaskOption,
+    SchedulerOption,
+    SerialOption,
+    WorkersOption,
+    everywhere,
+    output,
+    progress,
+)
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.batch import Crew, Question
+
+SessionsArgument = Annotated[
+    list[Path], typer.Argument(metavar="SESSION...", help="Folders of recorded sessions.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME VALUE",
+        help="Any setting of 'config show', also as NAME=VALUE; may be repeated.",
+    ),
+]
+SHARED_FROM = 8
+"""So many sessions before a refold alone is worth other processes."""
+
+
+class _SetTakesTwo(TyperCommand):
+    """Typer knows no repeated option of two values: ``--set NAME VALUE`` becomes NAME=VALUE."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The command line, before it is taken apart."""
+        joined: list[str] = []
+        rest = iter(args)
+        for arg in rest:
+            joined.append(arg)
+            if arg == "--set" and "=" not in (name := next(rest, "")):
+                joined.append(f"{name}={next(rest, '')}")
+            elif arg == "--set":
+                joined.append(name)
+        return super().parse_args(ctx, joined)
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command("what-if", cls=_SetTakesTwo)(what_if)
+
+
+def what_if(
+    sessions: SessionsArgument,
+    *,
+    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    q: Annotated[float | None, typer.Option("--q", help="Q so many times.")] = None,
+    r: Annotated[float | None, typer.Option("--r", help="R so many times.")] = None,
+    sigma: Annotated[
+        float | None, typer.Option(help="Sigma of preset paper, in arcseconds.")
+    ] = None,
+    gate: Annotated[float | None, typer.Option(help="NIS above which nothing is taken.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+    ] = None,
+    set_: SetOption = None,
+    detector: Annotated[
+        bool, typer.Option("--detector", help="Detect anew in the frames that were kept.")
+    ] = False,
+    solver: Annotated[
+        bool, typer.Option("--solver", help="Plate-solve anew the frames that were kept.")
+    ] = False,
+    propose: Annotated[
+        bool, typer.Option("--propose", help="Seek the likeliest Q and R, with the evidence.")
+    ] = False,
+    save: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Keep the result as a branch of the session.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a branch of that name.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Show the session's branches.")] = False,
+    drop: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Delete a branch of the session.")
+    ] = None,
+    workers: WorkersOption = None,
+    serial: SerialOption = False,
+    scheduler: SchedulerOption = None,
+    no_dask: NoDaskOption = False,
+    json_: JsonOption = False,
+) -> None:
+    """What a recorded night would have been with other settings; the record stays as it is.
+
+    The filter runs again over what was measured; --detector and --solver also over the frames.
+    Example: rsoconsole what-if sessions/intelsat-14 --q 4 --r 0.5 --save calmer
+
+    --propose seeks Q and R by the likelihood of the innovations, of several sessions together.
+    Example: rsoconsole what-if sessions/intelsat-14 --propose
+
+    A branch lies in SESSION/branches/NAME and can be shown, drawn and exported like a session.
+    """
+    from rsoconsole.pipeline.batch import Question, crew_for
+
+    named = {
+        "detector.tau": tau,
+        "filter.q_multiplier": q,
+        "filter.r_multiplier": r,
+        "filter.sigma_arcsec": sigma,
+        "filter.gate_nis": gate,
+        "filter.preset": preset,
+    }
+    tried: dict[str, float | str] = {k: v for k, v in named.items() if v is not None}
+    for pair in set_ or ():
+        name, _, value = pair.partition("=")
+        if not name or not value:
+            raise typer.BadParameter("it takes a name and a value", param_hint="--set")
+        tried[name] = _number_or_text(value)
+    _check_usage(tried=bool(tried) or detector or solver, propose=propose, list_=list_, drop=drop)
+    if (list_ or drop is not None) and len(sessions) > 1:
+        raise typer.BadParameter("--list and --drop look at one session")
+    if list_:
+        _list_branches(sessions[0], json_)
+        return
+    if drop is not None:
+        _drop_branch(sessions[0], drop, json_)
+        return
+    if propose:
+        _propose(sessions, save, json_, force=force)
+        return
+    questions = [
+        Question(
+            session=path,
+            tried=tried,
+            detector=detector,
+            solver=solver,
+            save=save,
+            force=force,
+        )
+        for path in sessions
+    ]
+    is_shared = detector or solver or workers is not None or len(sessions) >= SHARED_FROM
+    crew = crew_for(
+        len(sessions),
+        workers=workers,
+        scheduler=scheduler,
+        is_serial=serial or not is_shared,
+        is_dask_wanted=not no_dask,
+    )
+    _answer(questions, crew, json_)
+
+
+def _check_usage(*, tried: bool, propose: bool, list_: bool, drop: str | None) -> None:
+    wanted = [tried, propose, list_, drop is not None]
+    if sum(wanted) > 1:
+        raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    return value if math.isfinite(value) else text
+
+
+def _answer(questions: "list[Question]", crew: "Crew", json_: bool) -> None:
+    from dataclasses import replace
+
+    from rsoconsole.cli.words import answer_lines, answer_report
+    from rsoconsole.pipeline.batch import answer, no_answer, share_out
+
+    failures = 0
+    is_alone = len(questions) == 1
+    if is_alone and (questions[0].detector or questions[0].solver):
+        with progress("frames looked through") as on_frame:
+            answers = [answer(questions[0], on_frame)]
+    else:
+        whole = [replace(q, session=path) for q, path in _resolved(questions)]
+        with progress("sessions", len(questions)) as on_done:
+            answers = list(
+                share_out(
+                    answer,
+                    whole,
+                    crew,
+                    failed=no_answer,
+                    paths=[question.session for question in whole],
+                    on_done=on_done,
+                )
+            )
+    for question, found in zip(questions, answers, strict=True):
+        shown = str(question.session)
+        if found.error is not None:
+            failures += 1
+            if json_:
+                output.emit_json({"session": shown, "error": found.error})
+            output.complain(f"rsoconsole: {found.error}")
+        elif json_:
+            output.emit_json({"session": shown, **answer_report(found)})
+        else:
+            for line in answer_lines(shown, found):
+                output.say(line)
+    if failures:
+        raise typer.Exit(1)
+
+
+def _resolved(questions: "list[Question]") -> "Iterable[tuple[Question, Path]]":
+    return zip(questions, everywhere([q.session for q in questions]), strict=True)
+
+
+def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
+    from rsoconsole.cli.words import proposal_lines, proposal_report
+    from rsoconsole.pipeline.replay import check_name, save_branch, what_if_session
+    from rsoconsole.pipeline.tuning import propose
+
+    if save is not None:
+        for session in sessions:
+            check_name(session, save, force=force)
+    with progress("filter run") as on_evaluation:
+        found = propose(sessions, on_evaluation=on_evaluation)
+    effects = [what_if_session(folder, found.tried) for folder in found.sessions]
+    branches: list[Path] = []
+    if save is not None and found.tried:
+        branches = [save_branch(effect, save, force=force) for effect in effects]
+    if json_:
+        output.emit_json(proposal_report(found, effects, branches))
+        return
+    for line in proposal_lines(found, effects):
+        output.say(line)
+    for folder in branches:
+        output.say(f"  kept as {folder}")
+    if save is not None and not branches:
+        output.say("  nothing is proposed that could be kept")
+
+
+def _list_branches(session: Path, json_: bool) -> None:
+    from rsoconsole.pipeline.replay import branches_of
+    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.sky import utc_ns_to_iso
+
+    SessionReader(session)  # says so where it is none
+    for branch in branches_of(session):
+        made = branch.t_made_utc_ns
+        if json_:
+            report: dict[str, Any] = {
+                "session": str(session),
+                "branch": branch.name,
+                "folder": str(branch.folder),
+                "made_utc": None if made is None else utc_ns_to_iso(made),
+                "tried": branch.tried,
+                **(branch.figures or {"recorded": None, "what_if": None}),
+                "fault": branch.fault,
+            }
+            output.emit_json(report)
+            continue
+        tried = ", ".join(f"{name} {value}" for name, value in branch.tried.items())
+        when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
+        output.say(f"{branch.name:20} {when}{branch.fault or tried or 'nothing tried'}")
+
+
+def _drop_branch(session: Path, name: str, json_: bool) -> None:
+    from rsoconsole.pipeline.replay import drop_branch
+
+    folder = drop_branch(session, name)
+    if json_:
+        output.emit_json({"session": str(session), "dropped": name, "folder": str(folder)})
+    else:
+        output.say(f"{folder} is deleted")

@@ -1,0 +1,50 @@
+"""``rsoconsole alerts``: whether word reaches the operator."""
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.config import load_config
+from rsoconsole.errors import ConfigError
+
+alerts_app = typer.Typer(
+    no_args_is_help=True, help="Messages to the operator's telephone and mail: test."
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    alerts_app.command("test")(send_test)
+    app.add_typer(alerts_app, name="alerts")
+
+
+def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Send a message by each service of [alerts], and call the heartbeat once.
+
+    Exit 1 where one of them does not take it. --json: `service, ok, detail`, one object a service.
+
+    Example: rsoconsole alerts test
+    """
+    from rsoconsole.alerting import call, send_within, services_of
+
+    settings = load_config(config)
+    if not settings.alerts.is_wanted:
+        raise ConfigError(
+            'no service is configured: write alerts.services = ["ntfy://TOPIC"] into the'
+            " configuration, with a topic of your own"
+        )
+    title = f"rsoconsole {settings.site.name}: test"
+    body = "a test: word reaches you"
+    results = [
+        (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
+    ]
+    if settings.alerts.heartbeat_url:
+        results.append(("heartbeat", call(settings.alerts.heartbeat_url)))
+    for name, done in results:
+        if json_:
+            output.emit_json({"service": name, "ok": done.ok, "detail": done.detail})
+        else:
+            output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
+    failed = sum(not done.ok for _, done in results)
+    if failed:
+        output.complain(f"rsoconsole: {failed} service(s) did not take it; each says why")
+        raise typer.Exit(1)

@@ -1,0 +1,129 @@
+"""The verb goto: what was typed is understood as the console understands it, shown, then sent."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output
+from rsoconsole.config import Config, load_config
+from rsoconsole.control import AskStatus, Goto, Preview
+from rsoconsole.errors import ControlError, SessionError
+
+if TYPE_CHECKING:
+    from rsoconsole.control import ControlClient, MovePreview, Status
+    from rsoconsole.pipeline.words import Understood
+
+TargetArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="TARGET",
+        help="A satellite of your element files, a star, M31, Moon, Jupiter; 'alt 50 az 180'; "
+        "RA and Dec as 05:32:11 -04:52:10, 20.9h -4.8 or 83.05 -4.87.",
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    # A negative declination is an argument, no option.
+    app.command(context_settings={"ignore_unknown_options": True})(goto)
+
+
+def goto(
+    target: TargetArgument,
+    override: OverrideOption = None,
+    socket: SocketOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'.
+
+    It takes what the console's go-to takes, and says what it understood before anything moves. A
+    number that may be hours or degrees is refused with both readings.
+
+    Example: rsoconsole goto "alt 50 az 180"
+    """
+    from rsoconsole.control import ControlClient, Sender, read_preview, read_status
+
+    client = ControlClient(socket, sender=Sender(name="command"))
+    status = read_status(_answer(client, AskStatus()))
+    found = _understood(" ".join(target), status)
+    move = Goto(
+        ra_icrs_deg=found.ra_icrs_deg,
+        dec_icrs_deg=found.dec_icrs_deg,
+        override=tuple(override or ()),
+    )
+    preview = read_preview(_answer(client, Preview(move=move)))
+    if not json_:
+        for line in understood_lines(found, preview):
+            output.say(line)
+    outcome = client.send(move)
+    if json_:
+        output.emit_json(
+            {
+                "verb": "goto",
+                "ok": outcome.ok,
+                "message": outcome.message,
+                "understood": found.words,
+                "caution": found.caution or None,
+                "ra": found.ra_icrs_deg,
+                "dec": found.dec_icrs_deg,
+                "alt": preview and preview.alt_deg,
+                "az": preview and preview.az_deg,
+                "way_deg": preview and preview.way_deg,
+                "slew_s": preview and preview.slew_s,
+                "margins_deg": dict(preview.margins_deg) if preview else None,
+            }
+        )
+    if not outcome.ok:
+        raise ControlError(outcome.message or "the engine refused 'goto' without a reason")
+    if not json_:
+        output.say(outcome.message)
+
+
+def understood_lines(found: "Understood", preview: "MovePreview | None") -> list[str]:
+    """What was understood, the way there and the limits, for a person."""
+    place = output.direction_text(found.ra_icrs_deg, found.dec_icrs_deg)
+    lines = [f"understood: {found.words}", f"RA, Dec     {place} (ICRS)"]
+    if found.caution:
+        lines.append(f"careful     {found.caution}")
+    if preview is not None:
+        margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
+        lines[1] += f", alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}"
+        lines.append(f"way         {preview.way_deg:.1f}°, {preview.slew_s:.0f} s")
+        if margins:
+            lines.append(f"limits      {margins}")
+    return lines
+
+
+def _understood(text: str, status: "Status") -> "Understood":
+    """What is meant at the engine's own time and site. Raises BadParameter where nothing is."""
+    from rsoconsole.pipeline.words import Names, understand
+
+    config = _config_of(status.session)
+    if status.now_utc_ns is None:
+        raise ControlError("the engine does not say what time it has: it is of another version")
+    names = Names.load(config.catalogue.tle_files)
+    try:
+        return understand(text, config.site.to_site(), status.now_utc_ns, names)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _config_of(session: Path | None) -> Config:
+    """The configuration that the engine runs by; the user's own where it cannot be read."""
+    from rsoconsole.session.reading import SessionReader
+
+    if session is not None:
+        try:
+            return SessionReader(session).config()
+        except SessionError:
+            pass
+    return load_config()
+
+
+def _answer(client: "ControlClient", command: AskStatus | Preview) -> dict[str, object]:
+    outcome = client.send(command)
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    return dict(outcome.data)

@@ -1,0 +1,208 @@
+"""Verbs that keep the house: doctor, config, index."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.config import default_config_path, load_config
+
+config_app = typer.Typer(
+    no_args_is_help=True, help="The effective configuration: show, init, check."
+)
+index_app = typer.Typer(no_args_is_help=True, help="Plate-solver index files: list, install.")
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.command()(doctor)
+    app.add_typer(config_app, name="config")
+    app.add_typer(index_app, name="index")
+
+
+def doctor(
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Measure this machine instead; half a minute.")
+    ] = False,
+) -> None:
+    """Is this machine ready? Model, index files, INDI server, clock, power, disk, terminal.
+
+    Exit 1 when a check fails. With --bench a drawn frame goes through every stage of a night, and
+    the times say which exposure and cadence this machine holds; exit 1 when not the configured
+    ones. What the camera's own transfer takes is not in it. Its --json: one object of kind
+    "machine", one of kind "stage" for each (stage, median_ms, least_ms, largest_ms, repeats), one
+    of kind "verdict" (is_held, shortest_cadence_s, night_mb and so on, ok).
+    Example: rsoconsole doctor --json
+    """
+    if bench:
+        from rsoconsole.cli.demo import run_bench
+
+        run_bench(load_config(config), json_=json_)
+        return
+    from rsoconsole.engine.doctor import run_checks
+
+    failed = 0
+    for check in run_checks(load_config(config)):
+        failed += check.ok is False
+        if json_:
+            output.emit_json(
+                {
+                    "check": check.check,
+                    "ok": check.ok,
+                    "detail": check.detail,
+                    "remedy": check.remedy,
+                }
+            )
+            continue
+        mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
+        output.say(f"{mark} {check.check:16} {check.detail}")
+        if not check.ok and check.remedy:
+            output.say(f"     {'':16} {check.remedy}")
+    if failed:
+        output.complain(f"rsoconsole: {failed} check(s) failed; each says what to do")
+        raise typer.Exit(1)
+
+
+@config_app.command("show")
+def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Every setting in force, with where its value came from.
+
+    Example: rsoconsole config show
+    """
+    from rsoconsole.config import effective_settings
+
+    for setting in effective_settings(config):
+        if json_:
+            output.emit_json(
+                {
+                    "name": setting.name,
+                    "value": setting.value,
+                    "origin": setting.origin,
+                    "description": setting.description,
+                }
+            )
+        else:
+            value = "-" if setting.value is None else setting.value
+            output.say(f"{setting.name:30} {value!s:24} {setting.origin:12} {setting.description}")
+
+
+@config_app.command("init")
+def config_init(
+    path: Annotated[Path | None, typer.Argument(help="Default: your configuration folder.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+) -> None:
+    """Write a commented configuration file with every setting and its default.
+
+    Example: rsoconsole config init
+    """
+    from rsoconsole.config import write_initial_config
+
+    output.say(f"wrote {write_initial_config(path, force=force)}")
+
+
+@config_app.command("check")
+def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Everything that is wrong with the configuration, each with its remedy.
+
+    Example: rsoconsole config check --config night.toml
+    """
+    from rsoconsole.config import config_faults
+
+    faults = config_faults(config)
+    for fault in faults:
+        if json_:
+            output.emit_json({"name": fault.name, "problem": fault.problem, "remedy": fault.remedy})
+        else:
+            output.say(f"{fault.name or 'file'}: {fault.problem}: {fault.remedy}")
+    if faults:
+        output.complain(f"rsoconsole: {len(faults)} fault(s) in the configuration")
+        raise typer.Exit(1)
+    if not json_:
+        output.say(*sound_lines(config))
+
+
+def sound_lines(config: Path | None) -> list[str]:
+    """Which file was read and found sound; without one, what holds in its place."""
+    path = config or default_config_path()
+    if path.exists():
+        return [f"{path}: the configuration is sound"]
+    settings = load_config(config)
+    site, optics, indi = settings.site, settings.optics, settings.indi
+    return [
+        f"there is no configuration file: {path} does not exist, and the defaults hold",
+        f"  site    {site.name}, latitude {site.latitude_deg:g}, longitude {site.longitude_deg:g}",
+        f"  optics  {optics.focal_length_mm:g} mm, {optics.pixel_um:g} µm,"
+        f" {optics.width_px} x {optics.height_px} px",
+        f"  INDI    {indi.host}:{indi.port}, {indi.mount}, {indi.camera}",
+        "'rsoconsole config init' writes a file to change them in",
+    ]
+
+
+@index_app.command("list")
+def index_list(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Index files found, and which the configured field needs.
+
+    Example: rsoconsole index list
+    """
+    from rsoconsole.instruments.solver import config_search_dirs, list_index_files, needed_scales
+
+    settings = load_config(config)
+    needed = needed_scales(settings.optics.field_deg)
+    for file in list_index_files(config_search_dirs(settings.solver)):
+        row = {
+            "path": str(file.path),
+            "scale": file.scale,
+            "dec_min": file.dec_deg[0],
+            "dec_max": file.dec_deg[1],
+            "bytes": file.size_bytes,
+            "ok": file.is_healthy,
+            "needed": file.scale in needed,
+            "fault": file.fault or None,
+        }
+        if json_:
+            output.emit_json(row)
+            continue
+        cover = f"Dec {file.dec_deg[0]:+.0f} to {file.dec_deg[1]:+.0f}"
+        note = file.fault or ("needed" if row["needed"] else "")
+        size = f"{file.size_bytes / 1e6:6.1f} MB"
+        output.say(f"{file.scale or '?':>4}  {cover:18} {size}  {note:8} {file.path}")
+    if not json_:
+        output.say(f"your field needs scales {', '.join(str(n) for n in needed)}")
+
+
+@index_app.command("install")
+def index_install(
+    from_: Annotated[
+        Path | None,
+        typer.Option("--from", help="Folder with index files or unpacked Debian packages."),
+    ] = None,
+    scale: Annotated[
+        list[int] | None, typer.Option(help="Numbers of the series; default: what the field needs.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Install the index files that the configured field of view needs.
+
+    Example: rsoconsole index install --from /usr/share/astrometry
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from rsoconsole.instruments.solver import install, needed_scales
+
+    settings = load_config(config)
+    wanted = tuple(scale) if scale else needed_scales(settings.optics.field_deg)
+    with Progress(console=Console(stderr=True)) as progress:
+        bars: dict[str, int] = {}
+
+        def report(name: str, done: int, total: int) -> None:
+            if name not in bars:
+                bars[name] = progress.add_task(name, total=total)
+            progress.update(bars[name], completed=done)  # type: ignore[arg-type]
+
+        installed = install(wanted, from_dir=from_, progress=report)
+    for file in installed:
+        output.say(f"{file.scale}  {file.size_bytes / 1e6:.1f} MB  {file.path}")

@@ -1,0 +1,131 @@
+"""The operator's commands as verbs of the program: made of the commands themselves.
+
+A command that has an example for the shell is a verb here; its fields are arguments and options.
+"""
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+
+from rsoconsole.cli.words import JsonOption, SocketOption, output
+from rsoconsole.control import COMMANDS, Command, Set
+from rsoconsole.errors import ControlError
+
+
+def register(app: typer.Typer) -> None:
+    """Hang every command that the shell has into the program."""
+    for command in COMMANDS.values():
+        if command.shell:
+            # A negative angle is an argument, no option.
+            settings = {"ignore_unknown_options": _has_numbers(command)}
+            app.command(verb_of(command), context_settings=settings)(verb_function(command))
+
+
+def verb_of(command: type[Command]) -> str:
+    """What the shell calls it: the second word of its example."""
+    return command.shell.split()[1]
+
+
+def verb_function(command: type[Command]) -> Callable[..., None]:
+    """A function that typer makes a verb of: its parameters are the command's fields."""
+    hints = get_type_hints(command)
+    shown = {_shell_name(each): each for each in fields(command)}
+    parameters = [_parameter(name, each, hints[each.name]) for name, each in shown.items()]
+    for name, hint, default in (("socket", SocketOption, None), ("json_", JsonOption, False)):
+        parameters.append(_keyword(name, hint, default))
+
+    def verb(*, socket: Path | None, json_: bool, **given: Any) -> None:
+        values = {
+            shown[name].name: _value(hints[shown[name].name], value)
+            for name, value in given.items()
+            if value is not None
+        }
+        wanted = command(**values)
+        _check(wanted)
+        send(wanted, verb_of(command), socket, json_=json_)
+
+    verb.__doc__ = f"{command.shell_help}\n\nExample: {command.shell}"
+    verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    verb.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return verb
+
+
+def send(command: Command, verb: str, socket: Path | None, *, json_: bool) -> None:
+    """Hand a command to the engine and say what came of it.
+
+    Raises ControlError when it is refused.
+    """
+    from rsoconsole.control import ControlClient, Sender
+
+    outcome = ControlClient(socket, sender=Sender(name="command")).send(command)
+    if json_:
+        output.emit_json({"verb": verb, "ok": outcome.ok, "message": outcome.message})
+    if not outcome.ok:
+        raise ControlError(outcome.message or f"the engine refused '{verb}' without a reason")
+    if not json_:
+        output.say(outcome.message)
+
+
+def _check(command: Command) -> None:
+    """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
+    from rsoconsole.engine.control import check_tunable
+
+    try:
+        command.check()
+        if isinstance(command, Set):
+            check_tunable(command.name)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _shell_name(each: "Field[Any]") -> str:
+    return str(each.metadata.get("shell", each.name))
+
+
+def _parameter(name: str, each: "Field[Any]", hint: Any) -> inspect.Parameter:
+    help_ = str(each.metadata.get("help", ""))
+    kind = _shell_type(hint)
+    if each.default is MISSING and each.default_factory is MISSING:
+        argument = typer.Argument(help=help_)
+        return _keyword(name, Annotated[kind, argument], inspect.Parameter.empty)
+    option = typer.Option(f"--{name.replace('_', '-')}", help=help_)
+    return _keyword(name, Annotated[kind | None, option], None)
+
+
+def _keyword(name: str, hint: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+
+
+def _shell_type(hint: Any) -> Any:
+    """What a shell gives for a field of that type."""
+    if hint == tuple[str, ...]:
+        return list[str]
+    for kind in (str, float, int, bool):
+        if kind in (hint, *get_args(hint)):
+            return kind
+    raise TypeError(f"the shell cannot give a {hint}")
+
+
+def _value(hint: Any, given: Any) -> Any:
+    """What the shell gave as the field has it."""
+    if isinstance(given, list):
+        return tuple(given)
+    return number_or_text(given) if {str, float} <= {*get_args(hint)} else given
+
+
+def number_or_text(value: str) -> float | str:
+    """A number where that is one that can be worked with, else the text itself."""
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    return number if math.isfinite(number) else value
+
+
+def _has_numbers(command: type[Command]) -> bool:
+    return any(hint is float for hint in get_type_hints(command).values())

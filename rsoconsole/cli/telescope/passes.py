@@ -1,0 +1,205 @@
+"""The verb passes: what comes over the site tonight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rsoconsole.cli.words import ConfigOption, JsonOption, output, progress
+from rsoconsole.config import Config, load_config
+from rsoconsole.errors import OrbitError
+
+if TYPE_CHECKING:
+    from rsoconsole.orbit.elements import CatalogueEntry
+    from rsoconsole.pipeline.outlook import NightPass
+
+_NAME_COLUMNS = 19
+HEADER = (
+    f"{'rises, UTC':11}  {'az':>3}  {'top':8} {'alt':>3}  {'sets':8}  {'az':>3}"
+    f"  {'°/s':>5}  {'±s':>5}  name"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Span:
+    first_utc_ns: int
+    last_utc_ns: int
+    words: str
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(passes)
+
+
+def passes(
+    *,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated. Default:"
+            " catalogue.tle_files of the configuration."
+        ),
+    ] = None,
+    norad: Annotated[
+        list[int] | None,
+        typer.Option(help="Only the object with this catalogue number; may be repeated."),
+    ] = None,
+    at: Annotated[
+        str, typer.Option(help="UTC from which on; default: from dusk, or now if it is dark.")
+    ] = "",
+    hours: Annotated[
+        float | None, typer.Option(min=0.1, max=48.0, help="How long. Default: until dawn.")
+    ] = None,
+    top: Annotated[
+        float, typer.Option(min=0.0, max=90.0, help="Only passes that come so high, degrees.")
+    ] = 30.0,
+    every: Annotated[
+        bool, typer.Option("--all", help="Higher orbits, and passes in the Earth's shadow, too.")
+    ] = False,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """List the night's passes of catalogued objects in low orbits over the site.
+
+    From where they come above limits.min_altitude_deg and the horizon mask to
+    where they go below. Only those on which the Sun shines for a part of the
+    pass; times are as sure as their elements are (±s, one sigma by their age).
+
+    Example: rsoconsole passes --tle active.tle --top 45
+    """
+    loaded = load_config(config)
+    entries = _entries(tle or list(loaded.catalogue.tle_files), norad or [])
+    span = _span(loaded, at, hours)
+    found = _looked_for(entries, loaded, span, is_low_only=not (every or norad))
+    shown = [p for p in found if p.top.alt_deg >= top and (every or p.lit_from_utc_ns is not None)]
+    if json_:
+        for each in shown:
+            output.emit_json(pass_report(each))
+        return
+    if not shown:
+        output.say(f"no pass {span.words}: {_left_out_words(found, top)}")
+        return
+    dark = any(each.lit_from_utc_ns is None for each in shown)
+    output.say(f"{len(shown)} passes {span.words}" + "; * in shadow" * dark, HEADER)
+    for each in shown:
+        output.say(_line(each))
+
+
+def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[CatalogueEntry]":
+    from rsoconsole.pipeline.orbits import read_catalogue
+
+    if not files:
+        raise OrbitError(
+            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
+            " configuration"
+        )
+    entries = read_catalogue(files)
+    known = {each.norad_id for each in entries}
+    missing = [str(each) for each in norad if each not in known]
+    if missing:
+        raise OrbitError(f"no elements of {', '.join(missing)} in {', '.join(map(str, files))}")
+    return [each for each in entries if each.norad_id in norad] if norad else entries
+
+
+def _span(config: Config, at: str, hours: float | None) -> _Span:
+    """Raises OrbitError where the night has no dark time."""
+    import time
+
+    from rsoconsole.sky import NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+    from rsoconsole.sky.bodies import night_span
+
+    try:
+        now_ns = iso_to_utc_ns(at) if at else time.time_ns()
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--at") from error
+    twilight_deg = config.limits.twilight_deg
+    dark = night_span(config.site.to_site(), now_ns, twilight_deg)
+    first_ns = now_ns
+    if not at and dark is not None:
+        first_ns = max(dark[0], now_ns)
+    if hours is not None:
+        last_ns = first_ns + round(hours * 3600.0 * NS_PER_S)
+    elif dark is not None:
+        last_ns = max(dark[1], first_ns)
+    else:
+        raise OrbitError(
+            f"the Sun does not sink to {twilight_deg:g} deg within a day here: say how long with"
+            " --hours"
+        )
+    words = f"from {utc_ns_to_iso(first_ns)[:16]} to {utc_ns_to_iso(last_ns)[:16]}Z"
+    return _Span(first_utc_ns=first_ns, last_utc_ns=last_ns, words=words)
+
+
+def _looked_for(
+    entries: "Sequence[CatalogueEntry]", config: Config, span: _Span, *, is_low_only: bool
+) -> "list[NightPass]":
+    from rsoconsole.pipeline.orbits import errors_of
+    from rsoconsole.pipeline.outlook import night_passes
+
+    found: list[NightPass] = []
+    before = 0
+    with progress("objects", len(entries)) as bar:
+        for done, some in night_passes(
+            entries,
+            config.site.to_site(),
+            (span.first_utc_ns, span.last_utc_ns),
+            config.limits,
+            is_low_only=is_low_only,
+            errors=errors_of(config.catalogue),
+        ):
+            found += some
+            bar(done - before)
+            before = done
+    return sorted(found, key=lambda each: each.rise.t_utc_ns)
+
+
+def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:
+    if not found:
+        return "no object of these elements in a low orbit comes above the limit"
+    low = sum(each.top.alt_deg < top for each in found)
+    dark = sum(each.lit_from_utc_ns is None for each in found)
+    return f"of {len(found)} passes {low} stay below --top {top:g}, {dark} are in shadow (--all)"
+
+
+def _line(one: "NightPass") -> str:
+    from rsoconsole.sky import utc_ns_to_iso
+
+    rise, top, sets = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.rise, one.top, one.set))
+    # With --all some lie in the shadow of the Earth.
+    name = f"{one.norad_id} {one.name}" if one.lit_from_utc_ns else f"*{one.norad_id} {one.name}"
+    return (
+        f"{rise[8:10]} {rise[11:]}  {one.rise.az_deg:3.0f}  {top[11:]} {one.top.alt_deg:3.0f}"
+        f"  {sets[11:]}  {one.set.az_deg:3.0f}"
+        f"  {one.rate_arcsec_s / 3600.0:5.3f}  {one.sigma_s:5.1f}  {name[:_NAME_COLUMNS]}"
+    )
+
+
+def pass_report(one: "NightPass") -> dict[str, Any]:
+    """One pass as a JSON object."""
+    from rsoconsole.sky import utc_ns_to_iso
+
+    corners = {
+        f"{name}_{key}": value
+        for name, each in (("rise", one.rise), ("top", one.top), ("set", one.set))
+        for key, value in (
+            ("utc", utc_ns_to_iso(each.t_utc_ns)),
+            ("alt_deg", each.alt_deg),
+            ("az_deg", each.az_deg),
+        )
+    }
+    lit = (one.lit_from_utc_ns, one.lit_until_utc_ns)
+    from_utc, until_utc = (None if each is None else utc_ns_to_iso(each) for each in lit)
+    return {
+        "norad_id": one.norad_id,
+        "name": one.name,
+        **corners,
+        "lit_from_utc": from_utc,
+        "lit_until_utc": until_utc,
+        "range_km": one.range_km,
+        "rate_arcsec_s": one.rate_arcsec_s,
+        "tle_age_days": one.tle_age_days,
+        "sigma_s": one.sigma_s,
+    }

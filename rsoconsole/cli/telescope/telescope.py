@@ -1,0 +1,243 @@
+"""Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
+
+import logging
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rsoconsole.cli.telescope import go_to, order
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    OverrideOption,
+    SessionOption,
+    SocketOption,
+    output,
+)
+from rsoconsole.config import load_config
+from rsoconsole.control import AskStatus, Status
+from rsoconsole.errors import ControlError, InstrumentError
+from rsoconsole.waits import told_to
+
+log = logging.getLogger(__name__)
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.command()(engine)
+    app.command()(status)
+    order.register(app)
+    go_to.register(app)
+    app.command()(stop)
+
+
+def engine(
+    *,
+    config: ConfigOption = None,
+    session: SessionOption = None,
+    arm: Annotated[
+        bool,
+        typer.Option("--arm", help="Begin to search at once; otherwise wait for 'rsoconsole arm'."),
+    ] = False,
+    override: OverrideOption = None,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="End after this many exposures.")
+    ] = None,
+    pass_: Annotated[
+        int | None,
+        typer.Option(
+            "--pass",
+            min=1,
+            metavar="NORAD",
+            help="Wait for the passes of this low satellite, and leap ahead of it.",
+        ),
+    ] = None,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Element sets for --pass; may be repeated. Default: catalogue.tle_files of the"
+            " configuration."
+        ),
+    ] = None,
+) -> None:
+    """Run the telescope; no terminal needed. SIGTERM or 'rsoconsole quit' end it safely.
+
+    It moves nothing until it is armed: by --arm, or by 'rsoconsole arm' from another terminal.
+
+    With --pass it waits at a point of the satellite's orbit until it comes through there, early
+    or late by three times leap.late_sigma_s; the first streak says how late it is and how far
+    across, and the orbit of its streaks leads from then on ('rsoconsole passes' lists a night's).
+
+    Example: rsoconsole engine --config ~/.config/rsoconsole/config.toml --arm
+
+    Example: rsoconsole engine --arm --pass 25544 --tle active.tle
+    """
+    from rsoconsole.engine.leaps import entry_of
+    from rsoconsole.engine.service import RunSettings, run_engine
+
+    if tle and pass_ is None:
+        raise typer.BadParameter("--tle belongs to --pass")
+    overrides: dict[str, Any] = {}
+    if pass_ is not None:
+        overrides = {"leap.enabled": True, "leap.pass_norad": pass_}
+        if tle:
+            overrides["catalogue.tle_files"] = [str(each.resolve()) for each in tle]
+        entry_of(load_config(config, overrides))  # now, not when the night has begun
+    waits = "" if arm else "; it waits for 'rsoconsole arm'"
+    with told_to(output.complain):
+        run_engine(
+            load_config(config, overrides),
+            RunSettings(
+                title="night",
+                session=session,
+                frames=frames,
+                is_armed=arm,
+                lifted=frozenset(override or ()),
+            ),
+            on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
+        )
+
+
+def status(
+    *,
+    socket: SocketOption = None,
+    json_: JsonOption = False,
+    prometheus: Annotated[
+        bool, typer.Option("--prometheus", help="Print figures as Prometheus reads them.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="With --prometheus: a file, written whole or not at all.")
+    ] = None,
+) -> None:
+    """One line about the running engine, for scripts and tmux.
+
+    Where several satellites are followed a table of them comes below it, and where the telescope
+    looks next: * is the lead, + one that is kept, "next" whether it is then in the field. Then each
+    one's nearest neighbour with the next closest approach, tracks that are in no catalogue, and who
+    should be in the field and is not seen.
+
+    With --prometheus --out FILE a timer writes figures for node_exporter's textfile collector;
+    nothing listens. Without an engine that is rsoconsole_up 0, and no failure.
+
+    Example: rsoconsole status --json
+
+    Example: rsoconsole status --prometheus --out /var/lib/node_exporter/rsoconsole.prom
+    """
+    if prometheus:
+        _write_metrics(socket, out)
+        return
+    if out is not None:
+        raise typer.BadParameter("--out belongs to --prometheus")
+    from rsoconsole.control import ControlClient, Machine, Sender, mount_words, read_status
+
+    outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    if json_:
+        output.emit_json(dict(outcome.data))
+        return
+    told = read_status(outcome.data)
+    held = " HELD" if told.is_held else ""
+    words = [f"{told.state}{held}", f"{told.holder} has the mount", f"frame {told.frame_id}"]
+    if told.target:
+        words.append(f"follows {told.target}")
+    if told.kept:
+        way = "" if told.is_resumable else "'rsoconsole arm', then "
+        words.append(f"{told.kept} kept: {way}'rsoconsole resume' follows it again")
+    if told.ra_icrs_deg is not None and told.dec_icrs_deg is not None:
+        words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
+    if told.alt_deg is not None and told.az_deg is not None:
+        words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
+    words.extend(mount_words(told))
+    machine = told.machine or Machine()
+    if machine.cpu_temperature_c is not None:
+        words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
+    words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
+    last = told.last_stop
+    if last is not None and not (last.is_confirmed or last.is_over):
+        words.append(f"STOP {last.text}")
+    words.extend(f"FAULT {fault}" for fault in told.faults)
+    if told.state == "FAULT" and not told.faults:
+        words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
+    output.say(" · ".join(words))
+    _say_field(told)
+
+
+def _write_metrics(socket: Path | None, out: Path | None) -> None:
+    from rsoconsole.cli.telescope.prometheus import metrics
+    from rsoconsole.control import ControlClient, Sender, read_status
+    from rsoconsole.durable_files import write_durably
+
+    try:
+        outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+        told = read_status(outcome.data) if outcome.ok else None
+    except ControlError:
+        told = None
+    text = metrics(told)
+    if out is None:
+        output.hand_over(text)
+        return
+    try:
+        write_durably(out, text.encode(), mode=0o644)
+    except OSError as error:
+        raise ControlError(f"{out} cannot be written: {error.strerror or error}") from error
+
+
+def _say_field(told: Status) -> None:
+    """Its tracks, the next aim, how they move to each other, and who is missing."""
+    from rsoconsole.control import field_words, next_aim_words, track_table
+
+    lines: list[str] = []
+    if len(told.tracks) > 1:
+        lines += track_table(told)
+        lines += [] if told.next_aim is None else [next_aim_words(told.next_aim)]
+    lines += field_words(told.pairs, told.unseen, told.uncatalogued)
+    for line in lines:
+        output.say(line)
+
+
+def stop(
+    config: ConfigOption = None, socket: SocketOption = None, json_: JsonOption = False
+) -> None:
+    """Stop the telescope now, engine or no engine.
+
+    An engine that does not answer at once is gone past: the configured mount itself is told.
+    With --socket only the engine that listens there is told.
+
+    Example: rsoconsole stop
+    """
+    from rsoconsole.control import ControlClient, Sender, Stopping
+
+    def directly() -> tuple[bool, str]:
+        from rsoconsole.instruments.mount import stop_past_engine
+
+        return stop_past_engine(config_path=config, on_fault=_tell_fault)
+
+    # With a socket the configured mount is another engine's.
+    way_past = directly if socket is None else None
+    stopping = Stopping(lambda: ControlClient(socket, sender=Sender(name="stop")), way_past)
+    stopping.begin()
+    ended = stopping.wait()
+    is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0
+    if json_:
+        answer = {
+            "stopped": is_stopped,
+            "path": ended.path,
+            "ms": ms,
+            "ordered_ms": ended.ordered_ms,
+            "confirmed_ms": ms if is_stopped else None,
+        }
+        output.emit_json(answer)
+    else:
+        output.say(f"STOP {ended.text}")
+    if not is_stopped:
+        where = "" if socket is None else f"at {socket}: "
+        raise InstrumentError(
+            f"the mount did not confirm that it stopped ({where}{ended.reason}): cut its power if"
+            " it moves"
+        )
+
+
+def _tell_fault(words: str) -> None:
+    output.complain(f"rsoconsole: {words}")

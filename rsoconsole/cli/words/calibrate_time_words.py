@@ -1,0 +1,236 @@
+"""What calibrate-time says: its result as JSON, and as lines for people."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rsoconsole.orbit.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
+from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
+
+_SOURCES = {
+    "broadcast": "broadcast ephemerides (2 m)",
+    "sp3": "precise orbits",
+    "tle": "ELEMENTS, GOOD TO A KILOMETRE (0.3 s)",
+}
+
+
+_KEYS = (
+    *("camera_mode", "bias_s", "bias_sigma_s", "scatter_s", "scatter_sigma_s"),
+    *("line_time_us", "line_time_sigma_us"),
+)
+
+
+def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
+    """One object."""
+    calibration = found.calibration
+    return {
+        "source": found.kind,
+        "is_sanity_check": found.kind == "tle",
+        "measured_on": found.measured_on.isoformat(),
+        **_of_most_streaks(found),
+        "modes": [_mode_report(mode, timing) for mode, timing in found.modes],
+        "nights": [
+            {
+                "day": night.day.isoformat(),
+                "sessions": [str(folder) for folder in night.folders],
+                "streaks": night.streaks,
+                "candidates": night.candidates,
+                "clock_offset_s": night.clock_offset_s,
+                "catalogue_drift_arcsec": [each.value for each in drift],
+                "catalogue_drift_sigma_arcsec": [each.sigma for each in drift],
+                "is_drift_told_apart": is_apart,
+            }
+            for night, drift, is_apart in zip(
+                found.nights, calibration.drift_arcsec, calibration.is_told_apart, strict=True
+            )
+        ],
+        "satellites": [
+            {
+                "satellite": each.name,
+                "norad_id": each.norad_id,
+                "name": each.norad_name or None,
+                "streaks": each.streaks,
+                "rate_arcsec_s": each.rate_arcsec_s,
+                "position_angle_deg": each.position_angle_deg,
+            }
+            for each in found.satellites
+        ],
+        "place_arcsec": calibration.place_arcsec,
+        "error_scale": calibration.error_scale,
+        "rejected": sum(not each for each in calibration.is_used),
+        "skipped": dict(found.skipped),
+        "cautions": list(cautions(found)),
+        "written": written,
+    }
+
+
+def _of_most_streaks(found: FoundTiming) -> dict[str, Any]:
+    """The mode in which most was measured, for those who have one."""
+    measured = [(timing.measurements, mode, timing) for mode, timing in found.modes if timing]
+    if not measured:
+        return dict.fromkeys(_KEYS)
+    _, mode, timing = max(measured, key=lambda each: each[0])
+    line = timing.line_time_s
+    return {
+        "camera_mode": mode_words(mode),
+        "bias_s": timing.bias_s.value,
+        "bias_sigma_s": timing.bias_s.sigma,
+        "scatter_s": timing.scatter_s.value,
+        "scatter_sigma_s": timing.scatter_s.sigma,
+        "line_time_us": line.value * 1e6,
+        "line_time_sigma_us": line.sigma * 1e6 if timing.is_line_time_found else None,
+    }
+
+
+def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
+    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
+    report: dict[str, Any] = {
+        "exposure_s": mode.exposure_s,
+        "binning": binning,
+        "width": width_px,
+        "height": height_px,
+        "x0_px": x0_px,
+        "y0_px": y0_px,
+        "gain": gain,
+        "time_by": time_by,
+    }
+    if timing is None:
+        return {**report, "bias_s": None}
+    return {
+        **report,
+        "bias_s": timing.bias_s.value,
+        "bias_sigma_s": timing.bias_s.sigma,
+        "scatter_s": timing.scatter_s.value,
+        "scatter_sigma_s": timing.scatter_s.sigma,
+        "line_time_us": timing.line_time_s.value * 1e6,
+        "line_time_sigma_us": (
+            timing.line_time_s.sigma * 1e6 if timing.is_line_time_found else None
+        ),
+        "middle_row_px": timing.middle_row_px,
+        "bias_at_middle_s": timing.bias_at_middle_s.value,
+        "bias_at_middle_sigma_s": timing.bias_at_middle_s.sigma,
+        "night_spread_s": timing.night_spread_s,
+        "measurements": timing.measurements,
+        "frames": timing.frames,
+        "tracks": timing.tracks,
+        "rejected": timing.rejected,
+    }
+
+
+def timing_lines(found: FoundTiming) -> Iterator[str]:
+    """The result for people, for 80 columns."""
+    streaks = sum(each.streaks for each in found.nights)
+    nights = len(found.nights)
+    yield (
+        f"{streaks} streaks of {_satellites_words(found.satellites)},"
+        f" {nights} night{'s' if nights > 1 else ''}"
+    )
+    yield f"by {_SOURCES[found.kind]}"
+    for reason, times in sorted(found.skipped.items()):
+        yield f"  not used of the files: {reason} ({times})"
+    for mode, timing in found.modes:
+        yield ""
+        yield mode_words(mode)
+        yield from _mode_lines(timing)
+    yield ""
+    for night, drift in zip(found.nights, found.calibration.drift_arcsec, strict=True):
+        east, north = drift
+        yield f"{night.name}: {night.streaks} of {night.candidates} streaks"
+        yield f"  star catalogue off {_arcsec(east)} east, {_arcsec(north)} north"
+        if night.clock_offset_s is not None:
+            yield (
+                f"  the machine's clock was {night.clock_offset_s * 1e3:+.1f} ms off by its time"
+                " source; it is in the bias"
+            )
+    yield ""
+    yield "satellite        streaks     rate  towards"
+    for each in found.satellites:
+        number = f"{each.norad_id}" if each.norad_id is not None else ""
+        yield (
+            f"{each.name[:16]:16} {each.streaks:7} {each.rate_arcsec_s:6.1f}″/s"
+            f" {each.position_angle_deg:6.0f}°  {number} {each.norad_name[:24]}".rstrip()
+        )
+
+
+def _mode_lines(timing: ShutterTiming | None) -> Iterator[str]:
+    if timing is None:
+        yield f"  too few of its streaks: {FEWEST} are needed"
+        return
+    yield f"  bias      {_ms(timing.bias_s)}  true mid-exposure of row 0 minus the header's"
+    yield f"  scatter   {_ms(timing.scatter_s, sign='')}  from frame to frame"
+    line = timing.line_time_s
+    if timing.is_line_time_found:
+        value = f"{line.value * 1e6:+8.2f} ± {line.sigma * 1e6:.2f} µs"
+        yield f"  line time {value}  each row after the row above"
+    else:
+        yield f"  line time not found: {line.value * 1e6:g} µs as configured"
+    middle = f"  in row {timing.middle_row_px:.0f}"
+    yield f"{middle:11} {_ms(timing.bias_at_middle_s)}  where the streaks lie"
+    yield (
+        f"  {timing.measurements} streaks in {timing.frames} frames, {timing.tracks} tracks;"
+        f" {timing.rejected} left out"
+    )
+
+
+def cautions(found: FoundTiming) -> Iterator[str]:
+    """What the result does not bear, and what to do."""
+    if found.kind == "tle":
+        yield (
+            "elements are good to a kilometre, which is 0.3 s: a sanity check of the clock, not a"
+            " calibration; give --rinex of the night, or --sp3 afterwards"
+        )
+    for night, is_apart in zip(found.nights, found.calibration.is_told_apart, strict=True):
+        if not is_apart and night.streaks:
+            yield (
+                f"{night.name}: all satellites go much the same way: time and what the star"
+                " catalogue is off cannot be told apart, and the errors say so; add satellites that"
+                " go across"
+            )
+    for mode, timing in found.modes:
+        if timing is None:
+            continue
+        if not timing.is_line_time_found:
+            yield (
+                f"{mode_words(mode)}: the streaks lie in rows too much alike for the line time; let"
+                " satellites cross high and low in the frame"
+            )
+        if timing.night_spread_s:
+            yield (
+                f"{mode_words(mode)}: the nights differ by {timing.night_spread_s * 1e3:.1f} ms,"
+                " more than their errors explain; it is in the bias's error: look at the clocks"
+            )
+        if timing.tracks < _FEW:
+            yield f"{mode_words(mode)}: {timing.tracks} tracks are few: give {_FEW} or more"
+
+
+_FEW = 4
+
+
+def mode_words(mode: Mode) -> str:
+    """As the settings' own words."""
+    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
+    exposure = "other exposures" if mode.exposure_s is None else f"{mode.exposure_s:g} s"
+    parts = [exposure, *([str(binning)] if binning else []), f"{width_px} x {height_px} px"]
+    parts += [f"from {x0_px}, {y0_px}"] if x0_px or y0_px else []
+    parts += [f"gain {gain:g}"] if isinstance(gain, int | float) else []
+    parts += ["times by the camera's GPS"] if time_by == "gps" else []
+    return ", ".join(parts)
+
+
+def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
+    systems: dict[str, int] = {}
+    for each in satellites:
+        system = SYSTEMS.get(each.name[:1], "") if each.name[1:].isdigit() else ""
+        systems[system] = systems.get(system, 0) + 1
+    named = ", ".join(f"{count} {system}" for system, count in sorted(systems.items()) if system)
+    count = len(satellites)
+    return f"{count} satellite{'s' if count > 1 else ''}" + (f" ({named})" if named else "")
+
+
+def _ms(value: Estimated, *, sign: str = "+") -> str:
+    return f"{value.value * 1e3:{sign}8.1f} ± {value.sigma * 1e3:.1f} ms"
+
+
+def _arcsec(value: Estimated) -> str:
+    decimals = 2 if value.sigma < 1.0 and not math.isnan(value.sigma) else 0
+    return f"{value.value:+.{decimals}f} ± {value.sigma:.{decimals}f}″"

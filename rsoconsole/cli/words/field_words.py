@@ -1,0 +1,114 @@
+"""What was in the frames, for people; 80 columns at most but for names."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from rsoconsole.cli.words.output import direction_text
+from rsoconsole.streak_text import name_words
+
+_NAME_WIDTH = 28
+
+
+def frame_lines(found: dict[str, Any]) -> Iterator[str]:
+    """One frame: its streaks with their names, and what crossed it and was not seen."""
+    streaks, crossed = found["streaks"], found["crossed"]
+    yield (
+        f"{found['frame']}: {len(streaks)} streak(s), {len(crossed)} of"
+        f" {found['compared']:,} catalogued objects can have crossed"
+    )
+    where = direction_text(found["ra"], found["dec"])
+    plate = "plate solved" if found["plate"] == "solved" else "plate of the header"
+    at = found["t_mid_utc"][:23].replace("T", " ")
+    yield f"  {at} UTC, {found['exposure_s']:g} s, {where}, {plate}"
+    for each in streaks:
+        yield from _streak_lines(each)
+    unseen = [each for each in crossed if each["unseen_because"] is not None]
+    if unseen:
+        yield "  catalogued and not seen:"
+        for each in unseen:
+            yield from _unseen_lines(each)
+
+
+def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
+    """Points that move through the frames."""
+    count = len(report["frames"])
+    if count < fewest:
+        yield f"{count} frames: points that move are looked for in {fewest} or more"
+        return
+    yield f"{count} frames: {len(report['movers'])} point(s) that move and are no star"
+    for each in report["movers"]:
+        head = (
+            f"  mover {each['mover']}: in {len(each['places'])} frames,"
+            f' {each["rate_arcsec_s"]:.2f}"/s towards {each["position_angle_deg"]:.1f} deg'
+        )
+        yield f"{head}; {_verdict(each)}"
+        yield from _matches(each)
+        for place in each["places"]:
+            clock = place["t_utc"][11:23]
+            where = direction_text(place["ra"], place["dec"])
+            yield f'    {clock}  {where}  ±{place["sigma_arcsec"]:.1f}"  {place["frame"]}'
+
+
+def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
+    kind = name_words(each["kind"], each["class"], each["class_probability"], train=each["train"])
+    about = f", {kind}" if kind else ""
+    about += ", below tau" if each["below_tau"] else ""
+    yield (
+        f"  streak {each['streak']} at ({each['x']:.0f}, {each['y']:.0f}),"
+        f" {each['length']:.0f} px{about}: {_verdict(each)}"
+    )
+    yield from _matches(each)
+
+
+def _verdict(each: dict[str, Any]) -> str:
+    if each["verdict"] == "unknown":
+        return "in no catalogue"
+    if each["verdict"] == "ambiguous":
+        return "ambiguous"
+    return _called(each["matches"][0])
+
+
+def _matches(each: dict[str, Any]) -> Iterator[str]:
+    """Each candidate's errors along and across."""
+    is_open = each["verdict"] == "ambiguous"
+    for one in each["matches"]:
+        name = f"{_percent(one['probability']):>5}  {_called(one)}: " if is_open else ""
+        yield f"    {name}{_errors(one)}"
+    if is_open and each["not_catalogued"] >= 0.005:
+        yield f"    {_percent(each['not_catalogued']):>5}  in no catalogue"
+
+
+def _errors(one: dict[str, Any]) -> str:
+    along = one["along_track_s"]
+    sense = "ahead of" if along > 0 else "behind"
+    digits = 1 if abs(along) >= 10.0 else 2
+    across = _angle(one["cross_track_arcsec"])
+    words = f"{abs(along):.{digits}f} s {sense} its elements, {across} across"
+    return f"{words}; elements {abs(one['tle_age_days']):.1f} d old"
+
+
+def _unseen_lines(each: dict[str, Any]) -> Iterator[str]:
+    yield (
+        f"    {_called(each)}: {each['unseen_because']}; {_percent(each['chance'])} to have crossed"
+    )
+    yield (
+        f'      {each["rate_arcsec_s"]:.1f}"/s, {each["range_km"]:,.0f} km, sought'
+        f" ±{each['gate_along_s']:.0f} s along and ±{each['gate_across_arcmin']:.1f}' across;"
+        f" elements {abs(each['tle_age_days']):.1f} d old"
+    )
+
+
+def _called(one: dict[str, Any]) -> str:
+    name, number = one["name"][:_NAME_WIDTH], one["norad_id"]
+    return f"{name} ({number})" if name else str(number)
+
+
+def _angle(arcsec: float) -> str:
+    return f'{arcsec:+.1f}"' if abs(arcsec) < 60.0 else f"{arcsec / 60.0:+.1f}'"
+
+
+def _percent(probability: float) -> str:
+    """Never more certain than it is."""
+    if probability >= 0.995:
+        return ">99 %"
+    return "<1 %" if probability < 0.005 else f"{100.0 * probability:.0f} %"

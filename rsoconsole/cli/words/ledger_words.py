@@ -1,0 +1,88 @@
+"""Uncatalogued objects in columns and as JSON; 80 columns at most."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from rsoconsole.cli.words.output import direction_text
+from rsoconsole.session.ledgers import LedgerObject, LedgerTrack
+from rsoconsole.sky import utc_ns_to_iso
+
+HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
+_NAME_WIDTH = 20
+
+
+def object_line(known: LedgerObject) -> str:
+    """One of the list."""
+    orbit = known.last.orbit
+    size = "no orbit" if orbit is None else f"{orbit.a_km:.0f} ± {orbit.sigma_a_km:.0f}"
+    tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
+    return (
+        f"{known.number:>4}  {known.called[:_NAME_WIDTH]:20} {len(known.tracks):>6} "
+        f" {_clock(known.last.t_last_utc_ns)}  {size:>16}  {tilt:>6}"
+    ).rstrip()
+
+
+def object_lines(known: LedgerObject) -> Iterator[str]:
+    """All that is known of one."""
+    yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
+    last = known.last
+    yield f"  last direction   {direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
+    yield (
+        f"  motion           {last.rate_east_arcsec_s:+.3f} arcsec/s east,"
+        f" {last.rate_north_arcsec_s:+.3f} north"
+    )
+    orbit = last.orbit
+    if orbit is None:
+        yield "  no orbit: its direction and motion are kept"
+    else:
+        nights = "one track" if orbit.nights == 1 else f"{orbit.nights} tracks"
+        yield f"  orbit            {orbit.label}, of {nights}, rms {orbit.rms_arcsec:.2f} arcsec"
+        yield f"  semi-major axis  {orbit.a_km:.1f} ± {orbit.sigma_a_km:.1f} km"
+        yield f"  eccentricity     {orbit.e:.6f}"
+        yield f"  inclination      {orbit.i_deg:.4f} deg"
+    yield "  tracks:"
+    for each in known.tracks:
+        yield (
+            f"    {_clock(each.t_first_utc_ns)} to {_clock(each.t_last_utc_ns)[11:]}"
+            f"  {each.observations:4d} directions  {each.session}, track {each.track_id}"
+        )
+
+
+def object_json(known: LedgerObject) -> dict[str, Any]:
+    """The object that JSON.md promises."""
+    last = known.last
+    orbit = last.orbit
+    return {
+        "number": known.number,
+        "name": known.name or None,
+        "called": known.called,
+        "tracks": [_track_json(each) for each in known.tracks],
+        "nights": len({each.session for each in known.tracks}),
+        "t_first_utc": utc_ns_to_iso(known.tracks[0].t_first_utc_ns),
+        "t_last_utc": utc_ns_to_iso(last.t_last_utc_ns),
+        "label": None if orbit is None else orbit.label,
+        "a_km": None if orbit is None else orbit.a_km,
+        "e": None if orbit is None else orbit.e,
+        "i_deg": None if orbit is None else orbit.i_deg,
+        "ra": last.ra_icrs_deg,
+        "dec": last.dec_icrs_deg,
+        "rate_east_arcsec_s": last.rate_east_arcsec_s,
+        "rate_north_arcsec_s": last.rate_north_arcsec_s,
+        "simulated": last.is_simulated,
+    }
+
+
+def _track_json(track: LedgerTrack) -> dict[str, Any]:
+    return {
+        "session": track.session,
+        "folder": track.folder,
+        "track": track.track_id,
+        "t_first_utc": utc_ns_to_iso(track.t_first_utc_ns),
+        "t_last_utc": utc_ns_to_iso(track.t_last_utc_ns),
+        "observations": track.observations,
+        "label": None if track.orbit is None else track.orbit.label,
+    }
+
+
+def _clock(t_utc_ns: int) -> str:
+    return utc_ns_to_iso(t_utc_ns, 0)[:16].replace("T", " ")

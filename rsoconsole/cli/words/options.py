@@ -1,0 +1,23 @@
+"""Options that several verbs have."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsoconsole.control import OVERRIDE_HELP
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
+SocketOption = Annotated[
+    Path | None, typer.Option("--socket", help="Ask the engine that listens here.")
+]
+SessionOption = Annotated[
+    Path | None, typer.Option(help="Session folder, new or empty. Default: in your data folder.")
+]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
+]
+OverrideOption = Annotated[
+    list[str] | None,
+    typer.Option("--override", help=OVERRIDE_HELP),
+]

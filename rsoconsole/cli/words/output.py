@@ -1,0 +1,96 @@
+"""JSON objects on stdout, words for people elsewhere. JSON.md beside this file has their keys.
+
+All that the verbs print passes through here: sessions, INDI servers, headers, element files and
+names of files may say whatever they like, and nothing of it reaches the terminal as a command.
+"""
+
+import json
+import math
+import sys
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import typer
+
+from rsoconsole.control import SCHEMA, one_line, printable
+from rsoconsole.sky import format_dec, format_ra
+
+WITH_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "ra": "ra_icrs_deg",
+        "dec": "dec_icrs_deg",
+        "alt": "alt_deg",
+        "az": "az_deg",
+        "mount_ra": "mount_ra_icrs_deg",
+        "mount_dec": "mount_dec_icrs_deg",
+        "dec_min": "dec_min_icrs_deg",
+        "dec_max": "dec_max_icrs_deg",
+        "x": "x_px",
+        "y": "y_px",
+        "x_a": "x_a_px",
+        "y_a": "y_a_px",
+        "x_b": "x_b_px",
+        "y_b": "y_b_px",
+        "box": "box_px",
+        "length": "length_px",
+        "width": "width_px",
+        "height": "height_px",
+        "bytes": "size_bytes",
+    }
+)
+"""A key of the first version -> the one with its unit and frame that stands beside it."""
+
+
+def emit_json(value: Mapping[str, Any]) -> None:
+    """One object, one line; NaN and infinity become null.
+
+    It carries the number of the schema, and the keys with units beside those without.
+    """
+    whole = {"schema": SCHEMA, **_with_units(value)}
+    typer.echo(json.dumps(_finite(whole), allow_nan=False))
+
+
+def say(*lines: str) -> None:
+    """Lines for a person on stdout; a line break inside one of them becomes a space."""
+    for line in lines:
+        typer.echo(one_line(line))
+
+
+def complain(*lines: str) -> None:
+    """Lines for a person on stderr, likewise."""
+    for line in lines:
+        typer.echo(one_line(line), err=True)
+
+
+def hand_over(text: str) -> None:
+    """A document on stdout, to the last character where that is a file or a pipe."""
+    typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
+
+
+def direction_text(ra_deg: float, dec_deg: float) -> str:
+    """Sexagesimal RA and Dec."""
+    return f"{format_ra(ra_deg)} {format_dec(dec_deg)}"
+
+
+def _with_units(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_with_units(item) for item in value]
+    if not isinstance(value, Mapping):
+        return value
+    told: dict[str, Any] = {}
+    for key, item in value.items():
+        told[str(key)] = _with_units(item)
+        if key in WITH_UNITS:
+            told.setdefault(WITH_UNITS[key], told[key])
+    return told
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value

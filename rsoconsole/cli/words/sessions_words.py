@@ -1,0 +1,239 @@
+"""Recorded sessions in words and as JSON: what the verb sessions says."""
+
+import shutil
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.cli.words import output
+from rsoconsole.control import SCHEMA
+
+if TYPE_CHECKING:
+    from rsoconsole.session.files import Finding, Verification
+    from rsoconsole.session.upkeep import Repair, SessionSummary, Step
+
+MOST_ALIKE = 3
+"""Findings of one sort that are told one by one; --json tells all."""
+
+
+def schemas(of_session: Any) -> dict[str, Any]:
+    """The session's schema and that of the JSON: the key ``schema`` has long been the former."""
+    return {"session_schema": of_session, "json_schema": SCHEMA}
+
+
+def summary_json(each: "SessionSummary") -> dict[str, Any]:
+    """A session at a glance, as --json gives it."""
+    return {
+        "session": str(each.folder),
+        "title": each.title,
+        "state": each.state,
+        "t_first_utc": _iso(each.t_first_utc_ns),
+        "t_last_utc": _iso(each.t_last_utc_ns),
+        "duration_s": each.duration_s,
+        "frames": each.frames,
+        "records": each.records,
+        "followed_frames": each.followed_frames,
+        "followed_share": each.followed_share,
+        "size_bytes": each.size_bytes,
+        "schema": each.schema,
+        **schemas(each.schema),
+        "simulated": each.is_simulated,
+        "kept": each.is_kept,
+        "branches": list(each.branches),
+        "fault": each.fault,
+        "rescues": None if each.rescues is None else str(each.rescues),
+    }
+
+
+HEADER = "begin, UTC         length  frames  followed       size  state     session"
+
+
+def summary_words(each: "SessionSummary") -> str:
+    """One line under ``HEADER``; the name comes last, where a narrow terminal may wrap it."""
+    name = each.folder.name
+    if each.fault is not None:
+        size = size_words(each.size_bytes)
+        return f"{'-':16} {'-':>8} {'-':>7} {'-':>9} {size:>10}  {each.state}  {name}: {each.fault}"
+    begin = (_iso(each.t_first_utc_ns) or "-")[:16].replace("T", " ")
+    share = "-" if each.followed_share is None else f"{100 * each.followed_share:.0f} %"
+    rescue = "" if each.rescues is None else f", rescue of {each.rescues}"
+    marks = (
+        rescue
+        + (", KEEP" if each.is_kept else "")
+        + "".join(f", branch {b}" for b in each.branches)
+    )
+    return (
+        f"{begin:16} {_duration_words(each.duration_s):>8} {each.frames:7d} {share:>9} "
+        f"{size_words(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
+    )
+
+
+def verification_json(found: "Verification") -> dict[str, Any]:
+    """What was found in a session, as --json gives it."""
+    return {
+        "session": str(found.session),
+        "ok": found.is_sound,
+        "state": found.state,
+        "schema": found.schema,
+        **schemas(found.schema),
+        "records": found.records,
+        "frames": found.frames,
+        "files": found.files,
+        "bytes": found.bytes,
+        "digest": found.digest,
+        "findings": [
+            {
+                "severity": each.severity,
+                "place": each.place,
+                "what": each.what,
+                "remedy": each.remedy,
+            }
+            for each in found.findings
+        ],
+    }
+
+
+def say_verification(found: "Verification") -> None:
+    """What was found in a session; of many alike only the first are told."""
+    digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
+    verdict = "sound" if found.is_sound else "DAMAGED"
+    output.say(
+        f"{found.session}: {verdict}, {found.state}; {found.records} records, "
+        f"{digest[found.digest]}; {found.files} files, {size_words(found.bytes)} read"
+    )
+    alike: Counter[tuple[str, str]] = Counter()
+    for each in found.findings:
+        sort = (each.severity, each.what)
+        alike[sort] += 1
+        if alike[sort] <= MOST_ALIKE:
+            output.say(_finding_words(each))
+    for (severity, what), number in alike.items():
+        if number > MOST_ALIKE:
+            output.say(f"  {severity:8} and {number - MOST_ALIKE} more: {what}")
+
+
+def _finding_words(each: "Finding") -> str:
+    remedy = "" if each.remedy == "nothing to do" else f": {each.remedy}"
+    return f"  {each.severity:8} {each.place}: {each.what}{remedy}"
+
+
+def repair_json(done: "Repair") -> dict[str, Any]:
+    """What was done to a session, as --json gives it."""
+    saved = done.recovered
+    return {
+        "session": str(done.session),
+        "changed": done.did_anything,
+        "closed": done.closed,
+        "folded": done.folded,
+        "adopted": done.adopted,
+        "removed": done.removed,
+        "left": [{"path": path, "why": why} for path, why in done.left.items()],
+        "merged": [
+            {
+                "rescue": str(each.rescue),
+                "session": str(each.session),
+                "records": each.records,
+                "files": each.files,
+            }
+            for each in done.merged
+        ],
+        "unmerged": [{"rescue": str(path), "why": why} for path, why in done.unmerged.items()],
+        "recovered": None
+        if saved is None
+        else {
+            "session": str(saved.folder),
+            "records": saved.records,
+            "missing": saved.missing,
+            "files": saved.files,
+            "new": saved.is_new,
+        },
+    }
+
+
+def say_repair(done: "Repair") -> None:
+    """What was done to a session."""
+    saved = done.recovered
+    if saved is not None:
+        lost = f", {saved.missing} missing" if saved.missing else ", none missing up to the last"
+        again = "" if saved.is_new else " already"
+        output.say(
+            f"{done.session}: damaged, and left as it is; {saved.records} records{lost} and "
+            f"{saved.files} files are saved{again} in {saved.folder}"
+        )
+        _say_rescues(done)
+        return
+    deeds = [
+        *(["closed, with the digest of its log"] if done.closed else []),
+        *(["write-ahead log folded in"] if done.folded else []),
+        *([f"{len(done.adopted)} files taken in"] if done.adopted else []),
+        *([f"{len(done.removed)} half-written files removed"] if done.removed else []),
+    ]
+    output.say(f"{done.session}: {'; '.join(deeds) or 'nothing to do'}")
+    for path, why in done.left.items():
+        output.say(f"  left     {path}: {why}")
+    _say_rescues(done)
+
+
+def _say_rescues(done: "Repair") -> None:
+    for each in done.merged:
+        output.say(
+            f"  merged   {each.rescue}: {each.records} records and {each.files} rows of files are"
+            f" now in {each.session}, read back; the rescue session is removed"
+        )
+    for path, why in done.unmerged.items():
+        output.say(f"  kept     {path}, a rescue session, is not merged: {why}")
+
+
+def step_json(step: "Step", what: str, is_done: bool) -> dict[str, Any]:
+    """What becomes of a session, as --json gives it."""
+    return {
+        "session": str(step.session),
+        "goes": step.goes,
+        "what": what,
+        "why": step.why,
+        "files": len(step.files),
+        "bytes": step.bytes,
+        "done": is_done and step.goes,
+    }
+
+
+def step_words(step: "Step") -> str:
+    """What becomes of a session."""
+    deed = f"{size_words(step.bytes):>9}" if step.goes else "    stays"
+    return f"{deed}  {step.session.name:36} {step.why}"
+
+
+def say_plan(steps: "tuple[Step, ...]", folder: Path, what: str, is_done: bool) -> None:
+    """What the whole plan comes to."""
+    going = [step for step in steps if step.goes]
+    total = size_words(sum(step.bytes for step in going))
+    number = f"{len(going)} session{'s' if len(going) != 1 else ''}"
+    what_goes = f"{number} whole" if what == "all" else f"the {what} of {number}"
+    free = shutil.disk_usage(folder).free if folder.exists() else 0
+    if is_done:
+        output.say(f"pruned {what_goes}, {total}; {size_words(free)} are free")
+    elif going:
+        output.say(
+            f"{what_goes} would go, {total}; {size_words(free)} are free now: "
+            "nothing is done without --yes"
+        )
+    else:
+        output.say(f"nothing would go; {size_words(free)} are free")
+
+
+def _iso(t_utc_ns: int | None) -> str | None:
+    from rsoconsole.sky import utc_ns_to_iso
+
+    return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns)
+
+
+def _duration_words(duration_s: float | None) -> str:
+    if duration_s is None:
+        return "-"
+    minutes = round(duration_s / 60)
+    return f"{minutes // 60} h {minutes % 60:02d}" if minutes >= 60 else f"{minutes} min"
+
+
+def size_words(size: float) -> str:
+    """Decimal units, as disks are sold."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"

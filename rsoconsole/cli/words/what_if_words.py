@@ -1,0 +1,150 @@
+"""A what-if in words and as JSON: the figures as recorded beside those that would have been."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.batch import Answer
+    from rsoconsole.pipeline.replay import TrackFigures
+
+LABEL, COLUMN = 22, 20
+
+
+def figures_report(figures: "TrackFigures") -> dict[str, Any]:
+    """The object of one set of figures."""
+    report = {**asdict(figures), "is_nis_sound": figures.is_nis_sound}
+    del report["nis_curve"]  # of the session's own log, frame by frame
+    return report
+
+
+def answer_report(answer: "Answer") -> dict[str, Any]:
+    """The object of ``rsoconsole what-if``, without the session's name."""
+    assert answer.recorded is not None
+    assert answer.what_if is not None
+    return {
+        "tried": dict(answer.tried),
+        "recorded_settings": dict(answer.before),
+        "recorded": figures_report(answer.recorded),
+        "what_if": figures_report(answer.what_if),
+        "reproduced": answer.is_reproduced,
+        "rerun": None if answer.rerun is None else asdict(answer.rerun),
+        "branch": None if answer.branch is None else str(answer.branch),
+    }
+
+
+def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
+    """Lines of at most 80 columns, but for long names."""
+    assert answer.recorded is not None
+    assert answer.what_if is not None
+    yield session
+    for name, value in answer.tried.items():
+        yield f"  tried  {name}: {_plain(answer.before.get(name))} → {_plain(value)}"
+    if not answer.tried:
+        yield "  nothing tried: the recorded settings"
+    if answer.rerun is not None:
+        kept, gone = answer.rerun.rerun, answer.rerun.not_kept + answer.rerun.unreadable
+        rest = f"; {gone} without their pixels stay as recorded" if gone else ""
+        yield f"  {kept} frame{'' if kept == 1 else 's'} reduced anew{rest}"
+    if not answer.is_reproduced:
+        yield (
+            "  the recorded settings do not give the recorded track: another version"
+            " recorded it, or the session was cut off"
+        )
+    yield from figures_lines(answer.recorded, answer.what_if)
+    carried = answer.recorded.carried_by_orbit
+    if carried and answer.tried:
+        yield (
+            f"  that night the orbit carried the track on {carried} times where the filter failed;"
+            " from the first other frame on the filter stands alone here"
+        )
+    if answer.branch is not None:
+        yield f"  kept as {answer.branch}"
+
+
+def figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
+    """Both side by side, with a word where one is better."""
+    yield f"  {'':{LABEL}}{'recorded':>{COLUMN}}{'what if':>{COLUMN}}"
+    for label, words, worth in _ROWS:
+        mark = _mark(None if worth is None else (worth(then), worth(now)))
+        yield f"  {label:{LABEL}}{words(then):>{COLUMN}} {words(now):>{COLUMN - 1}}{mark}".rstrip()
+    for state in sorted({*then.states, *now.states}):
+        counts = then.states.get(state, 0), now.states.get(state, 0)
+        yield f"  {'frames in ' + state:{LABEL}}{counts[0]:>{COLUMN}}{counts[1]:>{COLUMN}}"
+
+
+def _mark(worth: tuple[float | None, float | None] | None) -> str:
+    then, now = worth or (None, None)
+    if then is None or now is None:
+        return ""
+    if math.isclose(then, now, rel_tol=1e-3, abs_tol=1e-9):
+        return ""
+    return "  + better" if now > then else "  - worse"
+
+
+def _number(value: float | None, form: str, unit: str = "") -> str:
+    return "-" if value is None else f"{value:{form}}{unit}"
+
+
+def _locked(figures: "TrackFigures") -> str:
+    if figures.locked_after_frames is None:
+        return "never"
+    return f"frame {figures.locked_after_frames}, {_number(figures.locked_after_s, '.0f', ' s')}"
+
+
+def _nis(figures: "TrackFigures") -> str:
+    if figures.nis_band is None:
+        return "-"
+    low, high = figures.nis_band
+    sign = "" if figures.is_nis_sound else " !"
+    return f"{_number(figures.nis_mean, '.3g')} in {low:.2f}..{high:.2f}{sign}"
+
+
+def _nis_worth(figures: "TrackFigures") -> float | None:
+    """0 in the band; outside, the further the worse."""
+    if figures.nis_mean is None or figures.nis_band is None:
+        return None
+    low, high = figures.nis_band
+    nis = max(figures.nis_mean, 1e-12)
+    return -max(math.log(low / nis), math.log(nis / high), 0.0)
+
+
+def _inside_worth(figures: "TrackFigures") -> float | None:
+    """A sound filter's is 0.995; more is no gain."""
+    return None if figures.inside_3sigma is None else min(figures.inside_3sigma, 0.995)
+
+
+def _minus(value: float | None) -> float | None:
+    return None if value is None else -value
+
+
+_Words = Callable[["TrackFigures"], str]
+_Worth = Callable[["TrackFigures"], float | None]
+_ROWS: tuple[tuple[str, _Words, _Worth | None], ...] = (
+    ("frames", lambda f: str(f.frames), None),
+    ("locked after", _locked, lambda f: _minus(f.locked_after_s)),
+    (
+        "lock held",
+        lambda f: _number(f.lock_held, ".1%"),
+        lambda f: f.lock_held,
+    ),
+    ("updates", lambda f: str(f.updates), lambda f: float(f.updates)),
+    ("misses", lambda f: str(f.misses), lambda f: -float(f.misses)),
+    ("lost", lambda f: str(f.losses), lambda f: -float(f.losses)),
+    (
+        "residual rms",
+        lambda f: _number(f.residual_rms_arcsec, ".2f", '"'),
+        lambda f: _minus(f.residual_rms_arcsec),
+    ),
+    ("  east", lambda f: _number(f.residual_east_rms_arcsec, ".2f", '"'), None),
+    ("  north", lambda f: _number(f.residual_north_rms_arcsec, ".2f", '"'), None),
+    ("NIS mean of 2, band", _nis, _nis_worth),
+    ("inside 3 sigma", lambda f: _number(f.inside_3sigma, ".1%"), _inside_worth),
+    ("widest 3 sigma", lambda f: _number(f.max_3sigma_arcmin, ".3g", "'"), None),
+    ("state in the end", lambda f: f.state or "-", None),
+)
+
+
+def _plain(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

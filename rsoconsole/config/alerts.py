@@ -1,0 +1,94 @@
+"""What the operator wants to be told of, and by which services; addresses are secrets."""
+
+import re
+from pathlib import Path
+from typing import Literal, TypeAlias, get_args
+from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator
+
+from rsoconsole.config.source_names import expect_url
+
+AlertKind: TypeAlias = Literal[
+    "lock", "identification", "loss", "clouds", "limit", "fault", "dawn", "done"
+]
+ALERT_KINDS: tuple[AlertKind, ...] = get_args(AlertKind)
+_SERVICE = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://\S+")
+
+
+class AlertsConfig(BaseModel):
+    """Messages to the operator's telephone; a process of their own sends them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    services: tuple[str, ...] = Field(
+        (),
+        repr=False,
+        description="addresses as apprise writes them, such as ntfy://TOPIC or tgram://TOKEN/CHAT;"
+        " secret: never shown",
+    )
+    services_file: Path | None = Field(
+        None, description="file with one such address a line, which only you can read"
+    )
+    events: tuple[AlertKind, ...] = Field(ALERT_KINDS, description="what is told")
+    quiet_min: float = Field(
+        10.0, ge=0, le=1440, description="two of a kind are at least so far apart; faults: the same"
+    )
+    most_per_hour: int = Field(20, ge=1, le=1000, description="of faults and limits as many beside")
+    heartbeat_url: str = Field(
+        "",
+        repr=False,
+        description="address that is called as long as the engine lives: who misses the calls"
+        " (healthchecks.io and the like) raises the alarm; secret",
+    )
+    heartbeat_s: float = Field(300.0, ge=1, le=86400, description="from call to call")
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether anything is to be sent or called."""
+        return bool(self.services or self.services_file or self.heartbeat_url)
+
+    @field_validator("services_file")
+    @classmethod
+    def _home_is_where_the_tilde_says(cls, path: Path | None) -> Path | None:
+        return None if path is None else path.expanduser()
+
+    @field_validator("services")
+    @classmethod
+    def _services_are_addresses(cls, urls: tuple[str, ...]) -> tuple[str, ...]:
+        for url in urls:
+            expect_service(url)
+        return urls
+
+    @field_validator("heartbeat_url")
+    @classmethod
+    def _heartbeat_is_an_address(cls, url: str) -> str:
+        if url:
+            try:
+                expect_url(url)
+            except ValueError:
+                raise ValueError("heartbeat_url is no address: write https://...") from None
+        return url
+
+    @field_serializer("services", when_used="json")
+    def _services_without_secrets(self, urls: tuple[str, ...]) -> list[str]:
+        """As sessions, logs and 'config show' carry them."""
+        return [f"{scheme_of(url)}://..." for url in urls]
+
+    @field_serializer("heartbeat_url", when_used="json")
+    def _heartbeat_without_secrets(self, url: str) -> str:
+        if not url:
+            return ""
+        parts = urlsplit(url)
+        return f"{parts.scheme}://{parts.hostname}/..."
+
+
+def expect_service(url: str) -> None:
+    """Raises ValueError where that is no service's address; what it says holds nothing of it."""
+    if not _SERVICE.fullmatch(url):
+        raise ValueError("a service is an address of apprise, such as ntfy://TOPIC")
+
+
+def scheme_of(url: str) -> str:
+    """Which service it is: all of an address that is no secret."""
+    return url.partition(":")[0].lower()

@@ -1,0 +1,268 @@
+"""The configuration as a file: written, shown with where each value came from, checked."""
+
+import difflib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from rsoconsole.config.observatory import CalibrationConfig
+from rsoconsole.config.settings import Config, default_config_path, load_config, walk
+from rsoconsole.errors import ConfigError
+from rsoconsole.fault_text import plain_fault
+from rsoconsole.foreign_text import read_foreign, toml_of
+
+Origin = Literal["default", "file", "command line"]
+_MAY_BE_SECRET = ("alerts.", "catalogue.sources", "catalogue.celestrak_url")
+"""Settings whose values are never shown."""
+_SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """One value in force, and where it came from."""
+
+    name: str
+    """Dotted, e.g. ``detector.tau``."""
+    value: Any
+    """As JSON carries it."""
+    origin: Origin
+    description: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConfigFault:
+    """One thing that is wrong with a configuration."""
+
+    name: str
+    """Dotted name of the setting; empty when the file as a whole is meant."""
+    problem: str
+    remedy: str
+
+
+def config_to_toml(config: Config) -> str:
+    """Every setting as TOML that ``load_config`` reads back to an equal configuration.
+
+    A setting that is None is left out: TOML has no null.
+    """
+    lines: list[str] = []
+    for section_name, section in config.model_dump(mode="json").items():
+        lines.append(f"[{section_name}]")
+        lines += [
+            f"{key} = {toml_value(value)}" for key, value in section.items() if value is not None
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def initial_config_text() -> str:
+    """A configuration file with every setting, its default, its limits and its meaning."""
+    lines = [
+        "# Configuration of rsoconsole. Every line shows a default: take away the '#' before a",
+        "# setting to change it. 'rsoconsole config check' tells whether the file is sound.",
+    ]
+    for section_name, section_field in Config.model_fields.items():
+        section = section_field.annotation
+        assert isinstance(section, type)
+        assert issubclass(section, BaseModel)
+        lines += ["", f"# {(section.__doc__ or '').strip()}", f"[{section_name}]"]
+        defaults = section().model_dump(mode="json")
+        for key, info in section.model_fields.items():
+            explanation = "; ".join(part for part in (info.description, _limits(info)) if part)
+            if explanation:
+                lines.append(f"# {explanation}")
+            default = defaults[key]
+            lines.append(
+                f"# {key} is not set" if default is None else f"# {key} = {toml_value(default)}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def write_initial_config(path: Path | None = None, *, force: bool = False) -> Path:
+    """Write ``initial_config_text`` to its place and return that.
+
+    Raises ConfigError when there is a file already and ``force`` is not given, or when the place
+    cannot be written.
+    """
+    target = path or default_config_path()
+    if target.exists() and not force:
+        raise ConfigError(f"{target} exists already: --force writes over it")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside = target.with_name(target.name + ".part")
+        beside.write_text(initial_config_text(), encoding="utf-8")
+        beside.replace(target)
+    except OSError as error:
+        raise ConfigError(f"{target} cannot be written: {error}") from error
+    return target
+
+
+def effective_settings(
+    path: Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> tuple[Setting, ...]:
+    """Every setting in force, in order, with its origin. Raises ConfigError as load_config does."""
+    config = load_config(path, overrides)
+    in_file = _table(path or default_config_path(), must_exist=path is not None)
+    values = config.model_dump(mode="json")
+
+    def origin(name: str) -> Origin:
+        section, _, key = name.partition(".")
+        if name in (overrides or {}):
+            return "command line"
+        return "file" if key in in_file.get(section, {}) else "default"
+
+    return tuple(
+        Setting(
+            name=name,
+            value=values[name.partition(".")[0]][name.partition(".")[2]],
+            origin=origin(name),
+            description=description,
+        )
+        for name, _, description in walk(config)
+    )
+
+
+def config_faults(
+    path: Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> tuple[ConfigFault, ...]:
+    """Everything that is wrong with a configuration, each with its remedy; empty when sound."""
+    source = path or default_config_path()
+    try:
+        table = _table(source, must_exist=path is not None)
+    except ConfigError as error:
+        return (
+            ConfigFault(
+                name="",
+                problem=str(error),
+                remedy="correct the file, or move it away and begin anew",
+            ),
+        )
+    for dotted, value in (overrides or {}).items():
+        section, _, key = dotted.partition(".")
+        if isinstance(table.setdefault(section, {}), dict):
+            table[section][key] = value
+    try:
+        config = Config.model_validate(table)
+    except ValidationError as error:
+        return tuple(_fault(dict(fault)) for fault in error.errors())
+    return _contradictions(config)
+
+
+def _contradictions(config: Config) -> tuple[ConfigFault, ...]:
+    """Values that are each allowed but do not go together."""
+    faults = []
+    if config.exposure.cadence_s < config.exposure.exposure_s:
+        faults.append(
+            ConfigFault(
+                name="exposure.cadence_s",
+                problem=f"{config.exposure.cadence_s:g} s is shorter than one exposure",
+                remedy=f"make it at least {config.exposure.exposure_s:g}",
+            )
+        )
+    if config.detector.model is not None and not config.detector.model.exists():
+        faults.append(
+            ConfigFault(
+                name="detector.model",
+                problem=f"{config.detector.model} does not exist",
+                remedy="name a .tflite file, or leave the setting out for the shipped network",
+            )
+        )
+    return (*faults, *_calibration_faults(config.calibration))
+
+
+def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]:
+    for name, path in calibration.files:
+        if not path.is_file():
+            problem = "is no file" if path.exists() else "does not exist"
+            yield ConfigFault(
+                name=f"calibration.{name}",
+                problem=f"{path} {problem}",
+                remedy="name a FITS file, or leave the setting out",
+            )
+    if calibration.flat is not None and not calibration.darks and calibration.bias is None:
+        yield ConfigFault(
+            name="calibration.flat",
+            problem="a flat alone would divide the camera's offset too, and is not used",
+            remedy="name a dark in calibration.darks, or calibration.bias",
+        )
+
+
+def _fault(found: Mapping[str, Any]) -> ConfigFault:
+    place = [str(part) for part in found["loc"]]
+    name = ".".join(place)
+    known = [setting for setting, _, _ in walk(Config())]
+    if found["type"] == "extra_forbidden":
+        names = known if len(place) > 1 else list(Config.model_fields)
+        near = difflib.get_close_matches(name, names, n=1)
+        remedy = (
+            f"did you mean {near[0]}?" if near else "'rsoconsole config show' lists the settings"
+        )
+        return ConfigFault(name=name, problem="there is no such setting", remedy=remedy)
+    given = found.get("input")
+    info = _field(place)
+    remedy = f"allowed: {_limits(info)}" if info is not None and _limits(info) else ""
+    if info is not None:
+        default = info.get_default(call_default_factory=True)
+        remedy += ("; " if remedy else "") + f"the default is {default}"
+    words = plain_fault(found["msg"])
+    return ConfigFault(
+        name=name,
+        problem=words if name.startswith(_MAY_BE_SECRET) else f"{given!r}: {words}",
+        remedy=remedy or "see 'rsoconsole config init' for the form of the file",
+    )
+
+
+def _field(place: list[str]) -> FieldInfo | None:
+    section_field = Config.model_fields.get(place[0]) if len(place) > 1 else None
+    section = section_field.annotation if section_field is not None else None
+    if isinstance(section, type) and issubclass(section, BaseModel):
+        return section.model_fields.get(place[1])
+    return None
+
+
+def _limits(info: FieldInfo) -> str:
+    """The allowed values in words, e.g. ``> 0, < 1`` or ``one of "fast", "paper"``."""
+    if get_origin(info.annotation) is Literal:
+        return "one of " + ", ".join(json.dumps(choice) for choice in get_args(info.annotation))
+    return ", ".join(
+        f"{sign} {getattr(limit, name):g}"
+        for limit in info.metadata
+        for name, sign in _SIGNS.items()
+        if hasattr(limit, name)
+    )
+
+
+def _table(path: Path, *, must_exist: bool) -> dict[str, Any]:
+    if not must_exist and not path.exists():
+        return {}
+    try:
+        return toml_of(read_foreign(path))
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
+
+
+def toml_value(value: Any) -> str:
+    """One value as TOML, a day included. JSON's forms are TOML's, but for the character DEL.
+
+    Raises TypeError for what TOML cannot carry.
+    """
+    if isinstance(value, date):
+        return value.isoformat()
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+    if isinstance(value, dict):
+        # An inline table; TOML has no word for what is not there.
+        pairs = (f"{key} = {toml_value(item)}" for key, item in value.items() if item is not None)
+        return "{" + ", ".join(pairs) + "}"
+    if isinstance(value, bool | int | str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, float):
+        return repr(value)
+    raise TypeError(f"TOML cannot carry a {type(value).__name__}")

@@ -1,0 +1,240 @@
+"""The configuration: what an operator may set, validated, with where each value came from.
+
+Defaults describe the paper's telescope. Values come from, weakest first: the defaults, the TOML
+file, the command line. Units are in the names.
+"""
+
+import os
+import stat
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import platformdirs
+from pydantic import (
+    Field,
+    ValidationError,
+)
+
+from rsoconsole.config.alerts import AlertsConfig
+from rsoconsole.config.night import (
+    AimConfig,
+    CatalogueConfig,
+    DetectorConfig,
+    FilterConfig,
+    LeapConfig,
+    OrbitConfig,
+    SearchConfig,
+    SolverConfig,
+)
+from rsoconsole.config.observatory import (
+    CalibrationConfig,
+    ExposureConfig,
+    IndiConfig,
+    InstrumentsConfig,
+    LimitsConfig,
+    MountConfig,
+    OpticsConfig,
+    Section,
+    SiteConfig,
+    WaitsConfig,
+)
+from rsoconsole.errors import ConfigError
+from rsoconsole.fault_text import nearest, plain_fault
+from rsoconsole.foreign_text import read_foreign, toml_of
+
+APP = "rsoconsole"
+
+
+class AlertConfig(Section):
+    """What the operator is warned of beside faults."""
+
+    separation_arcsec: float = Field(
+        30.0,
+        ge=0,
+        le=3600,
+        description="two satellites of the field that are, or are more likely than not to come,"
+        " nearer to each other on the sky; 0: no warning",
+    )
+    ahead_min: float = Field(
+        120.0, ge=0, le=360, description="how long before its closest approach a pair is warned of"
+    )
+
+
+Graphics = Literal[
+    "auto", "kitty", "sixel", "blocks", "octants", "sextants", "quadrants", "half-blocks"
+]
+Alert = Literal["acquisition", "loss", "limit", "fault", "approach"]
+
+
+class ConsoleConfig(Section):
+    """How the console looks, and what it does to be noticed."""
+
+    ascii: bool | None = Field(
+        None, description="letters only; null: where the terminal's encoding is not UTF-8"
+    )
+    graphics: Graphics = Field(
+        "auto",
+        description="how pictures are drawn; auto: by the terminal's own graphics, if any; blocks:"
+        " by the finest of its characters",
+    )
+    bell: tuple[Alert, ...] = Field(
+        ("loss", "limit", "fault", "approach"), description="what the terminal's bell is rung for"
+    )
+    notify: tuple[Alert, ...] = Field(
+        (), description="what the terminal is asked to show a notification for (OSC 9)"
+    )
+
+
+class SessionConfig(Section):
+    """Where sessions are kept and what of the frames."""
+
+    root: Path = Path(platformdirs.user_data_path(APP)) / "sessions"
+    keep_frames: Literal["all", "detected", "last", "none"] = Field(
+        "all", description="whose pixels are kept; last: of the last 12 frames alone"
+    )
+
+
+class Config(Section):
+    """Everything an operator may set."""
+
+    site: SiteConfig = SiteConfig()
+    optics: OpticsConfig = OpticsConfig()
+    indi: IndiConfig = IndiConfig()
+    instruments: InstrumentsConfig = InstrumentsConfig()
+    waits: WaitsConfig = WaitsConfig()
+    exposure: ExposureConfig = ExposureConfig()
+    mount: MountConfig = MountConfig()
+    limits: LimitsConfig = LimitsConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
+    detector: DetectorConfig = DetectorConfig()
+    solver: SolverConfig = SolverConfig()
+    filter: FilterConfig = FilterConfig()
+    search: SearchConfig = SearchConfig()
+    aim: AimConfig = AimConfig()
+    orbit: OrbitConfig = OrbitConfig()
+    leap: LeapConfig = LeapConfig()
+    catalogue: CatalogueConfig = CatalogueConfig()
+    alert: AlertConfig = AlertConfig()
+    alerts: AlertsConfig = AlertsConfig()
+    session: SessionConfig = SessionConfig()
+    console: ConsoleConfig = ConsoleConfig()
+
+
+def default_config_path() -> Path:
+    """``$RSOCONSOLE_CONFIG``, else ``config.toml`` in the user's configuration folder."""
+    named = os.environ.get("RSOCONSOLE_CONFIG")
+    return Path(named) if named else platformdirs.user_config_path(APP) / "config.toml"
+
+
+def data_dir() -> Path:
+    """The user's data folder: sessions, index files."""
+    return platformdirs.user_data_path(APP)
+
+
+def state_dir() -> Path:
+    """The user's state folder, which outlives logins: who drives which mount."""
+    return platformdirs.user_state_path(APP)
+
+
+def runtime_dir() -> Path:
+    """A folder that only its owner can enter, made if need be: the control socket lies there.
+
+    In ``$XDG_RUNTIME_DIR`` where the system gives one, else in the user's cache: a shared
+    temporary folder is nobody's. Raises ConfigError where neither can be written, and for a folder
+    of another user, for root as well.
+    """
+    given = os.environ.get("XDG_RUNTIME_DIR")
+    cache = Path(platformdirs.user_cache_path(APP)) / "run"
+    path = Path(given) / APP if given else cache
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        path = cache
+        try:
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"no folder for the engine's socket can be made ({path}: {error.strerror}): make "
+                "~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
+            ) from error
+    _expect_own(path)
+    path.chmod(0o700)
+    return path
+
+
+def _expect_own(path: Path) -> None:
+    """Raises ConfigError where another user than root or this one could put something else."""
+    for each, owners in ((path, {os.geteuid()}), (path.parent, {os.geteuid(), 0})):
+        found = each.lstat() if each is path else each.stat()
+        if found.st_uid not in owners or not stat.S_ISDIR(found.st_mode):
+            raise ConfigError(
+                f"{each} belongs to another user (uid {found.st_uid}): run this as that user, or"
+                " set XDG_RUNTIME_DIR to a folder of your own"
+                if stat.S_ISDIR(found.st_mode)
+                else f"{each} is no folder: remove it, or set XDG_RUNTIME_DIR to one of your own"
+            )
+
+
+def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Config:
+    """Read and validate a configuration.
+
+    ``path`` None means the default place, where a missing file is fine. ``overrides`` maps
+    dotted names to values, e.g. ``{"detector.tau": 0.2}``. Raises ConfigError with every fault.
+    """
+    source = path or default_config_path()
+    table: dict[str, Any] = {}
+    if path is not None or source.exists():
+        table = _read_toml(source)
+    for dotted, value in (overrides or {}).items():
+        section, _, key = dotted.partition(".")
+        if isinstance(table.setdefault(section, {}), dict):
+            table[section][key] = value
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        faults = "; ".join(
+            f"{'.'.join(str(part) for part in fault['loc'])}: {plain_fault(fault['msg'])}"
+            for fault in error.errors()
+        )
+        raise ConfigError(f"{source}: {faults}") from error
+
+
+def with_setting(config: Config, name: str, value: Any) -> Config:
+    """The configuration with one setting, by its dotted name, at another value.
+
+    Raises ConfigError where there is no such setting, and where it cannot have that value.
+    """
+    table = config.model_dump()
+    section, _, key = name.partition(".")
+    if key not in table.get(section, {}):
+        raise ConfigError(unknown_setting(name, (each for each, _, _ in walk(config))))
+    table[section][key] = value
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(f"{name} = {value}: {plain_fault(error.errors()[0]['msg'])}") from error
+
+
+def unknown_setting(name: str, known: Iterable[str]) -> str:
+    """That there is none of this name, with the one that was probably meant."""
+    near = nearest(name, known)
+    remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
+    return f"there is no setting {name!r}: {remedy}"
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return toml_of(read_foreign(path))
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
+
+
+def walk(config: Config) -> Iterator[tuple[str, Any, str]]:
+    """Every setting as (dotted name, value, description), in order."""
+    for section_name in type(config).model_fields:
+        section = getattr(config, section_name)
+        for key, info in type(section).model_fields.items():
+            yield f"{section_name}.{key}", getattr(section, key), info.description or ""

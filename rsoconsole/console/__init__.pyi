@@ -1,0 +1,2 @@
+from .run import run_console as run_console
+from .run import run_review as run_review

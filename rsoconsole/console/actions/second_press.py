@@ -1,0 +1,119 @@
+"""What ends a running track asks for the same key once more: STOP alone never does."""
+
+from collections.abc import Callable
+from typing import Literal
+
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.commands import first_key
+from rsoconsole.console.night import EngineView
+from rsoconsole.console.words import NS_PER_S, present_utc_ns
+
+WITHIN_S = 2.0
+REPEAT_S = 0.08
+"""Presses closer than that are a key held down, which repeats by itself."""
+SETTLES_S = 0.2
+"""A second press counts when no third one follows within that time."""
+RELEASED_S = 0.7
+"""A key that was held down has been let go after so long without a press."""
+Heard = Literal["asked", "acts", "held"]
+TRACKED = frozenset(("TRACK", "COAST"))
+
+
+def has_track(engine: EngineView) -> bool:
+    """Whether there is a track that a stray key could end."""
+    return engine.is_attached and engine.state in TRACKED
+
+
+class SecondPress:
+    """Tells a deliberate second press from a first one, from another key and from a held one."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._asked_s = 0.0
+        self._last_s = 0.0
+        self._acted_s = 0.0
+        self._is_held = False
+        self.number = 0
+        """Of the press heard last: what it led to is off when another one has come."""
+
+    def hear(self, name: str, now_s: float) -> Heard:
+        """One press of the command's key."""
+        self.number += 1
+        since_s, self._last_s = now_s - self._last_s, now_s
+        if name == self._name:
+            is_third = now_s - self._acted_s < SETTLES_S
+            shortest_s = RELEASED_S if self._is_held else REPEAT_S
+            if is_third or since_s < shortest_s:
+                self._is_held, self._asked_s = True, 0.0
+                return "held"
+            if now_s - self._asked_s <= WITHIN_S:
+                self._asked_s, self._acted_s = 0.0, now_s
+                return "acts"
+        self._name, self._asked_s, self._is_held = name, now_s, False
+        return "asked"
+
+    def forget(self) -> None:
+        """Another key came between: nothing is asked any more, and what waits to be done is off."""
+        self.number += 1
+        self._name, self._is_held = "", False
+
+
+class CarefulSeat(Seat):
+    """A seat whose keys end no track by one press."""
+
+    _second: SecondPress | None = None
+
+    @property
+    def second_press(self) -> SecondPress:
+        """What has been asked last."""
+        if self._second is None:
+            self._second = SecondPress()
+        return self._second
+
+    def stop(self) -> None:
+        """STOP; a second press that has not been acted on yet is never carried out after it."""
+        self.second_press.forget()
+        super().stop()
+
+    def twice(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
+        """Say what a second press would do; do it when that comes. A click counts as no press.
+
+        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
+        command of its own.
+        """
+        if self.is_click:
+            self.name_key(name, what)
+            return
+        pressed = self.second_press
+        heard = pressed.hear(name, self.now_s())
+        key = key or first_key(name, self.keymap)
+        if heard == "asked":
+            self.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
+        elif heard == "held":
+            self.say(f"{key} is held down: nothing is done", "warn")
+        else:
+            number = pressed.number
+
+            def unless_held() -> None:
+                if pressed.number == number:
+                    act()
+
+            self.set_timer(SETTLES_S, unless_held)
+
+    def name_key(self, name: str, what: str) -> None:
+        """A click asked for what two presses of a key do: say which key."""
+        self.second_press.forget()
+        key = first_key(name, self.keymap)
+        self.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
+
+    def track_words(self) -> str:
+        """The track that is at stake: INTELSAT 14 (31 min)."""
+        name = self.target_name() or "an unidentified object"
+        since, now = self.night.track_since_utc_ns, present_utc_ns(self.night, self.engine)
+        if since is None or now is None:
+            return name
+        return f"{name} ({max(now - since, 0) / NS_PER_S / 60:.0f} min)"
+
+    def target_name(self) -> str:
+        """What is followed, as the first line calls it; empty: not known."""
+        return self.engine.target or ""

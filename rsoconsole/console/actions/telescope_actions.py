@@ -1,0 +1,420 @@
+"""What the operator does with the telescope itself: each key is one command, or one question."""
+
+import math
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
+from rsoconsole.console.commands import first_key
+from rsoconsole.console.dialogs import (
+    AimDialog,
+    ConfirmDialog,
+    ExposureDialog,
+    GotoDialog,
+    MoveDialog,
+    SettingsDialog,
+    UpListDialog,
+)
+from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.watches import OutcomeCame
+from rsoconsole.control import (
+    Arm,
+    Disarm,
+    Goto,
+    Hold,
+    Nudge,
+    Park,
+    Resume,
+    Seek,
+    Set,
+    Track,
+    Unpark,
+)
+from rsoconsole.records import Solution
+from rsoconsole.sky import pixel_to_sky
+
+STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
+FIRST_STEP = 3
+AGAIN_S = 60.0
+"""The engine takes up what it has accepted between two exposures: not later than that."""
+
+
+def step_words(arcsec: float) -> str:
+    """30′ or 20″."""
+    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
+
+
+class TelescopeActions(CarefulSeat):
+    """Arm, hold, park, go to, nudge, expose."""
+
+    step = FIRST_STEP
+    _is_nudging = False
+    _no_arming_before_s = 0.0
+    """Until then a press may still be meant for the disarming that was asked for or done."""
+    _is_arming = False
+    """What is kept is on its way to be followed again: a key held down asks no second time."""
+    _at_rest_since_s = -WITHIN_S
+    """When autonomy was last seen to lose the mount, or STOP was given here."""
+    _asked_again_s = -math.inf
+    """When what is kept was asked for; the engine has not refused it."""
+
+    def on_outcome_came(self, message: OutcomeCame) -> None:
+        """The next nudge may go."""
+        if isinstance(message.command, Nudge):
+            self._is_nudging = False
+        elif isinstance(message.command, Arm):
+            self._is_arming = False
+        if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
+            self._asked_again_s = -math.inf
+
+    @property
+    def is_following_again(self) -> bool:
+        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        return self.engine.kept is not None and self.now_s() < self._asked_again_s + AGAIN_S
+
+    def see_refusals(self, before: NightView) -> None:
+        """What was accepted and refused later is not on its way any more."""
+        super().see_refusals(before)
+        refused = {
+            self._refused_here(line).partition(" ")[0] for line in self._lines_after(before.seq)
+        }
+        if refused & {Arm.verb, Resume.verb}:
+            self._asked_again_s = -math.inf
+
+    def stop(self) -> None:
+        """STOP; no key that was on its way takes up again what it has ended."""
+        self._at_rest_since_s = self.now_s()
+        self._asked_again_s = -math.inf
+        super().stop()
+
+    def see_mount_change_hands(self, before: EngineView) -> None:
+        """What the engine said before is ``before``."""
+        is_lost = before.holder == "autonomy" != self.engine.holder
+        if is_lost:
+            self._at_rest_since_s = self.now_s()
+        if is_lost or self.engine.kept is None:
+            self._asked_again_s = -math.inf
+
+    def action_arm_or_disarm(self) -> None:
+        """Who has the mount gives it up; a running track is not ended by one press."""
+        if not self.may_act():
+            return
+        is_armed = self.engine.holder == "autonomy"
+        if self.is_click and not has_track(self.engine):
+            key = first_key("arm_or_disarm", self.keymap)
+            does = "takes it from the engine" if is_armed else "hands the mount to the engine"
+            self.say(f"{key} {does}: by the key alone, not by the mouse")
+        elif not is_armed:
+            self._arm()
+        elif has_track(self.engine):
+            self._arm_not_within(WITHIN_S)
+            what = f"ends the track of {self.track_words()}"
+            self.twice("arm_or_disarm", what, self._disarm)
+        else:
+            self._disarm()
+
+    def _arm(self) -> None:
+        if self.now_s() >= self._no_arming_before_s:
+            self.send(Arm())
+            return
+        # A key that is held down goes on repeating.
+        self._arm_not_within(RELEASED_S)
+        key = first_key("arm_or_disarm", self.keymap)
+        self.say(f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it")
+
+    def _disarm(self) -> None:
+        self._arm_not_within(RELEASED_S)
+        self.send(Disarm())
+
+    def _arm_not_within(self, seconds: float) -> None:
+        self._no_arming_before_s = max(self._no_arming_before_s, self.now_s() + seconds)
+
+    def action_hold_or_resume(self) -> None:
+        """No slews for now; or give the mount back to autonomy."""
+        if not self.may_act():
+            return
+        is_at_rest = self.engine.holder != "autonomy"
+        if self.engine.kept is not None and is_at_rest:
+            self._follow_again(is_certain=False)
+        elif self.engine.wants_resuming:
+            self.send(Resume())
+        elif self.engine.holder == "autonomy":
+            self.send(Hold())
+        else:
+            self.say("nothing to hold: the engine is not armed", "warn")
+
+    def action_wait_for_sky(self) -> None:
+        """No slews until the stars are back."""
+        if not self.may_act():
+            return
+        if self.engine.holder == "autonomy":
+            self.send(Hold(until="clear"))
+        else:
+            self.say("nothing to hold: the engine is not armed", "warn")
+
+    def action_park(self) -> None:
+        """Ask, then disarm and park."""
+        if not self.may_act():
+            return
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send(Park())
+
+        text = "The engine disarms and sends the mount to its park position."
+        if has_track(self.engine):
+            text += f" This ends the track of {self.track_words()}."
+        dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
+        self.app.push_screen(dialog, decided)
+
+    def action_undo(self) -> None:
+        """Follow again what was ended; on a parked mount, release it."""
+        if not self.may_act():
+            return
+        if self.is_stopping:
+            self._follow_again(is_certain=True)  # what the engine said last is from before it
+        elif self.engine.is_parked:
+            self.send(Unpark())
+        elif self.take_back_drop():
+            pass
+        elif self.engine.kept is not None:
+            self._follow_again(is_certain=True)
+        elif has_track(self.engine):
+            self.say(f"already being followed: {self.track_words()}")
+        else:
+            arm = first_key("arm_or_disarm", self.keymap)
+            is_at_rest = self.engine.holder != "autonomy"
+            then = f": {arm} arms, and it searches" if is_at_rest else ""
+            self.say(f"nothing is kept that could be followed again{then}", "warn")
+
+    def _follow_again(self, *, is_certain: bool) -> None:
+        """The kept track; after a STOP or a fault the checklist comes first, as with arming.
+
+        ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
+        """
+        left_s = self._at_rest_since_s + WITHIN_S - self.now_s()
+        has_hold = self.engine.is_resumable or self.engine.holder == "autonomy"
+        if self.is_following_again:
+            self.say(f"already being followed again: {self.engine.kept}")
+        elif has_hold and not self.is_stopping:
+            self._asked_again_s = self.now_s()
+            self.send(Resume())
+        elif left_s > 0.0 and is_certain and self._is_stop_confirmed:
+            self._follow_in(left_s)
+        elif left_s > 0.0 or self.is_stopping:
+            # It may have been pressed before the mount was taken from autonomy.
+            undo = first_key("undo", self.keymap)
+            wait = f"wait {WITHIN_S:.0f} s, then press {undo}"
+            self.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
+        elif not self._is_arming:
+            self._is_arming, self._asked_again_s = True, self.now_s()
+            self.send(Arm(), then=Resume())
+
+    @property
+    def _is_stop_confirmed(self) -> bool:
+        """Whether STOP was given here and its banner says that motion has ended."""
+        return self.stop_news is not None and self.stop_news.phase == "stopped"
+
+    def _follow_in(self, left_s: float) -> None:
+        """When a stray key right after STOP can be told from a wish: no other key comes behind."""
+        undo, stop = (first_key(name, self.keymap) for name in ("undo", "stop_by_letter"))
+        wait = f"in {math.ceil(left_s)} s; {stop} or any other key: not"
+        self.say(f"{undo}: follows it again {wait}", "warn", left_s)
+        stops, number = self._stops, self.second_press.number
+
+        def when_due() -> None:
+            if self._stops != stops or not self.can_act:
+                return
+            if self.is_stopping:
+                self.say(f"the engine is still ending what it does: press {undo} again", "warn")
+            elif self.engine.holder == "autonomy":
+                pass  # somebody else has armed it
+            elif self.second_press.number != number:
+                self.say("not followed again: another key came behind it", "warn")
+            elif self.engine.kept is None:
+                self.say("nothing is kept that could be followed again", "warn")
+            else:
+                self._follow_again(is_certain=True)
+
+        self.set_timer(left_s, when_due)
+
+    def take_back_drop(self) -> bool:
+        """Follow again what was dropped last; False where nothing was."""
+        return False
+
+    def action_seek(self) -> None:
+        """Search round where it must be; that gives up a running track."""
+        if not self.may_act():
+            return
+        if has_track(self.engine):
+            what = f"gives up the track of {self.track_words()} and searches for it"
+            self.twice("seek", what, lambda: self.send(Seek()))
+        else:
+            self.send(Seek())
+
+    def action_track_or_stand(self) -> None:
+        """Sidereal tracking on and off."""
+        if self.may_act():
+            self.send(Track(is_on=not self.engine.is_tracking))
+
+    def action_exposure(self) -> None:
+        """Ask for another exposure and cadence."""
+        if self.may_act():
+            self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
+
+    def action_aim(self) -> None:
+        """Ask where to look beside the prediction; shows what that means first."""
+        if self.may_act():
+            self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self.orders))
+
+    def _settings(self, names: Iterable[str]) -> dict[str, Any]:
+        return {name: self.night.setting(name) for name in names}
+
+    def _ask_settings(self, dialog: SettingsDialog) -> None:
+        def decided(wanted: dict[str, float] | None) -> None:
+            for name, value in (wanted or {}).items():
+                self.send(Set(name=name, value=value))
+
+        self.app.push_screen(dialog, decided)
+
+    # -- by hand ------------------------------------------------------------------------------
+
+    def action_goto(self) -> None:
+        """Ask where to; nothing moves before the way has been shown."""
+        self._ask_where("")
+
+    def _ask_where(self, begun: str) -> None:
+        """``begun``: what stands in the field already."""
+        if not self.may_act():
+            return
+
+        def decided(direction: tuple[float, float] | None) -> None:
+            if direction is not None:
+                self.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
+
+        undo = first_key("undo", self.keymap)
+        kept = f"{self.track_words()} is kept meanwhile: {undo} follows it again"
+        dialog = GotoDialog(
+            self.night.config,
+            self._now_utc_ns,
+            self.orders,
+            begun,
+            kept if has_track(self.engine) else "",
+        )
+        self.app.push_screen(dialog, decided)
+
+    def action_up_now(self) -> None:
+        """The satellites above the limit; the chosen one is planned as any go-to is."""
+
+        def decided(number: str | None) -> None:
+            if number is not None:
+                self._ask_where(number)
+
+        self.app.push_screen(UpListDialog(self.night.config, self._now_utc_ns), decided)
+
+    def _now_utc_ns(self) -> int:
+        """The frame clock."""
+        return self.engine.now_utc_ns or time.time_ns()
+
+    def action_nudge_up(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_up", 0.0, -1.0)
+
+    def action_nudge_down(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_down", 0.0, 1.0)
+
+    def action_nudge_left(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_left", -1.0, 0.0)
+
+    def action_nudge_right(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_right", 1.0, 0.0)
+
+    def _nudge(self, name: str, right: float, down: float) -> None:
+        """Move the telescope so that it looks that way in the picture.
+
+        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
+        """
+        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
+        if self._is_nudging or not self.may_act():
+            return
+        if self.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", self.keymap)
+            what = f"takes the mount from AUTO ({back} gives it back)"
+            self.twice(name, what, lambda: self._send_nudge(right, down))
+        else:
+            self._send_nudge(right, down)
+
+    def _send_nudge(self, right: float, down: float) -> None:
+        if self._is_nudging:
+            return
+        self._is_nudging = True
+        east, north = self._on_the_sky(right, down)
+        arcmin = STEPS_ARCSEC[self.step] / 60.0
+        self.send(
+            Nudge(
+                east_arcmin=round(arcmin * east, 6),
+                north_arcmin=round(arcmin * north, 6),
+            )
+        )
+
+    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
+        """A direction in the picture as (east, north); without a plate north is up, east left."""
+        solution = self.picture.detail.solution if self.picture is not None else None
+        if not isinstance(solution, Solution):
+            return -right, -down
+        cd = solution.wcs.cd
+        east = cd[0] * right + cd[1] * down
+        north = cd[2] * right + cd[3] * down
+        length = (east**2 + north**2) ** 0.5 or 1.0
+        return east / length, north / length
+
+    def action_smaller_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(1)
+
+    def action_larger_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(-1)
+
+    def _change_step(self, by: int) -> None:
+        self.step = min(max(self.step + by, 0), len(STEPS_ARCSEC) - 1)
+        self.say(f"nudge by {step_words(STEPS_ARCSEC[self.step])}")
+
+    def action_centre(self) -> None:
+        """Point at the streak that is followed, or at the likeliest one, by hand."""
+        if not self.may_act():
+            return
+        picture = self.picture
+        detail = picture.detail if picture is not None else None
+        if detail is None or not isinstance(detail.solution, Solution):
+            self.say("the frame is not solved: nothing can be pointed at", "warn")
+            return
+        followed = detail.followed
+        found = detail.detections.detections if detail.detections is not None else ()
+        if followed is not None and self.night.track is not None:
+            from rsoconsole.pipeline.cycle import direction_at
+
+            # Where it is now: it has gone on since the frame.
+            place = direction_at(self.night.track, self._now_utc_ns())
+        elif followed is not None:
+            place = followed.ra_icrs_deg, followed.dec_icrs_deg
+        elif found:
+            ra, dec = pixel_to_sky(detail.solution.wcs, found[0].x_px, found[0].y_px)
+            place = float(ra), float(dec)
+        else:
+            self.say("the frame has no streak to centre", "warn")
+            return
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
+
+        has_it = self.engine.holder == "autonomy"
+        back = first_key("hold_or_resume", self.keymap)
+        caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
+        dialog = MoveDialog("centre the streak", place, caution, self.orders)
+        self.app.push_screen(dialog, decided)

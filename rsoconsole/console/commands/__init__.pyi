@@ -1,0 +1,11 @@
+from .command import GROUPS as GROUPS
+from .command import KeyCommand as KeyCommand
+from .command import Place as Place
+from .commands import BY_NAME as BY_NAME
+from .commands import commands_in as commands_in
+from .glossary import glossary_text as glossary_text
+from .key_names import bindings as bindings
+from .key_names import first_key as first_key
+from .key_names import key_words as key_words
+from .keymap import load_keymap as load_keymap
+from .orders import Orders as Orders

@@ -1,0 +1,429 @@
+"""Everything the operator can do, once: keys, palette, help and footer are made of this list.
+
+A command is called by its name in a keymap file, which gives it other keys.
+"""
+
+from collections.abc import Mapping
+
+from rsoconsole.console.commands.command import BOTH, KeyCommand, Place
+from rsoconsole.console.commands.command import command as _command
+from rsoconsole.console.commands.review_commands import REVIEW_COMMANDS
+from rsoconsole.control import Abort, TakeBack, Unpark
+
+SEAT_COMMANDS: tuple[KeyCommand, ...] = (
+    _command(
+        "stop",
+        "ctrl+x",
+        "STOP",
+        "end every motion and exposure, disarm; works in dialogs and fields too",
+        "safety",
+        priority=True,
+        is_everywhere=True,
+    ),
+    _command(
+        "stop_by_letter",
+        "x",
+        "STOP",
+        "the same, wherever one does not type",
+        "safety",
+        priority=True,
+        is_everywhere=True,
+    ),
+    _command(
+        "arm_or_disarm",
+        "a",
+        "Arm or disarm",
+        "hand the mount to the engine, after its checklist; once more: disarm, where a track"
+        " runs by a second press",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "hold_or_resume",
+        "h",
+        "Hold or resume",
+        "no slews, still measured; once more: the mount back to autonomy, or an ended track"
+        " followed again",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "wait_for_sky",
+        "w",
+        "Hold until it clears",
+        "no slews while it is cloudy; goes on by itself when the stars are back",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "goto",
+        "g",
+        "Go to",
+        "coordinates in any notation, a satellite, a star; shows the way before anything moves",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "up_now",
+        "5",
+        "What is up now",
+        "satellites of the element files above the limit; enter plans a go-to",
+        "telescope",
+    ),
+    _command(
+        "nudge_up", "up", "Nudge up", "by the step, up in the picture", "telescope", acts=True
+    ),
+    _command(
+        "nudge_down",
+        "down",
+        "Nudge down",
+        "by the step, down in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "nudge_left",
+        "left",
+        "Nudge left",
+        "by the step, left in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "nudge_right",
+        "right",
+        "Nudge right",
+        "by the step, right in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "smaller_step",
+        "left_square_bracket",
+        "Smaller step",
+        "of the mount's nudges by arrows: 30′, 10′, 3′, 1′, 20″, 5″",
+        "telescope",
+    ),
+    _command(
+        "larger_step",
+        "right_square_bracket",
+        "Larger step",
+        "of the nudges; in an opened frame both are of its cross",
+        "telescope",
+    ),
+    _command(
+        "aim",
+        "i",
+        "Aim beside",
+        "ahead of or behind the prediction in time, along or across its motion",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "exposure",
+        "e",
+        "Exposure and cadence",
+        "how long the shutter is open, and how often",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "abort_exposure",
+        "b",
+        "Abort the exposure",
+        "give up the one that runs; the next begins as planned",
+        "telescope",
+        acts=True,
+        sends=Abort(),
+    ),
+    _command(
+        "park",
+        "p",
+        "Park",
+        "asks once; disarms and sends the mount to its park position",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "undo",
+        "u",
+        "Follow again",
+        "undo: a track that was dropped, for 12 frames; one that your own move ended, as long as it"
+        " may be coasted (2 h, filter.max_coast_s); one that disarming, a search, a STOP or a fault"
+        " ended, for at most 15 min of that: after a STOP it arms first; the first line counts the"
+        " time down; a parked mount is released",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "unpark",
+        "ctrl+u",
+        "Unpark",
+        "releases a parked mount; nothing moves",
+        "telescope",
+        acts=True,
+        sends=Unpark(),
+    ),
+    _command(
+        "track_or_stand",
+        "k",
+        "Track or stand",
+        "sidereal tracking on and off, while nobody else has the mount",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "verdicts",
+        "v",
+        "Verdicts",
+        "every streak of the frame, what became of it and why; first after a mark those of"
+        " the marked one, tab shows the other",
+        "streaks",
+        where=BOTH,
+    ),
+    _command(
+        "follow_next",
+        "d",
+        "Follow the next streak",
+        "the next detection of the frame, or the one clicked, is the one to follow; that of another"
+        " track makes it the lead; where no track would end, a click alone chooses",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "centre",
+        "c",
+        "Centre the streak",
+        "point the telescope at what is followed, by hand",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "mark",
+        "m",
+        "Mark by hand",
+        "the streak's two ends: arrows and enter twice, or drag; a measurement of your own, and"
+        " two of them in two frames start a track. It can be begun in the last 12 frames; while"
+        " you mark, the frame is kept for 600 more",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "accept",
+        "y",
+        "Accept",
+        "take the frame's likeliest candidate, whatever the gates said",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "reject",
+        "j",
+        "Reject",
+        "one of the last measurements, by its number, was something else: the track as if"
+        " without it",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "take_back",
+        "backspace",
+        "Take back",
+        "your last mark, choice, acceptance or rejection, as if it had not been said",
+        "streaks",
+        acts=True,
+        sends=TakeBack(),
+    ),
+    _command(
+        "seek",
+        "s",
+        "Seek it again",
+        "search round where it must be, in a widening spiral; gives up a track, which asks for a"
+        " second press",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "orbit",
+        "o",
+        "Orbit",
+        "its elements, where it leads, which catalogued object it is; once more: as before",
+        "streaks",
+        where=BOTH,
+    ),
+    _command(
+        "tune",
+        "t",
+        "Tune",
+        "tau, Q, R, gate and limits, with the effect on what was recorded shown first",
+        "streaks",
+        where=BOTH,
+    ),
+    _command(
+        "track_plots",
+        "1",
+        "Plots of the track",
+        "confidence, residuals in their bounds, NIS",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "night_curves",
+        "2",
+        "Curves of the night",
+        "FWHM, background, transparency and number of stars; once more: the plots",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "focus_help",
+        "3",
+        "Focus",
+        "FWHM in large figures and its trend; once more: the plots",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "alignment",
+        "4",
+        "Drift and polar alignment",
+        "how mount and stars drift apart, field rotation, which way the polar axis is off",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "track_list",
+        "6",
+        "Tracks of the field",
+        "every satellite that is followed: state, residual, NIS; arrows choose one, enter makes it"
+        " the lead, - drops it (u takes that back), + keeps it whatever it misses, → shows who"
+        " stands next to whom, when they come closest and who is missing; once more: the plots of"
+        " the chosen one",
+        "plots",
+        where=BOTH,
+    ),
+    _command("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
+    _command("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
+    _command("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),
+    _command("plots_finer", "plus", "Fewer frames", "half as many to a mark", "plots"),
+    _command("plots_newest", "end", "Newest frames", "one to a mark", "plots"),
+    _command(
+        "zoom",
+        "z",
+        "Zoom",
+        "the field, the close-up, the close-up pixel by pixel",
+        "picture",
+        where=BOTH,
+    ),
+    _command(
+        "open_frame",
+        "enter",
+        "Open the frame",
+        "at full resolution, where its pixels were kept; process it again with another τ or map",
+        "picture",
+        where=BOTH,
+    ),
+    _command(
+        "stretch",
+        "f",
+        "Stretch",
+        "how light becomes grey: streaks, asinh, linear",
+        "picture",
+        where=BOTH,
+    ),
+    _command(
+        "give_seat",
+        "ctrl+g",
+        "Give control",
+        "to the console that asks for it; said nothing, it goes there after 30 s",
+        "console",
+        acts=True,
+        where=BOTH,
+    ),
+    _command(
+        "keep_seat",
+        "ctrl+k",
+        "Keep control",
+        "though another console asks for it",
+        "console",
+        acts=True,
+        where=BOTH,
+    ),
+    _command(
+        "sessions",
+        "r",
+        "Sessions and review",
+        "the recorded nights, and this one: any moment of them again",
+        "console",
+        where=BOTH,
+    ),
+    _command("note", "n", "Note", "a remark into the session", "console", acts=True),
+    _command("log", "l", "Log", "all of it, and back; slash filters it", "console", where=BOTH),
+    _command(
+        "read",
+        "ctrl+o",
+        "Messages in full",
+        "everything that was said, none of it cut; enter copies the chosen one",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "copy",
+        "ctrl+y",
+        "Copy",
+        "what is looked at, to the terminal's clipboard (OSC 52): a line of the log, the orbit,"
+        " the tuning, or where things stand; shift and drag selects by the mouse in most terminals",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "filter_log",
+        "slash",
+        "Filter the log",
+        "only lines with what you type",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "leave",
+        "q",
+        "Leave",
+        "asks what becomes of the engine; from a review: back",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "put_away",
+        "escape",
+        "Put away",
+        "the log, a mark, what came of a STOP, the orbit, a notice",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True
+    ),
+    _command(
+        "suspend",
+        "ctrl+z",
+        "Suspend",
+        "back to the shell, 'fg' comes back; the engine goes on meanwhile",
+        "console",
+        is_everywhere=True,
+    ),
+    _command(
+        "colours",
+        "ctrl+t",
+        "Colours",
+        "night (deep red) first, then the terminal's own, light last",
+        "console",
+        is_everywhere=True,
+    ),
+)
+COMMANDS: tuple[KeyCommand, ...] = (*SEAT_COMMANDS, *REVIEW_COMMANDS)
+BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMANDS}
+
+
+def commands_in(place: Place) -> tuple[KeyCommand, ...]:
+    """Those whose keys work on that screen, the application's own among them."""
+    return tuple(command for command in COMMANDS if command.is_in(place))

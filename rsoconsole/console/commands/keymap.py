@@ -1,0 +1,117 @@
+"""Other keys for commands: ``keymap.toml`` beside the configuration, by the commands' names."""
+
+import contextlib
+import unicodedata
+from collections.abc import Mapping
+from pathlib import Path
+
+from textual.binding import Binding, InvalidBinding
+from textual.keys import KEY_NAME_REPLACEMENTS, Keys
+
+from rsoconsole.console.commands.command import BOTH
+from rsoconsole.console.commands.commands import BY_NAME, commands_in
+from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
+
+STOPS = ("stop", "stop_by_letter")
+"""Commands whose keys nobody changes."""
+RESERVED = {
+    "ctrl+q": "Leave, whatever else is",
+    "ctrl+c": "Leave, whatever else is",
+    "ctrl+p": "the list of commands",
+    "enter": "for what is chosen or typed",
+    "tab": "for the next field",
+    "shift+tab": "for the field before",
+    "ctrl+i": "tab to a terminal",
+    "ctrl+m": "enter to a terminal",
+    "ctrl+j": "enter to a terminal",
+    "ctrl+h": "backspace to a terminal",
+}
+EXAMPLES = "g, f5, ctrl+n, R, slash or left_square_bracket"
+ALIKE: Mapping[str, str] = {
+    **dict.fromkeys(("up", "down", "left", "right"), "moves: the telescope, in time, the cross"),
+    "left_square_bracket": "less: a smaller step, slower",
+    "right_square_bracket": "more: a larger step, faster",
+    "minus": "less: slower, farther",
+    "plus": "more: faster, nearer",
+    "comma": "one step back: a frame, tau",
+    "full_stop": "one step on: a frame, tau",
+    "pageup": "farther back: a hundred frames, the kept frame before",
+    "pagedown": "farther on: a hundred frames, the kept frame after",
+    "g": "go to: a direction, a moment of the night",
+    "enter": "takes what is pointed at: opens the frame, sets an end",
+    "escape": "back",
+    "end": "to the newest: of the plots, of the night",
+}
+"""Keys that mean on live, review and opened frame not the same thing, but one like it. All others
+mean one thing on all of them: what a screen has for itself are capitals."""
+MODIFIERS = {"ctrl", "alt", "shift", "super"}
+_NAMED_KEYS = {key.value for key in Keys} | set(KEY_NAME_REPLACEMENTS.values())
+
+
+def load_keymap(path: Path) -> dict[str, str]:
+    """Other keys by command; empty without a file.
+
+    Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
+    """
+    try:
+        text = read_foreign(path)
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    try:
+        table = toml_of(text)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    unknown = [name for name in table if name not in BY_NAME]
+    if unknown:
+        raise ConfigError(
+            f"{path}: no command is called {', '.join(unknown)}; there are {', '.join(BY_NAME)}"
+        )
+    wrong = [name for name, keys in table.items() if not isinstance(keys, str) or not keys.strip()]
+    if wrong:
+        raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "f5"')
+    kept = [name for name in STOPS if name in table]
+    if kept:
+        raise ConfigError(f"{path}: {', '.join(kept)}: STOP keeps its keys, x and ctrl+x")
+    keymap = {name: ",".join(_textual_keys(path, name, keys)) for name, keys in table.items()}
+    _refuse_doubles(path, keymap)
+    return keymap
+
+
+def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
+    """The keys by Textual's own names for them. Raises ConfigError for one that there is not."""
+    try:
+        bindings = list(Binding.make_bindings([Binding(keys.replace(" ", ""), name)]))
+    except InvalidBinding as error:
+        raise ConfigError(f"{path}: {name} = {keys!r}: write it like {EXAMPLES}") from error
+    found = [binding.key for binding in bindings]
+    for key in found:
+        if key in RESERVED:
+            raise ConfigError(f"{path}: {name}: {key} is {RESERVED[key]}")
+        if not _is_key(key):
+            raise ConfigError(f"{path}: {name}: there is no key {key!r}; write it like {EXAMPLES}")
+    return found
+
+
+def _is_key(key: str) -> bool:
+    *modifiers, plain = key.split("+")
+    if not set(modifiers) <= MODIFIERS or (modifiers == ["shift"] and len(plain) == 1):
+        return False  # a terminal sends the capital itself
+    if len(plain) == 1 or plain in _NAMED_KEYS:
+        return True
+    with contextlib.suppress(KeyError):
+        return bool(unicodedata.lookup(plain.replace("_", " ").upper()))
+    return False
+
+
+def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
+    """No key may do two things on one screen."""
+    for place in BOTH:
+        owners: dict[str, str] = {}
+        for command in commands_in(place):
+            for key in keymap.get(command.name, command.keys).split(","):
+                if key in owners:
+                    raise ConfigError(f"{path}: {key} is both {owners[key]} and {command.name}")
+                owners[key] = command.name

@@ -1,0 +1,333 @@
+"""What the operator types: where to go, how long to expose, a remark, words to look for."""
+
+import contextlib
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.widgets import Input, Static
+
+from rsoconsole.config import Config
+from rsoconsole.console.commands import Orders
+from rsoconsole.console.dialogs.dialogs import Dialog, Result
+from rsoconsole.console.watches import Previewed
+from rsoconsole.console.words import duration_text
+from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_preview
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.sky import format_dec, format_ra
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.words import Understood
+
+GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
+
+UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
+GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
+
+
+class FieldDialog(Dialog[Result], Generic[Result]):
+    """A dialog in which one types at once."""
+
+    def on_mount(self) -> None:
+        """The first field has the focus."""
+        self.query(Input).first().focus()
+
+
+class GotoDialog(FieldDialog[tuple[float, float] | None]):
+    """A direction in any notation; what was understood, the way and the limits as one types.
+
+    Enter goes where the engine's preview stands and nothing refuses it. Gives (RA, Dec) ICRS.
+    """
+
+    def __init__(
+        self,
+        config: Config | None,
+        now_utc_ns: Callable[[], int],
+        orders: Orders,
+        begun: str = "",
+        caution: str = "",
+    ) -> None:
+        """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
+        ``begun``: what stands in the field already; ``caution``: what else comes of going."""
+        super().__init__()
+        self._caution = caution
+        self._begun = begun
+        self._config = config or Config()
+        self._now_utc_ns = now_utc_ns
+        self._orders = orders
+        self._names: Any = None
+        self._asked = 0
+        self._preview: MovePreview | None = None
+
+    def compose(self) -> ComposeResult:
+        """A field, and what it comes to."""
+        with VerticalScroll() as box:
+            box.border_title = "go to"
+            box.border_subtitle = "enter goes · esc back"
+            yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
+            yield Static("", id="understood", markup=False)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Understand it, and ask the engine what it would mean."""
+        event.stop()
+        self._preview = None
+        self._asked += 1
+        try:
+            self._ask(event.value)
+        except (ValueError, RsoconsoleError) as error:
+            self._tell(str(error) if event.value.strip() else "")
+
+    def _ask(self, text: str) -> None:
+        found = self._understood(text)
+        number = self._asked
+        caution = f"\ncareful: {found.caution}" if found.caution else ""
+        self._tell(f"{found.words}{caution}\nasking the engine …")
+
+        app, words = self.app, f"{found.words}{caution}"
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(number, words, outcome))
+
+        move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
+        self._orders.send(Preview(move=move), came)
+
+    def _understood(self, text: str) -> "Understood":
+        """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
+        from rsoconsole.pipeline.words import Names, understand
+
+        if self._names is None:
+            self._names = Names.load(self._config.catalogue.tle_files)
+        return understand(text, self._config.site.to_site(), self._now_utc_ns(), self._names)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says of the last thing typed."""
+        if message.number != self._asked:
+            return
+        if not message.outcome.ok:
+            self._tell(f"{message.words}\n{message.outcome.message}")
+            return
+        self._preview = preview = read_preview(message.outcome.data)
+        caution = [self._caution] if self._caution and preview and not preview.refused else []
+        self._tell("\n".join([message.words, *preview_lines(preview), *caution]))
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Go, where that has been shown and may be."""
+        event.stop()
+        preview = self._preview
+        if preview is None:
+            return
+        if preview.refused:
+            self.app.bell()
+            return
+        try:
+            found = self._understood(event.value)
+        except (ValueError, RsoconsoleError) as error:
+            self._tell(str(error))
+            return
+        self.dismiss((found.ra_icrs_deg, found.dec_icrs_deg))
+
+    def _tell(self, text: str) -> None:
+        self.query_one("#understood", Static).update(text)
+
+
+def preview_lines(preview: MovePreview | None, ending: str = GOES) -> list[str]:
+    """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
+    if preview is None:
+        return [UNREADABLE]
+    date = format_ra(preview.ra_date_deg, 1), format_dec(preview.dec_date_deg, 0)
+    icrs = format_ra(preview.ra_icrs_deg, 1), format_dec(preview.dec_icrs_deg, 0)
+    after = preview.pier_side_after
+    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
+    return [
+        f"ICRS     α {icrs[0]} δ {icrs[1]}",
+        f"of date  α {date[0]} δ {date[1]}   alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
+        f"way      {preview.way_deg:.1f}°, {duration_text(preview.slew_s)}{side}",
+        f"limits   {margins}",
+        f"REFUSED  {preview.refused}" if preview.refused else ending,
+    ]
+
+
+class MoveDialog(Dialog[bool | None]):
+    """One direction: the way there and the limits; enter goes where nothing refuses it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
+
+    def __init__(
+        self, title: str, direction: tuple[float, float], caution: str, orders: Orders
+    ) -> None:
+        """``direction``: (RA, Dec) ICRS; ``caution``: what else comes of it."""
+        super().__init__()
+        self._title, self._direction, self._caution = title, direction, caution
+        self._orders = orders
+        self._may_go = False
+
+    def compose(self) -> ComposeResult:
+        """What the engine says of it."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            box.border_subtitle = "enter goes · esc back"
+            yield Static("asking the engine …", id="told", markup=False)
+
+    def on_mount(self) -> None:
+        """Ask at once."""
+        app = self.app
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(0, "", outcome))
+
+        ra, dec = self._direction
+        self._orders.send(Preview(move=Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)), came)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says."""
+        outcome = message.outcome
+        preview = read_preview(outcome.data) if outcome.ok else None
+        lines = preview_lines(preview) if outcome.ok else [outcome.message]
+        self._may_go = preview is not None and not preview.refused
+        told = [*lines, *([self._caution] if self._caution else [])]
+        self.query_one("#told", Static).update("\n".join(told))
+
+    def action_go(self) -> None:
+        """Go, where that has been shown and may be."""
+        if self._may_go:
+            self.dismiss(True)
+        else:
+            self.app.bell()
+
+
+class SettingsDialog(FieldDialog[dict[str, float] | None]):
+    """A field for each of a few numbers. Gives what has been changed, by the setting's name."""
+
+    HEAD: ClassVar[str]
+    NAMES: ClassVar[dict[str, str]]
+    """Setting -> what it is, in words."""
+
+    def __init__(self, present: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._present = present
+
+    def compose(self) -> ComposeResult:
+        """A field each."""
+        with VerticalScroll() as box:
+            box.border_title = self.HEAD
+            box.border_subtitle = "enter takes them · tab the next field · esc back"
+            for name, words in self.NAMES.items():
+                yield Static(words, markup=False)
+                yield Input(
+                    f"{self._present.get(name, '')}", id=name.replace(".", "-"), compact=True
+                )
+            yield Static("", id="told", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take what differs."""
+        event.stop()
+        wanted = self._wanted()
+        if wanted is not None:
+            self.dismiss({n: v for n, v in wanted.items() if v != self._present.get(n)})
+
+    def _wanted(self) -> dict[str, float] | None:
+        """What the fields say; None, and a word about it, where one holds no number."""
+        wanted: dict[str, float] = {}
+        for name, words in self.NAMES.items():
+            text = self.query_one(f"#{name.replace('.', '-')}", Input).value.strip()
+            try:
+                wanted[name] = float(text.replace("−", "-"))
+            except ValueError:
+                self._tell(f"{words}: {text!r} is no number")
+                return None
+        return wanted
+
+    def _tell(self, text: str) -> None:
+        self.query_one("#told", Static).update(text)
+
+
+class ExposureDialog(SettingsDialog):
+    """Exposure and cadence."""
+
+    HEAD = "exposure and cadence"
+    NAMES: ClassVar[dict[str, str]] = {
+        "exposure.exposure_s": "exposure, s",
+        "exposure.cadence_s": "cadence, s",
+    }
+
+    def _wanted(self) -> dict[str, float] | None:
+        """Both; the shutter must be open for a shorter time than from frame to frame."""
+        wanted = super()._wanted()
+        if wanted and not wanted["exposure.exposure_s"] < wanted["exposure.cadence_s"]:
+            self._tell("the cadence is from start to start: longer than the exposure")
+            return None
+        return wanted
+
+
+class AimDialog(SettingsDialog):
+    """Where to look beside the prediction; where that is and what it meets, as one types."""
+
+    HEAD = "aim beside the prediction"
+    NAMES: ClassVar[dict[str, str]] = {
+        "aim.lead_s": "ahead in time, s; below 0 behind it",
+        "aim.along_arcmin": "along the motion, arcmin",
+        "aim.across_arcmin": "across it to the left, seen on the sky, arcmin",
+    }
+
+    def __init__(self, present: Mapping[str, Any], orders: Orders) -> None:
+        super().__init__(present)
+        self._orders = orders
+        self._asked = 0
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Ask the engine what it would mean."""
+        event.stop()
+        self._asked += 1
+        wanted = self._wanted()
+        if wanted is None:
+            return
+        number, app = self._asked, self.app
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(number, "", outcome))
+
+        aim = {name.partition(".")[2]: value for name, value in wanted.items()}
+        self._orders.send(Preview(move=Beside(**aim)), came)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says of the last thing typed."""
+        if message.number != self._asked:
+            return
+        if not message.outcome.ok:
+            self._tell(message.outcome.message)
+            return
+        ending = "enter looks there from the next exposure on"
+        self._tell("\n".join(preview_lines(read_preview(message.outcome.data), ending)))
+
+
+class LineDialog(FieldDialog[str | None]):
+    """One line of words. Gives them; empty ones too."""
+
+    def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
+        """``goes_on``: what is typed comes behind the value; else it takes its place."""
+        super().__init__()
+        self._goes_on = goes_on
+        self._title, self._words, self._value = title, words, value
+
+    def compose(self) -> ComposeResult:
+        """A field."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            box.border_subtitle = "enter takes it · esc back"
+            yield Input(
+                self._value,
+                placeholder=self._words,
+                id="line",
+                select_on_focus=not self._goes_on,
+            )
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take it."""
+        event.stop()
+        self.dismiss(event.value.strip())

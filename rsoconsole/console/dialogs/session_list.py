@@ -1,0 +1,326 @@
+"""The recorded nights: newest first, each with its branches; one is chosen, or a path typed."""
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.message import Message
+from textual.widgets import Input
+
+from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.words import NS_PER_S, clipped, duration_text, first_shown
+from rsoconsole.control import one_line
+from rsoconsole.errors import SessionError
+from rsoconsole.session.log import DATABASE
+from rsoconsole.session.upkeep import SessionSummary, summarise
+from rsoconsole.sky import utc_ns_to_iso
+
+BRANCHES = "branches"
+LEAST_NAME_COLUMNS = 20
+State = Literal["", "live", "closed", "cut off", "damaged"]
+HEADS = ("when, UTC", "length", "frames", "size", "state")
+STATE_INKS: dict[State, Ink] = {"live": "good", "cut off": "warn", "damaged": "alarm"}
+WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 6, 6, 8, 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One session, or a branch of one."""
+
+    folder: Path
+    is_branch: bool = False
+    summary: SessionSummary | None = None
+    """None until it has been looked into."""
+    state: State = ""
+
+    @property
+    def name(self) -> str:
+        """As it is shown."""
+        return one_line(self.folder.name)
+
+    def has(self, words: str) -> bool:
+        """Whether it is meant by what was typed."""
+        title = self.summary.title or "" if self.summary is not None else ""
+        text = f"{self.folder.parent.parent.name if self.is_branch else ''} {self.name} {title}"
+        return all(word in text.lower() for word in words.lower().split())
+
+
+def entries_of(root: Path, present: Path | None) -> list[Entry]:
+    """Every session under the root, newest first, each before its branches; nothing is opened.
+
+    ``present``: one that is looked at now, wherever it lies. Raises SessionError when the root
+    cannot be looked into.
+    """
+    try:
+        folders = [path for path in root.iterdir() if (path / DATABASE).exists()]
+    except FileNotFoundError:
+        folders = []
+    except OSError as error:
+        raise SessionError(f"{root} cannot be looked into: {error}") from error
+    if present is not None and present.parent.name == BRANCHES:
+        present = present.parent.parent
+    if present is not None and not any(_is_same(present, folder) for folder in folders):
+        folders.append(present)
+    newest = sorted(folders, key=_changed_s, reverse=True)
+    return [entry for folder in newest for entry in _with_branches(folder)]
+
+
+def looked_into(entry: Entry) -> Entry:
+    """The same with what is in it. Never raises: a damaged session says so."""
+    summary = summarise(entry.folder)
+    state: State = "damaged" if summary.state == "unreadable" else summary.state
+    return replace(entry, summary=summary, state=state)
+
+
+def _with_branches(folder: Path) -> Iterator[Entry]:
+    yield Entry(folder=folder)
+    with contextlib.suppress(OSError):
+        branches = [path for path in (folder / BRANCHES).iterdir() if (path / DATABASE).exists()]
+        yield from (Entry(folder=path, is_branch=True) for path in sorted(branches))
+
+
+def _is_same(a: Path, b: Path) -> bool:
+    with contextlib.suppress(OSError):
+        return a.samefile(b)
+    return a == b
+
+
+def _changed_s(folder: Path) -> float:
+    with contextlib.suppress(OSError):
+        return (folder / DATABASE).stat().st_mtime
+    return 0.0
+
+
+def session_lines(
+    entries: list[Entry], chosen: int, absent: str, width: int, height: int
+) -> list[Line]:
+    """A head and as many entries as fit, the chosen one among them."""
+    if not entries:
+        return [clipped([(f" {absent}", "dim")], width)]
+    columns = _columns(width)
+    head: Line = [(f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}", "dim")]
+    room = max(height - 1, 1)
+    first = first_shown(chosen, len(entries), room)
+    lines = [clipped(head, width)]
+    for number, entry in enumerate(entries[first : first + room], first):
+        name = f"└ {entry.name}" if entry.is_branch else entry.name
+        sign = "▸" if number == chosen else " "
+        ink: Ink = "here" if number == chosen else STATE_INKS.get(entry.state, "")
+        text = f"{sign} {_shortened(name, columns[0])} {_cells(_facts(entry), columns)}"
+        lines.append(clipped([(text.ljust(width), ink)], width))
+    return lines
+
+
+def _columns(width: int) -> tuple[int, tuple[int, ...]]:
+    """(of the name, of each fact; 0 for one that there is no room for)."""
+    facts = [WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS]
+    for unneeded in (3, 0, 1):
+        if width - 3 - sum(n + 1 for n in facts if n) >= LEAST_NAME_COLUMNS + 8:
+            break
+        facts[unneeded] = 0
+    room = width - 3 - sum(n + 1 for n in facts if n)
+    return max(room, 4), tuple(facts)
+
+
+def _cells(texts: tuple[str, ...], columns: tuple[int, tuple[int, ...]]) -> str:
+    *numbers, state = zip(texts, columns[1], strict=True)
+    cells = [f"{text:>{n}}" for text, n in numbers if n]
+    return " ".join([*cells, state[0].ljust(state[1])])
+
+
+def _facts(entry: Entry) -> tuple[str, ...]:
+    summary = entry.summary
+    if summary is None:
+        return ("", "", "", "", "…")
+    if summary.fault is not None:
+        return ("", "", "", _size_text(summary.size_bytes), entry.state)
+    first, last = summary.t_first_utc_ns, summary.t_last_utc_ns
+    when = "" if not first else utc_ns_to_iso(first, 0)[:16].replace("T", " ")
+    length = "" if not first or not last else duration_text((last - first) / NS_PER_S)
+    return (when, length, f"{summary.frames}", _size_text(summary.size_bytes), entry.state)
+
+
+def _size_text(size_bytes: int) -> str:
+    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
+        if size_bytes >= factor:
+            return f"{size_bytes / factor:.1f} {unit}"
+    return f"{size_bytes / 1e3:.0f} kB"
+
+
+def _shortened(name: str, columns: int) -> str:
+    """Names begin with their date and end with what they are about: the middle can go."""
+    if len(name) <= columns:
+        return name.ljust(columns)
+    half = (columns - 1) // 2
+    return f"{name[: columns - 1 - half]}…{name[len(name) - half :] if half else ''}"
+
+
+class EntriesFound(Message):
+    """The sessions that there are, or why they cannot be found."""
+
+    def __init__(self, entries: list[Entry], fault: str = "") -> None:
+        super().__init__()
+        self.entries, self.fault = entries, fault
+
+
+class EntrySeen(Message):
+    """What is in one of them."""
+
+    def __init__(self, entry: Entry) -> None:
+        super().__init__()
+        self.entry = entry
+
+
+class SessionListDialog(Dialog[Path | None]):
+    """Sessions; typing finds one, enter opens it. Gives its folder."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "choose(-1)", show=False),
+        Binding("down", "choose(1)", show=False),
+        Binding("pageup", "choose(-10)", show=False),
+        Binding("pagedown", "choose(10)", show=False),
+    ]
+    DEFAULT_CSS = """
+    SessionListDialog > Vertical {
+        width: 100; max-width: 100%; height: 80%; min-height: 10; max-height: 100%;
+        background: $surface; border: solid $primary; padding: 0 1;
+    }
+    SessionListDialog LinesPane { height: 1fr; }
+    """
+
+    def __init__(self, root: Path, present: Path | None) -> None:
+        """``present``: the session that is looked at now."""
+        super().__init__()
+        self._root, self._present = root, present
+        self._entries: list[Entry] | None = None
+        self._at = 0
+        self._fault = ""
+        self._is_over = False
+
+    def compose(self) -> ComposeResult:
+        """A field to type in, and the list."""
+        with Vertical() as box:
+            box.border_title = "sessions"
+            box.border_subtitle = "↑↓ choose · enter opens · esc back"
+            yield Input(placeholder="type a part of a name, or a path", id="wanted", compact=True)
+            yield LinesPane(id="rows")
+
+    def on_mount(self) -> None:
+        """Look for them on a thread: a slow disk keeps nobody."""
+        self.query_one(Input).focus()
+        self._show()
+        tell = teller(self.app.call_from_thread, self.post_message)
+        work = lambda: self._look(tell)  # noqa: E731 -- it is given to a thread
+        threading.Thread(target=work, name="console-sessions", daemon=True).start()
+
+    def on_unmount(self) -> None:
+        """Nobody waits for the rest."""
+        self._is_over = True
+
+    def _look(self, tell: Callable[[Message], None]) -> None:
+        try:
+            entries = entries_of(self._root, self._present)
+        except SessionError as error:
+            tell(EntriesFound([], str(error)))
+            return
+        tell(EntriesFound(entries))
+        for entry in entries:
+            if self._is_over:
+                return
+            tell(EntrySeen(looked_into(entry)))
+
+    def on_entries_found(self, message: EntriesFound) -> None:
+        """Their names; the present one is chosen."""
+        self._entries, self._fault = message.entries, message.fault
+        folders = [entry.folder for entry in message.entries]
+        if self._present in folders and self._at == 0:
+            self._at = folders.index(self._present)
+        self._show()
+
+    def on_entry_seen(self, message: EntrySeen) -> None:
+        """What is in one."""
+        entries = self._entries or []
+        self._entries = [
+            message.entry if each.folder == message.entry.folder else each for each in entries
+        ]
+        self._show()
+
+    @property
+    def shown(self) -> list[Entry]:
+        """Those that what was typed leaves."""
+        words = self.query_one(Input).value
+        return [entry for entry in self._entries or [] if entry.has(words)]
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Other ones are left."""
+        event.stop()
+        self._at = 0
+        self._show()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Open what is typed as a path, or what is chosen."""
+        event.stop()
+        shown = self.shown
+        if shown:
+            self.dismiss(shown[min(self._at, len(shown) - 1)].folder)
+            return
+        typed = Path(event.value.strip()).expanduser()
+        if event.value.strip() and (typed / DATABASE).is_file():
+            self.dismiss(typed)
+        else:
+            self.app.bell()
+
+    def action_choose(self, by: int) -> None:
+        """One further up or down."""
+        self._at = min(max(self._at + by, 0), max(len(self.shown) - 1, 0))
+        self._show()
+
+    def on_click(self, event: events.Click) -> None:
+        """By the mouse: choose; the chosen one: open it."""
+        rows = self.query_one("#rows", LinesPane)
+        if event.widget is not rows or not event.y:
+            return
+        room = max(rows.size.height - 1, 1)
+        number = first_shown(self._at, len(self.shown), room) + event.y - 1
+        if number >= len(self.shown):
+            return
+        if number == self._at:
+            self.dismiss(self.shown[number].folder)
+            return
+        self._at = number
+        self._show()
+
+    def _show(self) -> None:
+        shown, at = self.shown, self._at
+        if self._entries is None:
+            absent = f"looking into {self._root} …"
+        elif self._fault:
+            absent = self._fault
+        elif not self._entries:
+            absent = f"no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
+        else:
+            absent = "no name has that: enter opens it as a path"
+        self.query_one("#rows", LinesPane).show(
+            lambda width, height: session_lines(shown, at, absent, width, height)
+        )
+
+
+def teller(
+    call: Callable[..., object], post: Callable[[Message], object]
+) -> Callable[[Message], None]:
+    """Posts messages from another thread, as long as the console is there."""
+
+    def tell(message: Message) -> None:
+        with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+            call(post, message)
+
+    return tell

@@ -1,0 +1,154 @@
+"""Every streak of a frame, what became of it, and the reason."""
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.widgets import Static
+
+from rsoconsole.console.commands import first_key
+from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.night import FrameDetail
+from rsoconsole.console.words import short
+from rsoconsole.reason_text import text
+from rsoconsole.records import Detection, Measurement, is_mark_id
+from rsoconsole.streak_text import name_of, pulse_of
+
+COLUMNS = 70
+MARKED = "the frame you marked"
+SAME_STREAK_PX = 25.0
+"""A streak's middle so far from a mark's, or half the streak, is of the same one."""
+MOST_REJECTED = 12
+"""The likeliest ones: of the others nobody will ask."""
+
+
+class VerdictsDialog(Dialog[None]):
+    """The streaks of one frame, the likeliest first; of two frames, one after the other."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v,q", "put_away", "Back", show=False),
+        Binding("tab", "other_frame", "Other frame", show=False),
+    ]
+
+    def __init__(
+        self,
+        frames: Sequence[tuple[FrameDetail, str]],
+        tau: float,
+        keymap: Mapping[str, str] | None = None,
+    ) -> None:
+        """``frames``: what each showed, and what is said of it where it is not the shown one."""
+        super().__init__()
+        self._frames, self._tau, self._at = frames, tau, 0
+        self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
+
+    def compose(self) -> ComposeResult:
+        """One page of text a frame."""
+        with VerticalScroll():
+            yield Static("", markup=False)
+
+    def on_mount(self) -> None:
+        """The first one."""
+        super().on_mount()
+        self._show()
+
+    def action_other_frame(self) -> None:
+        """The marked one, or the newest."""
+        self._at = (self._at + 1) % len(self._frames)
+        self._show()
+
+    def _show(self) -> None:
+        detail, which = self._frames[self._at]
+        box, taken = self.query_one(VerticalScroll), detail.taken
+        number = "" if taken is None else f" of frame {taken.frame_id:04d}"
+        box.border_title = f"streaks{number}{f', {which}' if which else ''}"
+        other = self._frames[(self._at + 1) % len(self._frames)][1] or "the newest frame"
+        box.border_subtitle = f"tab {other} · esc back" if len(self._frames) > 1 else "esc back"
+        help_ = (
+            "Back on the screen, in the newest frame: {} follows the next one,"
+            " {} takes the likeliest, {} rejects.".format(*self._keys)
+        )
+        self.query_one(Static).update("\n".join([*verdict_lines(detail, self._tau), "", help_]))
+
+
+def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
+    """One line a streak and one for the reason."""
+    found = detail.detections
+    if found is None:
+        return ["It is not known yet what the frame shows."]
+    lines: list[str] = []
+    for each in sorted(found.detections, key=lambda d: -d.confidence):
+        lines += _lines(each, *fate(each, detail))
+    rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
+    for one in rejected[:MOST_REJECTED]:
+        lines += _lines(one.detection, "rejected", text(one.reason))
+    by_hand = _by_hand(detail)
+    lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}: {_sigmas(m)}" for m in by_hand]
+    if not lines:
+        lines = ["  None: the network proposed nothing."]
+    left = len(rejected) - MOST_REJECTED
+    if left > 0:
+        lines.append(f"  and {left} less likely ones, rejected")
+    head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"
+    return [head, "", *lines]
+
+
+def _by_hand(detail: FrameDetail) -> list[Measurement]:
+    """What the operator marked in it, each once."""
+    found = (
+        m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
+    )
+    return list({m.measurement_id: m for m in found}.values())
+
+
+def _sigmas(measured: Measurement) -> str:
+    east, _, north = measured.cov_sky_arcsec2
+    return f"±{short(east**0.5)}″ RA ±{short(north**0.5)}″ Dec"
+
+
+def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
+    """What became of a detection above tau, and why where it was not followed."""
+    followed = detail.followed
+    if followed is not None and is_mark_id(followed.measurement_id):
+        if _is_same(streak, followed, detail):
+            return "set aside", "your mark in its place is followed"
+    elif followed is not None and _is_at(streak, followed.x_px, followed.y_px):
+        nis = detail.updated.nis if detail.updated is not None else None
+        return "followed", "" if nis is None else f"NIS {nis:.1f}"
+    for refused in detail.not_followed:
+        if _is_at(streak, refused.measurement.x_px, refused.measurement.y_px):
+            return "not taken", text(refused.reason)
+    if any(_is_at(streak, m.x_px, m.y_px) for m in detail.measurements):
+        return "measured", ""
+    return "not measured", "the frame has no place on the sky"
+
+
+def _is_same(streak: Detection, mark: Measurement, detail: FrameDetail) -> bool:
+    """Whether it is the streak that was marked: the nearest one, and near."""
+    found = () if detail.detections is None else detail.detections.detections
+
+    def away(each: Detection) -> float:
+        return math.hypot(each.x_px - mark.x_px, each.y_px - mark.y_px)
+
+    is_nearest = away(streak) == min(map(away, found), default=math.inf)
+    return is_nearest and away(streak) < max(SAME_STREAK_PX, 0.5 * streak.length_px)
+
+
+def _is_at(streak: Detection, x_px: float, y_px: float) -> bool:
+    return abs(streak.x_px - x_px) < 1.0 and abs(streak.y_px - y_px) < 1.0
+
+
+def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
+    size = f"{streak.length_px:.0f}×{streak.width_px:.1f} px" if streak.length_px else ""
+    place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
+    snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
+    head = f"  {short(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
+    named = "; ".join(words for words in (name_of(streak), pulse_of(streak)) if words)
+    return [
+        head,
+        *([f"        {named}"] if named else []),
+        *textwrap.wrap(reason, COLUMNS, initial_indent=" " * 8, subsequent_indent=" " * 8),
+    ]

@@ -1,0 +1,331 @@
+"""One frame at full resolution: look at any pixel of it, and see what other settings would say."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from textual import events
+from textual.app import ComposeResult
+from textual.message import Message
+
+from rsoconsole.config import Config
+from rsoconsole.console.commands import BY_NAME
+from rsoconsole.console.drawing import Ink, Line, sheet_boxes
+from rsoconsole.console.frame.sheet import Sheet
+from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
+from rsoconsole.console.frame.sheet_marks import place_in
+from rsoconsole.console.frame.sheet_pane import SheetPane
+from rsoconsole.console.frame.sheet_panel import panel_lines
+from rsoconsole.console.frame.sheet_words import mark_words, step_px
+from rsoconsole.console.night import EngineView
+from rsoconsole.console.panes import Key, LinesPane, Mode, key_at, key_line, keys_for, notice_rows
+from rsoconsole.console.picture import whole
+from rsoconsole.console.watches import Done, Fault, Loaded, News, Opened, SheetWorker
+from rsoconsole.console.words import wrapped
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reading import SessionReader
+
+LOOK_S = 0.25
+"""How often what is under way says for how long, and the first line is made anew."""
+MOST_ALERT_ROWS = 3
+
+
+class SaysTo(Protocol):
+    """The screen below."""
+
+    @property
+    def notice(self) -> tuple[str, Ink]:
+        """What is to be said at this moment."""
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while."""
+
+
+class SheetNews(Message):
+    """The worker has read or processed something, or could not."""
+
+    def __init__(self, news: News) -> None:
+        super().__init__()
+        self.news = news
+
+
+class FrameSheet(SheetActions):
+    """A frame of a session, its pixels, and the detector's word on it then and now."""
+
+    AUTO_FOCUS = None
+    CSS = """
+    FrameSheet { overflow: hidden; }
+    FrameSheet > LinesPane, FrameSheet > SheetPane { position: absolute; }
+    FrameSheet > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
+    FrameSheet > #status { background: $panel; }
+    FrameSheet > #keys { background: $panel; }
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        frame_id: int,
+        config: Config | None = None,
+        *,
+        status: Callable[[int, int], list[Line]] | None = None,
+        alert: Callable[[], str] | None = None,
+        keymap: Mapping[str, str] | None = None,
+        mark_to: MarkTo | None = None,
+        seat: SaysTo | None = None,
+    ) -> None:
+        """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
+        what must not be missed, where a telescope is at work meanwhile; ``seat``: the screen below,
+        which says what it says here, and goes on saying it; None: there is none."""
+        super().__init__(Sheet(frame_id=frame_id), mark_to)
+        self._folder, self._config, self._seat = folder, config, seat
+        self._said: tuple[str, Ink, float] = ("", "", 0.0)
+        self._notice_shown: tuple[str, Ink] = ("", "")
+        self.keymap = dict(keymap or {})
+        self._status, self._alert = status, alert
+        self._is_list_open = False
+        self._drawn_keys: list[Key] = []
+        self._rows_of_alert = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._worker = SheetWorker(folder, frame_id, config, self._news_from_thread)
+
+    def compose(self) -> ComposeResult:
+        """Picture and panel; where they lie depends on the terminal."""
+        yield LinesPane(id="status")
+        yield LinesPane(id="alert")
+        yield SheetPane(self.sheet, id="picture")
+        yield LinesPane(id="panel")
+        yield LinesPane(id="keys")
+
+    def on_mount(self) -> None:
+        """Begin to read; first paint."""
+        self._loop = asyncio.get_running_loop()
+        self._place_panes()
+        self.show()
+        self.set_interval(LOOK_S, self._look)
+        self._worker.start()
+
+    def on_unmount(self) -> None:
+        """Let go of the pixels."""
+        self._worker.close()
+        self.sheet.pixels = None
+
+    def on_resize(self) -> None:
+        """Another terminal, other places."""
+        self._place_panes()
+        self.call_after_refresh(self._fit_view)
+
+    @property
+    def mode(self) -> Mode:
+        """What the keys are for."""
+        return "sheet mark" if self.sheet.is_marking else "sheet"
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while; the screen below says it too."""
+        if self._seat is not None:
+            self._seat.say(text, ink, seconds)
+        self._said = (text, ink, time.monotonic() + seconds)
+        self._show_keys()
+
+    @property
+    def notice(self) -> tuple[str, Ink]:
+        """What is to be said at this moment: while a mark is made, how it goes on."""
+        said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
+        if self._seat is not None:
+            said = self._seat.notice
+        if self.sheet.is_marking and said[1] != "warn":
+            return mark_words(self.sheet), "title"
+        return said
+
+    # -- what the worker says ------------------------------------------------------------------
+
+    def _news_from_thread(self, news: News) -> None:
+        with contextlib.suppress(RuntimeError):  # the application has ended
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(self.post_message, SheetNews(news))
+
+    def on_sheet_news(self, message: SheetNews) -> None:
+        """What is known now."""
+        sheet, news = self.sheet, message.news
+        match news:
+            case Opened():
+                sheet.opened, place = news, place_in(news.detail)
+                if sheet.view is not None and place is not None:
+                    sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
+            case Loaded():
+                sheet.pixels = news.pixels
+                height, width = news.pixels.pixels.shape
+                before = sheet.view
+                sheet.view = whole(width, height, *self.picture.room)
+                if before is not None and (before.width_px, before.height_px) == (width, height):
+                    sheet.view = before.resized(*self.picture.room)
+                elif sheet.candidates:
+                    likeliest = sheet.candidates[0].shown
+                    sheet.view = sheet.view.at(likeliest.x_px, likeliest.y_px)
+                self.process()
+            case Done():
+                sheet.done, sheet.failure = news, ""
+                self._settle(news.wish)
+            case Fault(wish=None):
+                sheet.fault = news.text
+            case Fault():
+                sheet.failure = news.text
+                self._settle(news.wish)
+        self.show()
+
+    def _settle(self, wish: object) -> None:
+        if self.sheet.wish == wish:
+            self.sheet.wish = None
+
+    def process(self) -> None:
+        """Ask for the frame with what is tried now."""
+        sheet, wish = self.sheet, self.sheet.wished()
+        sheet.began_s, sheet.wish = time.monotonic(), wish
+        self._worker.ask(wish)
+        self.show()
+
+    # -- what is shown -------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """What goes by itself: the seconds, and the telescope's state."""
+        if self.sheet.pixels is None or self.sheet.wish is not None:
+            self._show_panel()
+        if self.sheet.pixels is None and not self.sheet.fault:
+            self.picture.redraw()
+        self._show_status()
+        if self.notice != self._notice_shown:
+            self._show_keys()
+
+    def show(self) -> None:
+        self.picture.redraw()
+        self._show_panel()
+        self._show_status()
+        self._show_keys()
+
+    def _show_panel(self) -> None:
+        self.query_one("#panel", LinesPane).show(panel_lines(self.sheet))
+
+    def _show_status(self) -> None:
+        if self._status is not None:
+            self.query_one("#status", LinesPane).show(self._status)
+        if self._alert_rows() != self._rows_of_alert:
+            self._place_panes()
+            self.call_after_refresh(self._fit_view)
+        text = self._alert_text()
+        self.query_one("#alert", LinesPane).show(
+            lambda width, height: wrapped(f" {text}", width, height)
+        )
+
+    def _alert_text(self) -> str:
+        above = self._alert() if self._alert is not None else ""
+        fault = self.sheet.fault
+        if fault and self.sheet.opened is not None and self.sheet.opened.preview is not None:
+            fault += " · the picture is the session's preview"
+        return " · ".join(part for part in (above, fault) if part)
+
+    def _alert_rows(self) -> int:
+        text = self._alert_text()
+        return len(wrapped(f" {text}", self.size.width, MOST_ALERT_ROWS)) if text else 0
+
+    def _show_keys(self) -> None:
+        keys = keys_for(EngineView(), can_act=False, mode=self.mode, keymap=self.keymap)
+        if not self.can_mark:
+            keys = [key for key in keys if key.command != "mark"]
+        step = f"Step {step_px(self.sheet):.3g} px"
+        self._drawn_keys = [k._replace(name=step) if k.name == "Step" else k for k in keys]
+        before, self._notice_shown = self._notice_shown, self.notice
+        if self._rows_of(before) != self._rows_of(self._notice_shown):
+            self._place_panes()
+            self.call_after_refresh(self._fit_view)
+        self.query_one("#keys", LinesPane).show(key_line(self._drawn_keys, self._notice_shown))
+
+    def _rows_of(self, notice: tuple[str, Ink]) -> int:
+        return notice_rows(notice[0], *self.size)
+
+    def _place_panes(self) -> None:
+        self._rows_of_alert = self._alert_rows()
+        boxes = sheet_boxes(
+            *self.size,
+            has_status=self._status is not None,
+            alert_rows=self._rows_of_alert,
+            keys_rows=1 + self._rows_of(self._notice_shown),
+            is_list_open=self._is_list_open,
+        )
+        for name in ("status", "alert", "picture", "panel", "keys"):
+            widget, box = self.query_one(f"#{name}"), boxes.get(name)
+            widget.display = box is not None
+            if box is not None:
+                widget.styles.offset = (box.x, box.y)
+                widget.styles.width, widget.styles.height = box.width, box.height
+
+    def _fit_view(self) -> None:
+        if self.sheet.view is not None:
+            self.sheet.view = self.sheet.view.resized(*self.picture.room)
+        self.picture.redraw()
+
+    # -- keys ----------------------------------------------------------------------------------
+
+    def action_back(self) -> None:
+        """A mark first, then the list, then the screen below."""
+        if self.sheet.is_marking:
+            self.leave_mark()
+        elif self._is_list_open:
+            self.action_list()
+        else:
+            self.dismiss(None)
+
+    def action_other_frame(self, by: int) -> None:
+        """The one before or after whose pixels are kept, as near, the cross on its streak."""
+        own = self.sheet
+        if own.is_marking:
+            self.say("a mark is being made in this frame: esc leaves it off", "warn")
+            return
+        try:
+            kept = sorted(SessionReader(self._folder).frames_with_pixels())
+        except RsoconsoleError as error:
+            self.say(str(error), "warn")
+            return
+        if by < 0:
+            others = [each for each in kept if each < own.frame_id][::-1]
+        else:
+            others = [each for each in kept if each > own.frame_id]
+        if not others:
+            which = "oldest" if by < 0 else "newest"
+            self.say(f"frame {own.frame_id} is the {which} whose pixels are kept")
+            return
+        other = FrameSheet(
+            self._folder,
+            others[0],
+            self._config,
+            status=self._status,
+            alert=self._alert,
+            keymap=self.keymap,
+            mark_to=self._mark_to,
+            seat=self._seat,
+        )
+        its = other.sheet
+        its.view, its.step, its.stretch, its.has_marks = (
+            *(own.view, own.step),
+            *(own.stretch, own.has_marks),
+        )
+        self.app.switch_screen(other)
+
+    def action_list(self) -> None:
+        """The whole screen to the panel, and back."""
+        self._is_list_open = not self._is_list_open
+        self._place_panes()
+        self.call_after_refresh(self._fit_view)
+
+    async def on_click(self, event: events.Click) -> None:
+        """A key of the last line."""
+        pane = self.query_one("#keys", LinesPane)
+        key = None
+        if event.widget is pane and event.y == pane.size.height - 1:
+            notice = self._notice_shown[0] if pane.size.height == 1 else ""
+            key = key_at(self._drawn_keys, notice, pane.size.width, event.x)
+        if key is not None and key.command:
+            command = BY_NAME.get(key.command)
+            is_apps = command is not None and command.is_everywhere
+            await self.run_action(f"app.{key.command}" if is_apps else key.command)

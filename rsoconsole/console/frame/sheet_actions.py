@@ -1,0 +1,329 @@
+"""What the keys and the mouse do in a frame at full resolution."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from textual.app import SystemCommand
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+from rsoconsole.console.actions import MARK_SAID_S, why_no_mark
+from rsoconsole.console.drawing import Ink
+from rsoconsole.console.frame.sheet import Sheet
+from rsoconsole.console.frame.sheet_pane import SheetPane
+from rsoconsole.console.frame.sheet_words import step_words
+from rsoconsole.console.picture import STEPS, STRETCHES
+from rsoconsole.console.watches import Pointed
+from rsoconsole.control import MarkByHand
+from rsoconsole.records import MapMode
+
+FINEST_MARK_PX = 1.0
+"""Nobody points more finely."""
+SendMark = Callable[[MarkByHand], str]
+"""Hands a mark to the engine; gives what is to be said of it."""
+SAID_S = 4.0
+REFUSED_S = 15.0
+FAR = 5
+"""Steps that a shifted arrow goes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkTo:
+    """Where a mark goes that is made in an opened frame."""
+
+    send: SendMark
+    """Gives what is to be said of it."""
+    begin: Callable[[int, Callable[[str], None]], None]
+    """A mark is begun in that frame, which is kept for it; calls back with why it cannot be."""
+    leave: Callable[[int], None]
+    """Left off: the frame need not be kept."""
+    refusal: Callable[[int], str]
+    """Why a frame takes none any more; empty: it does, as far as is known."""
+
+
+ROOM_PX = 20.0
+"""Seen beyond both ends of a candidate that is gone to."""
+_MOVES = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
+
+
+class SheetActions(Screen[None]):
+    """Changes what is looked at and what is tried; the screen built on it shows and asks."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "back", "Back", show=False),
+        Binding("enter", "set_end", "Set an end", show=False),
+        Binding("q", "app.leave", "Leave", id="leave", show=False),
+        *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
+        *(Binding(f"shift+{key}", f"move('{key}', {FAR})", show=False) for key in _MOVES),
+        Binding("pageup", "other_frame(-1)", "Frame before", show=False),
+        Binding("pagedown", "other_frame(1)", "Frame after", show=False),
+        Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
+        Binding("right_square_bracket", "step(1)", "Larger step", id="larger_step", show=False),
+        Binding("plus,equals_sign", "zoom_by(-1)", "Nearer", show=False),
+        Binding("minus", "zoom_by(1)", "Farther", show=False),
+        Binding("z", "zoom", "Zoom", id="zoom", show=False),
+        Binding("f", "stretch", "Stretch", id="stretch", show=False),
+        Binding("O", "marks", "Marks on and off", show=False),
+        Binding("d", "next_candidate", "Next candidate", id="follow_next", show=False),
+        Binding("comma", "tau(-1)", "Smaller tau", show=False),
+        Binding("full_stop", "tau(1)", "Larger tau", show=False),
+        Binding("m", "mark", "Mark by hand", id="mark", show=False),
+        Binding("M", "map_mode", "Map mode", show=False),
+        Binding("V", "network_view", "What the network sees", show=False),
+        Binding("P", "plate", "Solve again", show=False),
+        Binding("R", "as_recorded", "As recorded", show=False),
+        Binding("L", "list", "List", show=False),
+    ]
+
+    def __init__(self, sheet: Sheet, mark_to: MarkTo | None = None) -> None:
+        """``mark_to``: where a mark goes; None: nowhere, as in a night that is over."""
+        super().__init__()
+        self.sheet = sheet
+        self._mark_to = mark_to
+
+    def show(self) -> None:
+        """Draw everything again; the screen does."""
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while; the screen has it."""
+
+    def process(self) -> None:
+        """Ask for the frame with what is tried now; the screen does."""
+
+    def action_list(self) -> None:
+        """The whole screen to the panel, and back; the screen does."""
+
+    def action_back(self) -> None:
+        """To the screen below; the screen does."""
+
+    def action_other_frame(self, by: int) -> None:
+        """To the frame before or after, of those whose pixels are kept; the screen does."""
+
+    @property
+    def picture(self) -> SheetPane:
+        """The frame's widget."""
+        return self.query_one("#picture", SheetPane)
+
+    # -- the view ------------------------------------------------------------------------------
+
+    def action_move(self, key: str, times: int = 1) -> None:
+        """The cross, and the view with it."""
+        across, down = _MOVES[key]
+        if self.sheet.view is not None:
+            step = STEPS[self.sheet.step] * times
+            self.sheet.view = self.sheet.view.moved(step * across, step * down)
+            self.picture.redraw()
+
+    def action_step(self, by: int) -> None:
+        """How far an arrow goes."""
+        self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
+        self.say(f"{step_words(self.sheet)} ([ smaller, ] larger)")
+        self.show()
+
+    def action_zoom_by(self, by: int) -> None:
+        """Nearer or farther, by two."""
+        if self.sheet.view is not None:
+            self.sheet.view = self.sheet.view.zoomed(by)
+            self.show()
+
+    def action_zoom(self) -> None:
+        """Nearer; from the nearest back to the whole field."""
+        view = self.sheet.view
+        if view is None:
+            self.picture.next_sight()
+        else:
+            nearer = view.zoomed(-1)
+            self.sheet.view = replace(view, zoom=None) if nearer == view else nearer
+            self.show()
+
+    def action_stretch(self) -> None:
+        """How light becomes grey."""
+        at = STRETCHES.index(self.sheet.stretch)
+        self.sheet.stretch = STRETCHES[(at + 1) % len(STRETCHES)]
+        self.picture.redraw()
+
+    def action_marks(self) -> None:
+        """What is pointed at, or the pixels beneath it."""
+        if self.sheet.is_marking:
+            self.sheet.shows_beside_mark = not self.sheet.shows_beside_mark
+        else:
+            self.sheet.has_marks = not self.sheet.has_marks
+        self.picture.redraw()
+
+    def action_next_candidate(self) -> None:
+        """Go to the next one, the likeliest first."""
+        sheet = self.sheet
+        count = len(sheet.candidates)
+        if not count:
+            return
+        sheet.chosen = 0 if sheet.chosen is None else (sheet.chosen + 1) % count
+        if sheet.view is not None:
+            streak = sheet.candidates[sheet.chosen].shown
+            view = sheet.view.at(streak.x_px, streak.y_px)
+            if view.zoom is None:
+                wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
+                view = view.showing(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
+            sheet.view = view
+        self.show()
+
+    # -- a mark by hand ------------------------------------------------------------------------
+
+    @property
+    def can_mark(self) -> bool:
+        """Whether this frame may take a mark, as far as the screen knows."""
+        return self._mark_to is not None and not self.sheet.fault
+
+    def action_mark(self) -> None:
+        """Begin a mark at the cross, or leave off."""
+        sheet, mark_to = self.sheet, self._mark_to
+        if sheet.is_marking:
+            self.leave_mark()
+            return
+        detail = None if sheet.opened is None else sheet.opened.detail
+        if mark_to is None:
+            why_not = "no marks in a night that is over"
+        elif sheet.fault:
+            why_not = f"no mark in frame {sheet.frame_id}: its pixels were not kept"
+        elif detail is None or sheet.view is None:
+            why_not = "no mark yet: the frame is still being read, press it again then"
+        else:
+            why_not = why_no_mark(sheet.frame_id, detail) or mark_to.refusal(sheet.frame_id)
+        if why_not or mark_to is None:
+            self.say(why_not, "warn", REFUSED_S)
+            return
+        sheet.is_marking, sheet.shows_beside_mark = True, False
+        self.show()
+        mark_to.begin(sheet.frame_id, self.refuse_mark)
+
+    def refuse_mark(self, why_not: str) -> None:
+        """The engine takes none in this frame any more."""
+        self._end_mark()
+        self.say(why_not, "warn", REFUSED_S)
+
+    def leave_mark(self) -> None:
+        """Nothing is sent."""
+        self._end_mark()
+        if self._mark_to is not None:
+            self._mark_to.leave(self.sheet.frame_id)
+
+    def _end_mark(self) -> None:
+        sheet = self.sheet
+        sheet.is_marking, sheet.first_px, sheet.coarsest_px = False, None, 0.0
+        self.show()
+
+    def action_set_end(self) -> None:
+        """The cross is an end; with the second the mark is sent."""
+        sheet, view, mark_to = self.sheet, self.sheet.view, self._mark_to
+        if not sheet.is_marking or view is None or mark_to is None:
+            return
+        if why_not := mark_to.refusal(sheet.frame_id):
+            self.refuse_mark(why_not)
+            return
+        sheet.coarsest_px = max(sheet.coarsest_px, view.px_per_square, FINEST_MARK_PX)
+        if sheet.first_px is None:
+            sheet.first_px = (view.x_px, view.y_px)
+            self.show()
+            return
+        (x_a, y_a), sigma_px = sheet.first_px, sheet.coarsest_px
+        mark = MarkByHand(
+            frame_id=sheet.frame_id,
+            x_a_px=x_a,
+            y_a_px=y_a,
+            x_b_px=view.x_px,
+            y_b_px=view.y_px,
+            sigma_px=sigma_px,
+        )
+        self._end_mark()
+        self.say(mark_to.send(mark), "title", MARK_SAID_S)
+
+    # -- the settings --------------------------------------------------------------------------
+
+    def _can_process(self) -> bool:
+        """Whether there are pixels to process; why not, the screen says already."""
+        if self.sheet.pixels is None:
+            self.app.bell()
+        return self.sheet.pixels is not None
+
+    def action_tau(self, by: int) -> None:
+        """More or less of it, by a quarter."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        before = sheet.tau
+        sheet.tau_steps += by
+        if sheet.tau == before:
+            sheet.tau_steps -= by  # at its bound: no step that would have to be gone back
+        else:
+            self.process()
+
+    def action_map_mode(self) -> None:
+        """The other way to make the map that the network looks at."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        mode: MapMode = "paper" if (sheet.map_mode or sheet.recorded_mode) == "fast" else "fast"
+        sheet.map_mode = None if mode == sheet.recorded_mode else mode
+        self.process()
+
+    def action_network_view(self) -> None:
+        """The map instead of the frame, and back."""
+        if not self._can_process():
+            return
+        self.sheet.sees_as_network = not self.sheet.sees_as_network
+        if self.sheet.sees_as_network and self.sheet.map is None:
+            self.process()
+        self.show()
+
+    def action_plate(self) -> None:
+        """A plate from this frame's stars alone, or the recorded one again."""
+        if not self._can_process():
+            return
+        self.sheet.solves_anew = not self.sheet.solves_anew
+        self.process()
+
+    def action_as_recorded(self) -> None:
+        """Nothing tried any more."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        sheet.tau_steps, sheet.map_mode, sheet.solves_anew = 0, None, False
+        self.process()
+
+    # -- the mouse -----------------------------------------------------------------------------
+
+    def on_pointed(self, message: Pointed) -> None:
+        """The cross goes there."""
+        if self.sheet.view is not None and not message.is_release:
+            self.sheet.view = self.sheet.view.at(message.x_px, message.y_px)
+            self.picture.redraw()
+
+    def on_mouse_scroll_up(self) -> None:
+        """Nearer."""
+        self.action_zoom_by(-1)
+
+    def on_mouse_scroll_down(self) -> None:
+        """Farther."""
+        self.action_zoom_by(1)
+
+    def system_commands(self) -> Iterable[SystemCommand]:
+        """For the palette: what this screen does beside what the console does everywhere."""
+        for title, help_, action in (
+            ("Frame: next candidate", "go to it", self.action_next_candidate),
+            ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
+            ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
+            ("Frame: mark by hand", "the streak's two ends", self.action_mark),
+            ("Frame: the one before", "whose pixels are kept", lambda: self.action_other_frame(-1)),
+            ("Frame: the one after", "whose pixels are kept", lambda: self.action_other_frame(1)),
+            ("Frame: stretch", "how light becomes grey", self.action_stretch),
+            ("Frame: marks", "on and off", self.action_marks),
+            ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),
+            ("Frame: larger tau", "by a quarter; processes again", lambda: self.action_tau(1)),
+            ("Frame: map mode", "fast or paper; processes again", self.action_map_mode),
+            ("Frame: what the network sees", "the map, and back", self.action_network_view),
+            ("Frame: solve again", "from its own stars, or the recorded", self.action_plate),
+            ("Frame: as recorded", "nothing tried any more", self.action_as_recorded),
+            ("Frame: list", "all candidates, and back", self.action_list),
+            ("Frame: back", "to the screen below", self.action_back),
+        ):
+            yield SystemCommand(title, help_, action)

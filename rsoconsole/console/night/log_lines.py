@@ -1,0 +1,357 @@
+"""The log in the operator's words: one line for what happened, none for what is routine."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, assert_never
+
+from rsoconsole.control import (
+    IN_ENGINE,
+    Arm,
+    BeginMark,
+    Disarm,
+    MarkByHand,
+    Note,
+    Resume,
+    Seek,
+    Set,
+    Stop,
+    command_words,
+    counted,
+    one_line,
+)
+from rsoconsole.reason_text import ruled_text, text
+from rsoconsole.reasons import (
+    DONE,
+    Cause,
+    CauseKind,
+    CommandResult,
+    HiddenBy,
+    Missed,
+    NotTaken,
+    Told,
+)
+from rsoconsole.records import (
+    CatalogueMatch,
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    Topic,
+    TrackState,
+)
+from rsoconsole.streak_text import remarkable
+
+Level = Literal["info", "good", "warning", "alarm"]
+
+OF_ALARMS: frozenset[CauseKind] = frozenset(
+    ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
+)
+"""Causes that are said as an alarm before the state changes."""
+CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
+TOLD_BY_CHANGE: Mapping[str, CauseKind] = {
+    Arm.verb: "armed",
+    Disarm.verb: "disarmed",
+    Resume.verb: "resumed",
+    Seek.verb: "looked for again",
+}
+_CONSOLE = re.compile(r"\bconsole (?=\S+@)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """One line of the log."""
+
+    t_utc_ns: int
+    frame_id: int | None
+    level: Level
+    text: str
+    kind: str = ""
+    """The record's."""
+    seq: int = 0
+    """The record's number in the session, counted from 1."""
+    times: int = 1
+    """How many records it stands for."""
+    turns: int = 1
+    """How often it has turned out otherwise and back, this time among them."""
+    since_utc_ns: int | None = None
+    """When the first of those turns was; None where there is one."""
+    asked: str = ""
+    """What an operator wanted, without what came of it."""
+    topic: Topic = ""
+    """What an event is about."""
+    missed: Missed | Told | None = None
+    """Why a frame had no measurement."""
+    not_taken: str = ""
+    """The kind of reason for which a measurement was not taken."""
+    is_of_miss: bool = False
+    """True for a change of state that a miss led to."""
+    is_wanted: bool = False
+    """True for a change of state by the operator's word, to look for it again or on a streak."""
+    is_accepted: bool = False
+    """True for a command that waits for its outcome."""
+    is_of_alarm: bool = False
+    """True for a miss or a change of state that an alarm just before it tells."""
+    said: str = ""
+    """An event's words alone."""
+    change: tuple[str, ...] = ()
+    """Of a change of state: both states and why, by the kinds of its reasons."""
+    cause: CauseKind | Literal[""] = ""
+    """Of a change of state; of a command that is done, that of the change that says it all."""
+    refused_by: str = ""
+    """Whose command was refused; empty: nobody's."""
+    marked_by: str = ""
+    """Whose mark by hand is used; empty: nobody's."""
+    setting: str = ""
+    """Which setting was changed, or wanted to be."""
+    tracks: tuple[int, ...] = ()
+    """Whose it is, where several are followed."""
+    words: str = ""
+    """Its text without whose it is."""
+
+    def of(self, tracks: tuple[int, ...]) -> "LogLine":
+        """The same of these tracks, by their numbers."""
+        return replace(self, tracks=tracks, text=f"{tracks_text(tracks)}: {self.words}")
+
+
+def tracks_text(tracks: tuple[int, ...]) -> str:
+    """Tracks by their numbers: "track 3", "tracks 1 3 4"."""
+    return f"track{'s' if len(tracks) > 1 else ''} {' '.join(map(str, tracks))}"
+
+
+def without_console(text: str) -> str:
+    """The same, with a seat's name for the seat: everybody knows that it is a console."""
+    return _CONSOLE.sub("", text)
+
+
+def left_out(found: Detections | None, tau: float) -> str:
+    """The likeliest streak that was seen in a frame and is no detection, and why; empty: none."""
+    rejected = () if found is None else found.rejected
+    likely = [each for each in rejected if each.detection.confidence >= tau]
+    if not likely:
+        return ""
+    best = max(likely, key=lambda each: each.detection.confidence)
+    confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
+    return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
+
+
+def is_put_down_to_cloud(record: Miss) -> bool:
+    """Whether cloud is named as the cause."""
+    hidden = record.reason.hidden_by if isinstance(record.reason, Missed) else ()
+    return any(isinstance(each, HiddenBy) and each.kind in CLOUD for each in hidden)
+
+
+def line_of(
+    record: Record, t_utc_ns: int, beside: str = "", *, is_one_of_several: bool = False
+) -> LogLine | None:
+    """The record's line; None for what is routine. ``beside``: more that is known of it.
+
+    ``is_one_of_several``: whether more than one track is followed, so that it says whose it is.
+    """
+    words = _words(record)
+    if words is None:
+        return None
+    # Control characters would reach the terminal, whoever wrote them.
+    said = one_line(f"{words[1]}; {beside}" if beside else words[1])
+    cause = record.reason if isinstance(record, StateChange) else None
+    kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""
+    frame_id = getattr(record, "frame_id", None) or None
+    action = record if isinstance(record, OperatorAction) else None
+    line = LogLine(
+        t_utc_ns=t_utc_ns,
+        frame_id=frame_id,
+        level=words[0],
+        text=said,
+        words=said,
+        kind=type(record).__name__,
+        missed=record.reason if isinstance(record, Miss) else None,
+        not_taken=_not_taken(record),
+        topic=record.topic if isinstance(record, Event) else "",
+        is_of_miss=kind in {"missed", "instrument"},
+        is_wanted=kind in {"looked for again", "operator's word"},
+        asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
+        is_accepted=action is not None and action.outcome.kind == "accepted",
+        is_of_alarm=_is_of_alarm(record),
+        said=one_line(record.text) if isinstance(record, Event) else "",
+        change=_change_of(record),
+        cause=_told_by(action) if action else kind,
+        refused_by=action.by if action and action.outcome.kind == "refused" else "",
+        marked_by=action.by if action is not None and _is_used_mark(action) else "",
+        setting=_setting_of(record),
+    )
+    track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
+    return line if track_id is None or not is_one_of_several else line.of((track_id,))
+
+
+def _change_of(record: Record) -> tuple[str, ...]:
+    if not isinstance(record, StateChange):
+        return ()
+    cause = record.reason
+    kind = cause.kind if isinstance(cause, Cause) else ""
+    missed = cause.missed if isinstance(cause, Cause) else None
+    why = missed.kind if isinstance(missed, Missed) else ""
+    return record.before, record.after, kind, why
+
+
+def _is_used_mark(action: OperatorAction) -> bool:
+    return action.verb == MarkByHand.verb and action.outcome.sigma_arcsec is not None
+
+
+def _not_taken(record: Record) -> str:
+    reason = record.reason if isinstance(record, NotFollowed) else None
+    return reason.kind if isinstance(reason, NotTaken) else ""
+
+
+def _told_by(action: OperatorAction) -> CauseKind | Literal[""]:
+    """The cause of the change of state that says as much as the command itself."""
+    if action.outcome.kind != "done" or action.arguments.get("override"):
+        return ""
+    return TOLD_BY_CHANGE.get(action.verb, "")
+
+
+def _is_of_alarm(record: Record) -> bool:
+    match record:
+        case StateChange(reason=Cause(kind=kind)):
+            return kind in OF_ALARMS
+        case Miss(reason=Missed(kind="instrument")):
+            return True
+    return False
+
+
+def _setting_of(record: Record) -> str:
+    match record:
+        case ParameterChange():
+            return record.name
+        case OperatorAction(verb=Set.verb, outcome=CommandResult(kind="done")):
+            lent = record.arguments.get("frames")
+            return "" if lent else str(record.arguments.get("name", ""))
+    return ""
+
+
+def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one case a kind
+    """Level and words; None for kinds that are routine."""
+    match record:
+        case StateChange():
+            return _of_state(record)
+        case Miss():
+            return "warning", f"miss: {text(record.reason)}"
+        case NotSolved():
+            return "warning", f"not plate-solved: {record.reason}"
+        case NotFollowed():
+            said = text(record.reason)
+            is_set_aside = _not_taken(record) == "not chosen"
+            return "info", f"automatic measurement {said}" if is_set_aside else f"not taken: {said}"
+        case Event():
+            prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
+            # A turn between two that promise the same is no news.
+            is_news = record.topic != "close predictor"
+            return (record.level, prefix + record.text) if is_news else None
+        case Identified():
+            return _of_identified(record)
+        case Detections():
+            said = remarkable(record.detections)
+            return ("info", f"detected: {said}") if said else None
+        case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
+            return None
+        case OperatorAction():
+            return _of_action(record)
+        case ParameterChange():
+            by = without_console(record.by)
+            return "info", f"{by}: {record.name} {record.before} → {record.after}"
+        case (
+            FrameTaken()
+            | Solution()
+            | Measurement()
+            | TrackState()
+            | SlewCommand()
+            | CycleTiming()
+            | Closeup()
+            | Ruling()
+            | FollowedAgain()
+            | OrbitEstimate()
+            | PairMotions()
+            | ExpectedMembers()
+            | LeapDone()
+            | LowPass()
+        ):
+            return None
+        case _:
+            assert_never(record)
+
+
+def _of_state(record: StateChange) -> tuple[Level, str]:
+    levels: dict[str, Level] = {
+        "TRACK": "good",
+        "COAST": "warning",
+        "LOST": "warning",
+        "FAULT": "alarm",
+    }
+    return levels.get(record.after, "info"), (
+        f"{record.before} → {record.after}: {without_console(text(record.reason))}"
+    )
+
+
+def _of_identified(record: Identified) -> tuple[Level, str]:
+    said = f"{record.verdict}: {record.reason}"
+    if record.verdict == "identified" and record.matches:
+        best, *others = record.matches
+        said = f"identified: {named(best)}, {off_text(best)} off"
+        if others:
+            said += f"; then {others[0].name or others[0].norad_id} at {off_text(others[0])}"
+    if record.hint:
+        return "warning", f"{said}; {record.hint}"
+    return "good" if record.verdict == "identified" else "info", said
+
+
+def _of_action(record: OperatorAction) -> tuple[Level, str]:
+    if record.verb == Note.verb:
+        return "good", f"NOTE: {record.arguments.get('text', '')}"
+    by, result = without_console(record.by), record.outcome
+    if record.verb == Stop.verb:
+        said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
+        return "alarm", f"{by}: STOP: {said}"
+    if _is_used_mark(record):
+        return "good", f"{by}: mark in frame {result.frame_id} is {ruled_text(result)}"
+    wanted = command_words(record.verb, record.arguments)
+    return "warning" if result.kind == "refused" else "info", f"{by}: {wanted}{_came_of(record)}"
+
+
+def _came_of(record: OperatorAction) -> str:
+    result = record.outcome
+    if result == DONE:
+        return ""
+    if result.kind == "ruled" and result.frame_id == record.arguments.get("frame"):
+        return f": {ruled_text(result)}"
+    return f": {text(result)}"
+
+
+def named(match: CatalogueMatch) -> str:
+    """A catalogued object as one calls it: its name where it has one, its number."""
+    return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
+
+
+def off_text(match: CatalogueMatch) -> str:
+    """How far beside its elements what was seen is."""
+    off = match.separation_arcsec
+    if off < 100.0:
+        return f"{off:.{0 if off >= 10.0 else 1}f}″"
+    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"

@@ -1,0 +1,347 @@
+"""The orbit pane's lines: name, elements, where it leads; what has no room is left out.
+
+Each line has a rank: in a low pane the lines of the first ranks stay, in their order.
+"""
+
+import math
+import unicodedata
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.night import named, off_text
+from rsoconsole.console.orbit.orbit_view import OrbitShown
+from rsoconsole.console.tuning import TrackQuality
+from rsoconsole.console.words import (
+    BY_PRIOR,
+    NS_PER_S,
+    Item,
+    clipped,
+    clock_text,
+    duration_text,
+    packed,
+    short,
+    unsigned_text,
+    wrapped,
+)
+from rsoconsole.control import one_line
+from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
+from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.tracking.filters import NIS_BAND
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.orbits import Ahead, OrbitOutlook
+
+Ranked = tuple[int, Line]
+
+WIDE_COLUMNS = 57
+"""From which on the places ahead need no line that says what is what."""
+NARROW_COLUMNS = 47
+"""Below which there is no room for an azimuth."""
+SOON_S = 900.0
+MOST_ROWS = 4
+"""Of one group."""
+KNOWN_DEG = 60.0
+"""A direction in the orbit's plane less sure than that is not told."""
+MOST_DECIMALS = 7
+LABEL_INKS: dict[str, Ink] = {
+    "free": "good",
+    "weak geometry": "warn",
+    "not observable": "warn",
+}
+
+
+def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
+    """What there is room for."""
+    estimate = shown.estimate
+    lines: list[Ranked] = [(0, _title(shown, width))]
+    if estimate is None:
+        lines += _ranked(_said(shown.absence, "dim", width), 1)
+    if shown.quality is not None:
+        lines += _track_lines(shown.quality, width)
+    if estimate is not None or shown.identified is not None:
+        lines += _name_lines(shown, width)
+    if shown.since_word_s is not None:
+        age = f"from {duration_text(shown.since_word_s)} ago"
+        lines += _ranked(_said(f"{age}: being fitted again after your word", "warn", width), 1)
+    if estimate is not None:
+        lines += _element_lines(shown, estimate, width)
+        lines += _ahead_lines(shown, width)
+        lines += _quality_lines(shown, estimate, width)
+    kept = sorted(range(len(lines)), key=lambda n: (lines[n][0], n))[: max(height, 0)]
+    return [clipped(lines[n][1], width) for n in sorted(kept)]
+
+
+def target_words(shown: OrbitShown) -> tuple[str, str]:
+    """The name of what is followed and its orbit's size, for the first line; empty: not known."""
+    estimate, found = shown.estimate, shown.identified
+    if shown.is_past:
+        return "", ""
+    has_size = estimate is not None and estimate.label != "not observable"
+    return "" if found is None else _name_of(found), (
+        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}"
+        if has_size and estimate is not None
+        else ""
+    )
+
+
+def _by_prior(estimate: OrbitEstimate) -> str:
+    """Behind a size that was assumed rather than measured, its sigma too."""
+    return "" if estimate.prior == "none" else BY_PRIOR
+
+
+def _name_of(identified: Identified) -> str:
+    """As short as can be: a sign stands for doubt."""
+    if identified.verdict == "unknown" or not identified.matches:
+        past = identified.ledger
+        if past is None:
+            return "target unknown"
+        return _one_wide(past.name) + ("" if past.is_sure else "?")
+    best = identified.matches[0]
+    doubt = "?" if identified.verdict == "ambiguous" else ""
+    return _one_wide(best.name or f"{best.norad_id}") + doubt
+
+
+def _title(shown: OrbitShown, width: int) -> Line:
+    estimate = shown.estimate
+    head = "orbit, reckoned now" if shown.is_reckoned else "orbit"
+    if shown.is_past:
+        at = f"orbit {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else "orbit"
+        head = "last, reckoned now" if shown.is_reckoned else f"last {at}"
+    if estimate is None:
+        return _rule([(head, "title")], "", width)
+    label = estimate.label
+    with_prior = f"{label} ({estimate.prior})" if estimate.prior != "none" else label
+    if len(f"─ {head} · {with_prior} ") <= width:
+        label = with_prior
+    ink = LABEL_INKS.get(estimate.label, "")
+    return _rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
+
+
+def _arc_words(estimate: OrbitEstimate) -> str:
+    return f"{estimate.observations} in {duration_text(estimate.arc_s)}"
+
+
+def _rule(items: Line, right: str, width: int) -> Line:
+    """A title in a line; what is right is dropped first."""
+    used = 2 + sum(len(text) for text, _ in items) + 1
+    tail = f" {right} ─" if right else ""
+    if used + len(tail) > width:
+        tail = ""
+    fill = "─" * max(width - used - len(tail), 0)
+    return clipped([("─ ", "dim"), *items, (f" {fill}{tail}", "dim")], width)
+
+
+def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
+    """Which catalogued object it is, which else it might be, and whether that was moved."""
+    found = shown.identified
+    if found is None:
+        why = "not identified" if shown.is_past else "not identified yet"
+        if not shown.has_catalogue:
+            why = "no name: the setting catalogue.tle_files is empty"
+        return [(1, [(f" {why}", "dim")])]
+    lines: list[Ranked] = []
+    if found.verdict == "unknown" or not found.matches:
+        lines += _ranked(_said(f"unknown: {found.reason}", "warn", width), 1, 2)
+    else:
+        best, *others = found.matches
+        is_sure = found.verdict == "identified"
+        items: list[Item] = [(_called(best, is_sure=is_sure), "good" if is_sure else "warn")]
+        items += [(word, "") for word in _match_words(best)]
+        lines += _ranked(packed(items, width, MOST_ROWS), 1, 5)
+        if others:
+            then = (f"then {_called(others[0])}", *_match_words(others[0])[:2])
+            lines += _ranked(packed([(word, "") for word in then], width, 2), 4, 8)
+        if not is_sure:
+            lines += _ranked(_said(f"ambiguous: {found.reason}", "warn", width), 6)
+    if found.hint:
+        lines += _ranked(_said(f"manoeuvre? {found.hint}", "warn", width), 2, 3)
+    compared = f"by {found.observations} directions against {found.catalogued} objects"
+    if found.named_with:
+        compared += f", with {found.named_with} other track{'s' if found.named_with > 1 else ''}"
+    return [*lines, (9, [(f" {compared}", "dim")])]
+
+
+def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
+    name = _one_wide(named(match))
+    return name if is_sure else f"{name}?"
+
+
+def _match_words(match: CatalogueMatch) -> list[str]:
+    age = match.tle_age_days
+    return [
+        _percent(match.probability),
+        f"{off_text(match)} off",
+        f"elements {abs(age):.1f} d {'old' if age >= 0.0 else 'younger'}",
+    ]
+
+
+def _percent(probability: float) -> str:
+    """Never more certain than it is."""
+    if probability >= 0.995:
+        return ">99%"
+    return "<1%" if probability < 0.005 else f"{probability:.0%}"
+
+
+def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+    ahead = shown.ahead
+    sigmas = dict(ahead.sigmas) if ahead is not None else {}
+    ink = LABEL_INKS.get(estimate.label, "")
+    ink = "" if ink == "good" else ink
+    items: list[Item] = [
+        (f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}", ink),
+        (f"e {_with_sigma(estimate.e, sigmas.get('e'))}", ""),
+        (f"i {_with_sigma(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
+    ]
+    for key, name in (("raan_deg", "node"), ("argp_deg", "argument")):
+        value, sigma = (ahead.elements.get(key) if ahead is not None else None), sigmas.get(key)
+        if value is not None and sigma is not None and sigma < KNOWN_DEG:
+            turned = 0.0 if value > 359.95 else value
+            items.append((f"{name} {_with_sigma(turned, sigma)}°", ""))
+    return _ranked(packed(items, width, MOST_ROWS), 1, 7)
+
+
+def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
+    """Where it will be, and what happens to it within a day."""
+    ahead = shown.ahead
+    if ahead is None:
+        return [(3, [(" reckoning where it leads …", "dim")])] if shown.has_site else []
+    if ahead.outlook is None:
+        return [(3, [(" where it leads cannot be reckoned", "warn")])]
+    lines: list[Ranked] = []
+    if width < WIDE_COLUMNS:
+        azimuth = "  az" if width >= NARROW_COLUMNS else ""
+        lines.append((6, [(f" in    α        δ         ±1σ     alt{azimuth}", "dim")]))
+    lines += [(3, _place_line(each, ahead.from_utc_ns, width)) for each in ahead.outlook.ahead]
+    events = _event_items(ahead.outlook, ahead.from_utc_ns, shown.now_utc_ns)
+    if width >= WIDE_COLUMNS and ahead.outlook.ahead:
+        events.append(("± is 1σ", "dim"))
+    return [*lines, *_ranked(packed(events, width, 2), 3, 7)]
+
+
+def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
+    """One instant; dim where it is below the horizon."""
+    seconds = (place.t_utc_ns - from_utc_ns) / NS_PER_S
+    value, unit = (seconds / 60.0, "min") if seconds < 3600.0 else (seconds / 3600.0, "h")
+    if not math.isfinite(place.ra_icrs_deg + place.dec_icrs_deg + place.altitude_deg):
+        return [(f" {value:.0f} {unit}: it has come down", "warn")]
+    ra, dec = format_ra(place.ra_icrs_deg, 0), format_dec(place.dec_icrs_deg, 0)
+    sigma = f"±{_sigma_text(place.sigma_arcsec)}"
+    alt, az = f"{place.altitude_deg:.0f}", f"{place.azimuth_deg:.0f}"
+    if width < WIDE_COLUMNS:
+        when = f"{value:.0f}min" if unit == "min" else f"{value:.0f} h"
+        text = f" {when:<5} {ra} {dec} {sigma:<6} {alt + '°':>4}"
+        text += f" {az + '°':>4}" if width >= NARROW_COLUMNS else ""
+    else:
+        text = f" {f'{value:.0f} {unit}':<6} α {ra} δ {dec} {sigma:<6} alt {alt:>3} az {az:>3}"
+    light: Item = (" dark" if place.lit < 1.0 else "", "warn")
+    return [(text, "dim" if place.altitude_deg < 0.0 else ""), light]
+
+
+def _sigma_text(arcsec: float) -> str:
+    """In at most five columns."""
+    if not arcsec < 600.0 * 3600.0:
+        return "?"
+    if arcsec < 100.0:
+        return f"{arcsec:.{1 if arcsec >= 0.95 else 2}f}″"
+    if arcsec < 5940.0:
+        return f"{arcsec / 60.0:.1f}′"
+    return f"{arcsec / 3600.0:.1f}°"
+
+
+def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> list[Item]:
+    now = now or from_utc_ns
+    items: list[Item] = []
+    if outlook.is_up:
+        items.append(_at("sets", outlook.sets_utc_ns, now, "does not set within a day"))
+    else:
+        items.append(("is down", "warn"))
+        items.append(_at("rises", outlook.rises_utc_ns, now, "does not rise within a day"))
+    if outlook.eclipse_utc_ns is None:
+        return [*items, ("no eclipse within a day", "")]
+    begins, ends = outlook.eclipse_utc_ns
+    until = f" to {clock_text(ends)[:5]}Z" if ends else ""
+    if begins <= from_utc_ns:
+        return [*items, (f"in eclipse{until}", "warn")]
+    text, ink = _at("eclipse", begins, now, "")
+    return [*items, (text + until, ink)]
+
+
+def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
+    if t_utc_ns is None:
+        return never, ""
+    left_s = (t_utc_ns - now) / NS_PER_S
+    text = f"{what} {clock_text(t_utc_ns)[:5]}Z ({duration_text(left_s)})"
+    return text, "warn" if left_s < SOON_S else ""
+
+
+def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
+    """How good the track is, whatever its orbit: as the tuning pane has it."""
+    low, high = quality.nis_band
+    items: list[Item] = [
+        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec)}", ""),
+        (f"3σ holds {quality.inside_3sigma:.0%}", ""),
+        (f"{quality.misses} missed", "warn" if quality.misses else ""),
+        (
+            f"NIS {quality.nis_mean:.1f} /{quality.measured} (ideal 2, sound {low:.1f}-{high:.1f})",
+            "" if quality.is_sound else "warn",
+        ),
+    ]
+    lines = _ranked(packed(items, width, MOST_ROWS), 2, 3)
+    if quality.lag_one is not None:
+        bound = quality.lag_one_bound
+        said = f" lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
+        lines.append((7, [(said, "" if abs(quality.lag_one) <= bound else "warn")]))
+    return lines
+
+
+def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+    """By what the telescope aims, and how well the orbit fits."""
+    items: list[Item] = []
+    if not shown.is_past and not shown.is_reckoned:
+        items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
+    if estimate.nis is not None:
+        is_far = estimate.nis > NIS_BAND[1]
+        items.append((f"orbit's NIS {estimate.nis:.1f} /1 (ideal 2)", "warn" if is_far else ""))
+    items.append((f"rms {_fine(estimate.rms_arcsec)}", ""))
+    items.append((f"{estimate.observations} directions in {duration_text(estimate.arc_s)}", ""))
+    if estimate.outliers:
+        items.append((f"{estimate.outliers} left out", "warn"))
+    why = wrapped(_one_wide(estimate.reason), max(width - 2, 1), 3)
+    return [
+        *_ranked(packed(items, width, MOST_ROWS), 4, 7),
+        *_ranked([[(" ", ""), (line[0][0], "dim")] for line in why], 8),
+    ]
+
+
+def _fine(arcsec: float) -> str:
+    return f"{short(arcsec)}″" if arcsec < 1.0 else unsigned_text(arcsec)
+
+
+def _with_sigma(value: float, sigma: float | None) -> str:
+    """As many decimals as the sigma has any say in."""
+    if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.5g}".removeprefix("0") or "0"
+    decimals = min(max(-math.floor(math.log10(sigma)), 0), MOST_DECIMALS)
+    texts = [
+        f"{each:.{decimals}f}" for each in (value, sigma) if each is value or round(each, decimals)
+    ]
+    return "±".join(text.removeprefix("0") if "." in text else text for text in texts)
+
+
+def _said(text: str, ink: Ink, width: int) -> list[Line]:
+    """A sentence over as many lines as a group may have."""
+    lines = wrapped(_one_wide(text), max(width - 2, 1), MOST_ROWS)
+    return [[(" ", ""), (line[0][0], ink)] for line in lines]
+
+
+def _ranked(lines: Sequence[Line], first: int, others: int | None = None) -> list[Ranked]:
+    return [(first if n == 0 or others is None else others, line) for n, line in enumerate(lines)]
+
+
+def _one_wide(text: str) -> str:
+    """Names come from anybody's files: each of their characters takes one column."""
+    return "".join(
+        "?" if unicodedata.east_asian_width(c) in "WF" or unicodedata.combining(c) else c
+        for c in one_line(text)
+    )

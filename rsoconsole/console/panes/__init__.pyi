@@ -1,0 +1,17 @@
+from .last_line import MODE_WORDS as MODE_WORDS
+from .last_line import Key as Key
+from .last_line import Mode as Mode
+from .last_line import key_at as key_at
+from .last_line import key_line as key_line
+from .last_line import keys_for as keys_for
+from .last_line import mode_keys as mode_keys
+from .last_line import notice_rows as notice_rows
+from .last_line import review_keys as review_keys
+from .log_pane import LogPane as LogPane
+from .panes import SIGHTS as SIGHTS
+from .panes import FramePane as FramePane
+from .panes import LinesPane as LinesPane
+from .panes import Sight as Sight
+from .panes import StopBanner as StopBanner
+from .timeline_pane import MomentField as MomentField
+from .timeline_pane import TimelinePane as TimelinePane

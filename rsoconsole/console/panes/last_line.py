@@ -1,0 +1,318 @@
+"""The last line: the keys that matter now, and a word about what was just done."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+from rsoconsole.console.commands import first_key
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.night import EngineView
+from rsoconsole.console.words import clipped, wrapped
+from rsoconsole.pipeline.frame import HELD
+
+Mode = Literal[
+    "live",
+    "mark",
+    "tune",
+    "tracks",
+    "log",
+    "review",
+    "review tune",
+    "review tracks",
+    "review log",
+    "sheet",
+    "sheet mark",
+]
+"""What the keys are for at this moment."""
+
+
+class Key(NamedTuple):
+    """A key, what it does in a word, and whether it stays while there is any room."""
+
+    key: str
+    name: str
+    is_weighty: bool = False
+    command: str = ""
+    """What a click on it does; empty: nothing."""
+    words: str = ""
+    """What it does, for the help; empty: its name says it."""
+
+
+_GAP = "  "
+LEAST_LINES = 8
+"""Of a terminal in which a notice has rows of its own."""
+MOST_NOTICE_ROWS = 3
+MARKABLE = 12
+"""The last frames in which a mark can be begun (``rulings.KEPT``)."""
+MARK_HELP = (
+    f"a streak's two ends. A mark can be begun in the last {MARKABLE} frames; its frame can be"
+    f" marked from then on, while {HELD} more frames come"
+)
+STEP_HELP = (
+    "how many squares an arrow goes: 1, 4, 16, 64 (on the main screen these keys set the step by"
+    " which arrows move the mount)"
+)
+_OF_MODES: dict[Mode, tuple[Key, ...]] = {
+    "live": (),
+    "review": (),
+    "review tune": (
+        Key("↑↓", "Choose"),
+        Key("←→", "Change"),
+        Key("A", "All frames"),
+        Key("u", "Undo"),
+        Key("w", "Save"),
+        Key("o", "Load"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "review tracks": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("1", "Its plots", command="track_plots"),
+        Key(", .", "Frame"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "review log": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("enter", "Go there", is_weighty=True),
+        Key("/", "Search"),
+        Key("esc", "Back", is_weighty=True),
+    ),
+    "mark": (
+        Key("↑↓←→", "Move"),
+        Key("enter", "Set", is_weighty=True),
+        Key("shift", "Far", words="with an arrow: five squares"),
+        Key("O", "Signs", words="the signs of the streaks, hidden meanwhile"),
+        Key("esc", "Leave off", is_weighty=True),
+    ),
+    "tune": (
+        Key("↑↓", "Choose"),
+        Key("←→", "Change"),
+        Key("enter", "Apply"),
+        Key("f", "For frames"),
+        Key("u", "Undo"),
+        Key("w", "Save"),
+        Key("o", "Load"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "tracks": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("enter", "Make it the lead", is_weighty=True),
+        Key("-", "Drop", is_weighty=True),
+        Key("+", "Keep"),
+        Key("1", "Its plots", command="track_plots"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "log": (
+        Key("↑↓", "Scroll", is_weighty=True),
+        Key("/", "Filter", is_weighty=True),
+        Key("esc", "Back", is_weighty=True),
+    ),
+    "sheet": (
+        Key("esc", "Back", is_weighty=True, command="back"),
+        Key(", .", "τ", is_weighty=True, words="τ smaller, larger: the frame is processed again"),
+        Key("+ -", "Zoom", is_weighty=True, words="nearer, farther, by two"),
+        Key("m", "Mark", is_weighty=True, command="mark", words=MARK_HELP),
+        Key("PgUp PgDn", "Frame", words="the frame before, after, of those whose pixels are kept"),
+        Key("d", "Next candidate", command="next_candidate", words="to the next candidate"),
+        Key("↑↓←→", "Move", words="move the cross ╋; with shift five steps"),
+        Key("[ ]", "Step", words=STEP_HELP),
+        Key("M", "Map", command="map_mode", words="fast or paper map for the network, and again"),
+        Key(
+            "V",
+            "Network's view",
+            command="network_view",
+            words="the map that the network looks at, instead of the frame; and back",
+        ),
+        Key("f", "Stretch", command="stretch", words="how light becomes grey: the next way"),
+        Key("O", "Marks", command="marks", words="signs over the picture off, to see beneath; on"),
+        Key("P", "Solve again", command="plate", words="a plate from this frame's stars alone"),
+        Key("R", "As recorded", command="as_recorded", words="nothing tried any more"),
+        Key("L", "List", command="list", words="all candidates on the whole screen, and back"),
+    ),
+    "sheet mark": (
+        Key("enter", "Set", is_weighty=True, command="set_end", words="the cross ╋ is an end"),
+        Key("↑↓←→", "Move", is_weighty=True, words="the cross ╋"),
+        Key("shift", "Far", words="with an arrow: five steps"),
+        Key("[ ]", "Step", is_weighty=True, words=STEP_HELP),
+        Key("+ -", "Zoom", words="nearer, farther: the closer, the surer the mark"),
+        Key("O", "Signs", command="marks", words="the signs of the streaks, hidden meanwhile"),
+        Key("esc", "Leave off", is_weighty=True, command="back", words="no mark is sent"),
+    ),
+}
+
+
+MODE_WORDS: dict[Mode, str] = {
+    "live": "",
+    "mark": "Now: a streak's two ends are marked by hand",
+    "tune": "Now: the tuning pane",
+    "tracks": "Now: the list of tracks",
+    "log": "Now: the whole log",
+    "review": "",
+    "review tune": "Now: the tuning pane, over what has been recorded",
+    "review tracks": "Now: the list of tracks at this moment",
+    "review log": "Now: the log of the whole night; what came later is dim",
+    "sheet": "Now: one frame at full resolution",
+    "sheet mark": "Now: a streak's two ends are marked in one frame at full resolution",
+}
+
+
+def mode_keys(mode: Mode) -> tuple[Key, ...]:
+    """The keys that mean something of their own at this moment."""
+    return _OF_MODES[mode]
+
+
+def keys_for(
+    engine: EngineView,
+    *,
+    can_act: bool,
+    mode: Mode = "live",
+    keymap: Mapping[str, str] | None = None,
+    is_in_cloud: bool = False,
+) -> list[Key]:
+    """The keys in their order on the line; which of them act depends on who has the mount.
+
+    ``is_in_cloud``: what is followed was missed, and cloud is the cause.
+    """
+
+    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
+        return Key(first_key(command, keymap), name, is_weighty, command)
+
+    keys = [key("stop_by_letter", "STOP", is_weighty=True)]
+    if mode != "live":
+        return [*keys, *_OF_MODES[mode], key("help", "Help")]
+    if can_act:
+        arm = "Disarm" if engine.holder == "autonomy" else "Arm"
+        keys.append(key("arm_or_disarm", arm, is_weighty=True))
+        if engine.kept:
+            keys.append(key("undo", "Follow again", is_weighty=True))
+            if engine.holder == "operator":
+                keys.append(key("hold_or_resume", "Give back", is_weighty=True))
+        if engine.is_held or (engine.wants_resuming and not engine.kept):
+            keys.append(key("hold_or_resume", "Resume"))
+        elif engine.holder == "autonomy":
+            keys.append(key("hold_or_resume", "Hold"))
+            if is_in_cloud:
+                keys.append(key("wait_for_sky", "Hold until it clears", is_weighty=True))
+        named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
+        if engine.holder in {"autonomy", "operator"}:
+            named = {"goto": "Go to", "mark": "Mark", **named}
+        keys += [key(command, name) for command, name in named.items()]
+    return [
+        *keys,
+        key("leave", "Leave", is_weighty=True),
+        key("log", "Log"),
+        key("zoom", "Zoom"),
+        *([] if can_act else [key("orbit", "Orbit")]),
+        key("help", "Help", is_weighty=True),
+        Key("^p", "More"),
+    ]
+
+
+def review_keys(
+    *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
+) -> list[Key]:
+    """The same over a recorded night; ``has_live``: a live console lies behind it."""
+
+    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
+        return Key(first_key(command, keymap), name, is_weighty, command)
+
+    def keys(first: str, second: str, name: str) -> Key:
+        return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
+
+    # The mount of the present, which the engine or the configuration names; never the recorded one.
+    stop = key("stop_by_letter", "STOP", is_weighty=True)
+    if mode != "review":
+        return [stop, *_OF_MODES[mode], key("help", "Help")]
+    return [
+        stop,
+        key("play", "Pause" if is_playing else "Play", is_weighty=True),
+        keys("frame_back", "frame_on", "Frame"),
+        keys("event_back", "event_on", "Event"),
+        key("event_kind", "Kind"),
+        key("goto_moment", "Go to"),
+        keys("slower", "faster", "Speed"),
+        key("compare", "Compare" if has_mark else "Keep A"),
+        *([key("blink", "Blink")] if has_mark else []),
+        key("leave", "Live" if has_live else "Leave", is_weighty=True),
+        key("sessions", "Sessions"),
+        key("log", "Log"),
+        key("filter_log", "Search"),
+        key("tune", "Tune"),
+        key("orbit", "Orbit"),
+        key("help", "Help", is_weighty=True),
+        Key("^p", "More"),
+    ]
+
+
+def key_line(
+    keys: list[Key], notice: tuple[str, Ink] = ("", "")
+) -> Callable[[int, int], list[Line]]:
+    """What builds the last line for a width: the keys that fit, most important first.
+
+    A notice stands over them, on as many rows as there are; in a terminal without room for that
+    behind STOP.
+    """
+
+    def build(width: int, height: int) -> list[Line]:
+        words, ink = notice
+        if words and height > 1:
+            said: list[Line] = [
+                [(" ", ""), *((text, ink) for text, _ in row)]
+                for row in wrapped(words, width - 1, height - 1)
+            ]
+            said += [[("", "")] for _ in range(height - 1 - len(said))]
+            return [*said, _line(_kept(keys, width), width)]
+        line = _line(_kept(keys, width, words), width)
+        columns = sum(len(text) for text, _ in line)
+        return [[*line, *clipped([notice], max(width - columns, 0))] if words else line]
+
+    return build
+
+
+def notice_rows(notice: str, width: int, height: int) -> int:
+    """How many rows over the keys a notice takes, in a terminal of that size."""
+    if not notice or height < LEAST_LINES:
+        return 0
+    return len(wrapped(notice, width - 1, MOST_NOTICE_ROWS))
+
+
+def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
+    """The key that stands in a column of that line; None where none does.
+
+    ``notice``: what stands behind the keys, where there is no row for it.
+    """
+    at = 1
+    for key in _kept(keys, width, notice):
+        columns = len(f"{key.key} {key.name}")
+        if at <= column < at + columns:
+            return key
+        at += columns + len(_GAP)
+    return None
+
+
+def _kept(keys: list[Key], width: int, notice: str = "") -> list[Key]:
+    """Those that there is room for."""
+    return keys[:1] if notice else _fitting(keys, width)
+
+
+def _fitting(keys: list[Key], width: int) -> list[Key]:
+    """The first and the most important ones that fit, in their order on the line."""
+    by_weight = sorted(keys, key=lambda key: not key.is_weighty)
+    room, fitting = width - 1 + len(_GAP), keys[:1]
+    for key in by_weight:
+        columns = len(f"{key.key} {key.name}{_GAP}")
+        if columns > room:
+            break
+        room -= columns
+        fitting.append(key)
+    return [key for key in keys if key in fitting]
+
+
+def _line(keys: list[Key], width: int) -> Line:
+    line: Line = [(" ", "")]
+    for key, name, *_ in keys:
+        is_stop = name.startswith("STOP")
+        ink: Ink = "alarm" if is_stop else "title"
+        line += [(key, ink), (f" {name}{_GAP}", ink if is_stop else "")]
+    spare = sum(len(text) for text, _ in line) - width
+    if 0 < spare <= len(_GAP):
+        line[-1] = (line[-1][0][:-spare], line[-1][1])
+    return clipped(line, width)

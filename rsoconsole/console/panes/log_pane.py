@@ -1,0 +1,164 @@
+"""The log, newest line first; what is longer than the pane goes on below, indented."""
+
+import textwrap
+from functools import lru_cache
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.events import Resize
+from textual.geometry import Size
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from rsoconsole.console.night import LogLine
+from rsoconsole.console.words import clock_text
+
+WITH_FRAME_COLUMNS = 60
+"""A narrower log leaves the frame's number out."""
+MOST_ROWS = 3
+"""Of one line."""
+HOW_TO_CHANGE = "/ changes, esc clears"
+
+
+class LogPane(ScrollView):
+    """Shows the log's lines; scrolls when it has the focus. Filtered, its first row says so."""
+
+    always_shown: ClassVar[bool] = True
+    """Whether changes of state and alarms pass a filter: it stays on while the night goes on."""
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "log--good",
+        "log--warning",
+        "log--alarm",
+        "log--title",
+    }
+    DEFAULT_CSS = """
+    LogPane { background: $background; scrollbar-size: 0 0; }
+    LogPane:focus { scrollbar-size: 1 1; }
+    LogPane > .log--good { color: $text-success; }
+    LogPane > .log--warning { color: $text-warning; }
+    LogPane > .log--alarm { color: $text-error; text-style: bold; }
+    LogPane > .log--title { text-style: bold reverse; }
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self.can_focus = False
+        self._lines: tuple[LogLine, ...] = ()
+        self._wanted = ""
+        self._is_reading = False
+        self._rows: list[tuple[LogLine, str, bool]] = []
+        """A line, one row of its words, and whether it goes on in the next; newest first."""
+
+    @property
+    def lines(self) -> tuple[LogLine, ...]:
+        """What is shown, oldest first."""
+        return self._lines
+
+    def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
+        """Show these; one who has scrolled back keeps the place.
+
+        ``is_reading``: there may be more, which has not been read yet.
+        """
+        if lines == self._lines and is_reading == self._is_reading:
+            return
+        self._is_reading = is_reading
+        self._lines = lines
+        before = len(self._rows)
+        self._lay_out()
+        grown = len(self._rows) - before
+        if self.scroll_offset.y > 0 and grown > 0:
+            self.scroll_to(y=self.scroll_offset.y + grown, animate=False)
+
+    @property
+    def top_line(self) -> LogLine | None:
+        """The line in the first row; None where there is none."""
+        at = self.scroll_offset.y
+        return self._rows[at][0] if at < len(self._rows) else None
+
+    @property
+    def wanted(self) -> str:
+        """The words of a filter; empty: none."""
+        return self._wanted
+
+    @property
+    def found(self) -> tuple[LogLine, ...]:
+        """Lines that pass the filter, newest first."""
+        return tuple(dict.fromkeys(line for line, _, _ in self._rows))
+
+    @property
+    def _title_rows(self) -> int:
+        return 1 if self._wanted else 0
+
+    def _is_shown(self, line: LogLine) -> bool:
+        if self._wanted.lower() in line.text.lower():
+            return True
+        return self.always_shown and (line.kind == "StateChange" or line.level == "alarm")
+
+    def filter(self, wanted: str) -> None:
+        """Only lines with these words, whatever their case; empty: every line."""
+        self._wanted = wanted
+        self._lay_out()
+        self.scroll_home(animate=False)
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another width, other breaks."""
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        # The scroll bar's column is left free, so that opening the log breaks no line anew.
+        width = self.outer_size.width - 1
+        self._rows = [
+            (line, row, number < len(rows))
+            for line in reversed(self._lines)
+            if self._is_shown(line)
+            for rows in (log_rows(line, width),)
+            for number, row in enumerate(rows, 1)
+        ]
+        self.virtual_size = Size(0, len(self._rows) + self._title_rows)
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """One row, as many down from the newest as it is scrolled."""
+        width = self.scrollable_content_region.width
+        if y < self._title_rows:
+            title = f" log: {self._wanted!r} · {HOW_TO_CHANGE} "
+            style = self.rich_style + self.get_component_rich_style("log--title")
+            return Strip([Segment(title.ljust(width)[:width], style)])
+        y -= self._title_rows
+        index = y + self.scroll_offset.y
+        if index >= len(self._rows):
+            words = ""
+            if not self._rows and y == 0:
+                wanted = f" no line has {self._wanted!r}"
+                empty = " reading …" if self._is_reading else " nothing has happened yet"
+                words = wanted if self._wanted else empty
+            return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
+        line, text, goes_on = self._rows[index]
+        if goes_on and y == self.size.height - 1 - self._title_rows:
+            text = f"{text[: width - 2]} …"
+        return Strip([Segment(text.ljust(width)[:width], self._style_of(line))])
+
+    def _style_of(self, line: LogLine) -> Style:
+        style = self.rich_style
+        if line.level != "info":
+            style += self.get_component_rich_style(f"log--{line.level}")
+        return style
+
+
+@lru_cache(maxsize=8192)
+def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
+    """One line of the log over as many rows as it takes, at most ``MOST_ROWS``."""
+    head = f" {clock_text(line.t_utc_ns)[:8]} "
+    if width >= WITH_FRAME_COLUMNS:
+        head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
+    times = f" ({line.times} times)" if line.times > 1 else ""
+    rows = textwrap.wrap(
+        line.text + times,
+        max(width, len(head) + 8),
+        initial_indent=head,
+        subsequent_indent=" " * len(head),
+        max_lines=MOST_ROWS,
+        placeholder=" …",
+    )
+    return tuple(rows) or (head,)

@@ -1,0 +1,377 @@
+"""The seat's widgets: they show lines and pictures that others have made; they decide nothing."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Literal, get_args
+
+from rich.color import Color
+from rich.segment import Segment
+from rich.style import Style
+from textual.app import ComposeResult
+from textual.content import Content
+from textual.events import MouseDown, MouseEvent, MouseUp, Resize
+from textual.strip import Strip
+from textual.widget import Widget
+
+from rsoconsole.console.drawing import NIGHT, QUADRANTS, Blocks, Line, RunKey, fitted, runs
+from rsoconsole.console.picture import (
+    GREYS,
+    Drawing,
+    LightImage,
+    Mark,
+    MarkKind,
+    Picture,
+    Stretch,
+    draw_closeup,
+    draw_field,
+    overlay,
+    shares,
+)
+from rsoconsole.console.watches import Pointed
+from rsoconsole.console.words import fitted as fitted_words
+
+Build = Callable[[int, int], list[Line]]
+"""(width, height) -> the lines to show."""
+
+INKS = {
+    "": "",
+    "dim": "$text-muted",
+    "good": "$text-success",
+    "warn": "$text-warning",
+    "alarm": "bold $text-error",
+    "title": "bold",
+    "here": "bold reverse",
+}
+
+
+class LinesPane(Widget):
+    """Shows lines; drawn again only when they differ from those before."""
+
+    DEFAULT_CSS = "LinesPane { text-wrap: nowrap; text-overflow: clip; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self._build: Build | None = None
+        self._lines: list[Line] = []
+
+    def show(self, build: Build) -> None:
+        """From now on show what ``build`` makes for this pane's size."""
+        self._build = build
+        self._rebuild()
+
+    @property
+    def text(self) -> str:
+        """What is shown, plain."""
+        return "\n".join("".join(text for text, _ in line) for line in self._lines)
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another size, other lines."""
+        self._rebuild()
+
+    def _rebuild(self) -> None:
+        if self._build is None or not self.size.width or not self.size.height:
+            return
+        lines = self._build(self.size.width, self.size.height)
+        if lines != self._lines:
+            self._lines = lines
+            self.refresh()
+
+    def render(self) -> Content:
+        """The lines, inked."""
+        rows = [
+            Content.assemble(*((text, INKS[ink]) for text, ink in line)) for line in self._lines
+        ]
+        return Content("\n").join(rows)
+
+
+TOO_BRIGHT_STEPS = round(0.55 * GREYS)
+"""Of the grey behind a sign: it is written in black then."""
+KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
+Sight = Literal["field", "close-up", "full resolution"]
+"""What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
+SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
+Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[str]]]
+"""What makes a pane's title and caption of what it shows: the parts, most important first."""
+
+
+class FramePane(Widget):
+    """A title, the picture with its marks, a caption."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "frame--followed",
+        "frame--member",
+        "frame--candidate",
+        "frame--rejected",
+        "frame--operator",
+        "frame--predicted",
+        "frame--coasted",
+        "frame--now",
+        "frame--now_rejected",
+        "frame--box",
+        "frame--cursor",
+        "frame--title",
+        "frame--caption",
+    }
+    DEFAULT_CSS = """
+    FramePane > .frame--followed { color: #ffd75f; text-style: bold; }
+    FramePane > .frame--member { color: #ffd75f; }
+    FramePane > .frame--coasted { color: #87d7ff; }
+    FramePane > .frame--candidate { color: #ffd75f; }
+    FramePane > .frame--rejected { color: #d7a787; }
+    FramePane > .frame--operator { color: #87d7ff; text-style: bold; }
+    FramePane > .frame--predicted { color: #87d7ff; text-style: bold; }
+    FramePane > .frame--now { color: #ff87d7; text-style: bold; }
+    FramePane > .frame--now_rejected { color: #ff87d7; }
+    FramePane > .frame--box { color: #d7a787; }
+    FramePane > .frame--cursor { color: #87ffaf; text-style: bold; }
+    FramePane > .frame--title { text-style: bold; }
+    FramePane > .frame--caption { color: $text-muted; }
+    """
+
+    def __init__(self, words: Words, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self._words = words
+        self._picture: Picture | None = None
+        self._told: object = None
+        self._sight: Sight = "field"
+        self._stretch: Stretch = "streaks"
+        self._strips: list[Strip] = []
+        self._drawn: Drawing | None = None
+        self._marks: tuple[Mark, ...] = ()
+        self.absent = "no picture yet"
+        """What stands where there is none."""
+        self._styles_made: dict[RunKey, Style] = {}
+        """By what they are for: made once for a theme."""
+        self._pixels: Any = None
+        """Shows the picture by the terminal's own graphics; None: by its characters."""
+
+    def compose(self) -> ComposeResult:
+        """Where the terminal draws pictures itself, a place for one."""
+        graphics = getattr(self.app, "graphics", None)
+        if graphics is not None:
+            from rsoconsole.console.picture import image_widget
+
+            self._pixels = image_widget(graphics)
+            self._pixels.styles.position = "absolute"
+            self._pixels.styles.offset = (0, 1)
+            yield self._pixels
+
+    hides_signs = False
+    """The picture's own marks are left out."""
+
+    @property
+    def picture(self) -> Picture | None:
+        """What is shown."""
+        return self._picture
+
+    @property
+    def drawing(self) -> Drawing | None:
+        """How it is drawn; None while nothing is."""
+        if not self._strips:
+            self._strips = self._make_strips()
+        return self._drawn
+
+    @property
+    def blocks(self) -> Blocks:
+        """The characters that pictures are made of."""
+        blocks: Blocks = getattr(self.app, "blocks", QUADRANTS)
+        return blocks
+
+    def show(
+        self,
+        picture: Picture | None,
+        sight: Sight,
+        stretch: Stretch,
+        told: object,
+        marks: tuple[Mark, ...] = (),
+    ) -> None:
+        """Show a frame; nothing is computed again when it and what is ``told`` are the same.
+
+        ``marks``: more than the picture's own, written over them.
+        """
+        same = (self._picture, self._sight, self._stretch, self._told, self._marks)
+        if self._strips and same == (picture, sight, stretch, told, marks):
+            return
+        self._picture, self._sight, self._stretch, self._told = picture, sight, stretch, told
+        self._marks = marks
+        self._redraw()
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        """An end of a mark, or a streak."""
+        self.capture_mouse()
+        self._point(event, is_release=False)
+
+    def on_mouse_up(self, event: MouseUp) -> None:
+        """The other end, where the mouse was drawn."""
+        self.release_mouse()
+        self._point(event, is_release=True)
+
+    def _point(self, event: MouseEvent, *, is_release: bool) -> None:
+        drawing = self.drawing
+        at = event.get_content_offset(self)
+        if drawing is None or at is None:
+            return
+        window = drawing.window
+        column, row = at.x, at.y - 1
+        if not window.has(column, row):
+            return
+        x_px = window.x0_px + (column + 0.5) * window.width_px / window.columns
+        y_px = window.y0_px + (row + 0.5) * window.height_px / window.rows
+        self.post_message(Pointed(x_px, y_px, drawing.px_per_square, is_release=is_release))
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another size, another picture."""
+        self._redraw()
+
+    def notify_style_update(self) -> None:
+        """Another theme: draw in its colours."""
+        super().notify_style_update()
+        self._strips = []
+        self._styles_made.clear()
+        if self._pixels is not None:
+            self._paint()
+
+    def render_line(self, y: int) -> Strip:
+        """One row of cells, made when the frame came."""
+        if not self._strips:
+            self._strips = self._make_strips()
+        return self._strips[y] if y < len(self._strips) else Strip.blank(self.size.width)
+
+    def _redraw(self) -> None:
+        self._strips = []
+        if self._pixels is not None:
+            self._paint()
+        self.refresh()
+
+    def _paint(self) -> None:
+        """The same by the terminal's own graphics."""
+        from rsoconsole.console.picture import cell_px, painted
+
+        drawing = self.drawing
+        self._pixels.display = drawing is not None
+        if drawing is None:
+            return
+        window, cell = drawing.window, cell_px()
+        self._pixels.styles.width, self._pixels.styles.height = window.columns, window.rows
+        self._pixels.image = painted(
+            self._light(drawing, cell),
+            window,
+            self._shown_marks(),
+            {name: self._ink(name) for name in KINDS},
+            cell=cell,
+            is_red=self.app.theme == NIGHT,
+        )
+
+    def _light(self, drawing: Drawing, _cell_px: tuple[int, int]) -> LightImage:
+        """What is drawn, from dark 0 to bright 1, at its own resolution."""
+        assert self._picture is not None
+        return shares(self._picture, drawing, self._stretch, is_field=self._sight == "field")
+
+    def _shown_marks(self) -> tuple[Mark, ...]:
+        """What is pointed at; afar a rejected candidate is no more than clutter."""
+        own = () if self._picture is None or self.hides_signs else self._picture.marks
+        marks = (*own, *self._marks)
+        return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
+
+    def _absent(self) -> str:
+        """What is said where nothing is drawn."""
+        return self.absent if self._picture is None else "nothing to look at closely"
+
+    def _ink(self, kind: str) -> tuple[int, int, int]:
+        """Colour of a kind of mark: what is bright of its style."""
+        styles = self.get_component_styles(f"frame--{kind}")
+        colour = max(styles.color, styles.background, key=lambda c: c.brightness)
+        return colour.rgb
+
+    def _make_strips(self) -> list[Strip]:
+        width, height = self.size
+        rows = max(height - 2, 0)
+        drawing = self._drawn = self._drawing(width, rows)
+        title, caption = self._words(self._picture, self._sight, drawing)
+        return [
+            self._text(
+                f"─ {fitted_words(title, width - 4)} ".ljust(width, "─")[:width], "frame--title"
+            ),
+            *self._picture_strips(drawing, width, rows),
+            self._text(
+                f" {fitted_words(caption, width - 1, ' ')}".ljust(width)[:width], "frame--caption"
+            ),
+        ]
+
+    def _drawing(self, width: int, rows: int) -> Drawing | None:
+        picture = self._picture
+        if not width or not rows or picture is None:
+            return None
+        if self._sight == "field":
+            return draw_field(picture, self._stretch, width, rows, self.blocks)
+        return draw_closeup(
+            picture,
+            self._stretch,
+            width,
+            rows,
+            is_native=self._sight == "full resolution",
+            blocks=self.blocks,
+        )
+
+    def _picture_strips(self, drawing: Drawing | None, width: int, rows: int) -> list[Strip]:
+        if not width or not rows:
+            return []
+        if drawing is None:
+            words = self._absent()
+            return [
+                self._text(
+                    (words if row == rows // 2 else "").center(width)[:width], "frame--caption"
+                )
+                for row in range(rows)
+            ]
+        window = drawing.window
+        marks = overlay(self._shown_marks(), window, has_rejected=True)
+        style = self.rich_style
+        blank = Strip.blank(width, style)
+        if self._pixels is not None:
+            return [blank] * rows
+        cells = fitted(drawing.greys, drawing.blocks)
+        return [
+            self._row(runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
+            for row in range(window.rows)
+        ] + [blank] * (rows - window.rows)
+
+    def _row(self, parts: list[tuple[str, RunKey]]) -> Strip:
+        return Strip([Segment(text, self._style(key)) for text, key in parts])
+
+    def _style(self, key: RunKey) -> Style:
+        style = self._styles_made.get(key)
+        if style is None:
+            style = self._styles_made[key] = self._made_style(key)
+        return style
+
+    def _made_style(self, key: RunKey) -> Style:
+        front, back = key
+        behind = self._colour(back * 255 / (GREYS - 1))
+        if isinstance(front, str):
+            style = self.get_component_rich_style(f"frame--{front}")
+            if back >= TOO_BRIGHT_STEPS:
+                style += Style(color="black")
+            return style + Style(bgcolor=behind)
+        return Style(color=self._colour(front * 255 / (GREYS - 1)), bgcolor=behind)
+
+    def _colour(self, grey: float) -> Color:
+        """Grey, or red for eyes that are used to the dark."""
+        if self.app.theme == NIGHT:
+            return Color.from_rgb(round(0.75 * grey), round(0.12 * grey), round(0.06 * grey))
+        return Color.from_rgb(round(grey), round(grey), round(grey))
+
+    def _text(self, text: str, name: str) -> Strip:
+        return Strip([Segment(text, self.get_component_rich_style(name))])
+
+
+class StopBanner(LinesPane):
+    """What came of a STOP, over everything else until it is put away."""
+
+    DEFAULT_CSS = """
+    StopBanner {
+        display: none; layer: over; position: absolute; width: 100%; height: 3;
+        background: $error; color: $text; text-style: bold; text-align: center;
+        content-align: center middle; text-wrap: wrap;
+    }
+    StopBanner.-stopped { background: $success; }
+    """

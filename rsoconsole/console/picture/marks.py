@@ -1,0 +1,366 @@
+"""What is pointed at in a frame: detections, and where the track was expected and how surely."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.console.drawing import Numbered, placed_numbers
+from rsoconsole.console.night import FrameDetail, FrameTrack
+from rsoconsole.records import Detection, Measurement, Solution, TrackState
+from rsoconsole.sky import sky_to_pixel
+from rsoconsole.streak_text import short_name_of
+
+OUTLINE_POINTS = 72
+SIGMAS = 3.0
+SHOWN_REJECTED = 0.01
+"""Confidence from which on a rejected candidate is pointed at: the rest is noise."""
+
+MarkKind = Literal[
+    "followed",
+    "member",
+    "candidate",
+    "rejected",
+    "operator",
+    "predicted",
+    "coasted",
+    "now",
+    "now_rejected",
+    "box",
+    "cursor",
+]
+"""``member``: another track's than the lead's; ``coasted``: of one that is not in this frame;
+``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
+
+_BRACKETS: dict[MarkKind, tuple[str, str]] = {
+    "followed": ("[", "]"),
+    "member": ("[", "]"),
+    "candidate": ("(", ")"),
+    "rejected": ("‹", "›"),
+    "operator": ("<", ">"),
+    "predicted": ("", ""),
+    "coasted": ("", ""),
+    "now": ("{", "}"),
+    "now_rejected": ("«", "»"),
+    "box": ("", ""),
+    "cursor": ("", ""),
+}
+COASTED = "○"
+"""Before the number of a track that the frame does not show."""
+_SHORT_COLUMNS = 4
+"""A streak of so few cells has its signs in one row; a longer one has its ends pointed at."""
+MOST_STEPS = 2000
+"""Cells along a streak: nobody's terminal has more."""
+
+
+Cells = dict[tuple[int, int], tuple[str, str]]
+"""(column, row) -> (character, kind of mark)."""
+
+_ORDER: dict[MarkKind, int] = {
+    "box": -1,
+    "rejected": 0,
+    "predicted": 1,
+    "coasted": 2,
+    "candidate": 3,
+    "operator": 4,
+    "member": 5,
+    "followed": 6,
+    "now_rejected": 7,
+    "now": 8,
+    "cursor": 9,
+}
+"""What is written last stays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """Something to point at, in pixels of the whole frame."""
+
+    x_px: float
+    y_px: float
+    kind: MarkKind
+    ends_px: tuple[tuple[float, float], tuple[float, float]] | None = None
+    """Of a streak, the left one first."""
+    label: str = ""
+    outline_px: tuple[tuple[float, float], ...] = ()
+    """Points of a line about it: where the track is with 3 sigma, or a candidate's box."""
+    is_outer: bool = False
+    """Written about another mark of the same streak, with its label a row below."""
+    gap: int = 0
+    """Cells between its sign and its label."""
+    is_numbered: bool = False
+    """Its label is the number of a track: it stands where there is room for it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A piece of a frame drawn into cells; a cell is two squares high."""
+
+    x0_px: float
+    """Left edge; the centre of the frame's first pixel is at 0."""
+    y0_px: float
+    width_px: float
+    height_px: float
+    columns: int
+    rows: int
+
+    def cell(self, x_px: float, y_px: float) -> tuple[int, int]:
+        """Column and row of the cell in which a place lies, which may be outside."""
+        column = (x_px - self.x0_px) / self.width_px * self.columns
+        row = (y_px - self.y0_px) / self.height_px * self.rows
+        return math.floor(column), math.floor(row)
+
+    def has(self, column: int, row: int) -> bool:
+        """Whether a cell is one of them."""
+        return 0 <= column < self.columns and 0 <= row < self.rows
+
+
+def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
+    """All that can be pointed at in one frame."""
+    found = detail.detections
+    if found is None or found.width_px <= 0 or found.height_px <= 0:
+        return ()
+    members = _members(detail)
+    marks = [
+        _numbered(_mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
+    ]
+    marks += [
+        _numbered(_mark_of(each.detection, "rejected", None), each.detection, members)
+        for each in found.rejected
+        if each.detection.confidence >= SHOWN_REJECTED
+    ]
+    marks += [
+        Mark(x_px=m.x_px, y_px=m.y_px, kind="operator", label="you")
+        for m in detail.measurements
+        if m.source == "operator"
+    ]
+    unseen = [_coasted_mark(detail, track) for track in _unseen(detail)]
+    predicted = None if any(t.is_lead for t in _unseen(detail)) else _predicted_mark(detail)
+    return (*marks, *(mark for mark in (*unseen, predicted) if mark is not None))
+
+
+def _members(detail: FrameDetail) -> list[tuple[Measurement, FrameTrack]]:
+    """What was measured of each of several tracks; empty where there is one alone."""
+    if len(detail.tracks) < 2:
+        return []
+    found = ((m, detail.track_of(m)) for m in detail.all_measured)
+    return [(m, track) for m, track in found if track is not None]
+
+
+def _unseen(detail: FrameDetail) -> list[FrameTrack]:
+    """Of several tracks those that the frame does not show."""
+    if len(detail.tracks) < 2:
+        return []
+    return [each for each in detail.tracks if each.updated is None]
+
+
+def _numbered(
+    mark: Mark, detection: Detection, members: list[tuple[Measurement, FrameTrack]]
+) -> Mark:
+    """With the number of the track that took it; as it is where none did."""
+    for measured, track in members:
+        if _is_at(measured, detection):
+            kind: MarkKind = "followed" if track.is_lead else "member"
+            return replace(mark, kind=kind, label=track.number, is_numbered=True)
+    return mark
+
+
+def _coasted_mark(detail: FrameDetail, track: FrameTrack) -> Mark | None:
+    """Where a track is predicted that the frame does not show."""
+    mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
+    return (
+        None if mark is None else replace(mark, label=f"{COASTED}{track.number}", is_numbered=True)
+    )
+
+
+def mark_of(detection: Detection, kind: MarkKind) -> Mark:
+    """A streak's two ends, its confidence and what it is taken for."""
+    return _mark_of(detection, kind, None)
+
+
+def _mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None) -> Mark:
+    is_followed = followed is not None and _is_at(followed, detection)
+    ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
+    return Mark(
+        x_px=detection.x_px,
+        y_px=detection.y_px,
+        ends_px=(min(ends), max(ends)),
+        kind="followed" if is_followed else kind,
+        label=f"{detection.confidence:.2f} {short_name_of(detection)}".removeprefix("0").rstrip(),
+    )
+
+
+def _is_at(measured: Measurement, detection: Detection) -> bool:
+    return abs(measured.x_px - detection.x_px) < 1.0 and abs(measured.y_px - detection.y_px) < 1.0
+
+
+def _predicted_mark(detail: FrameDetail) -> Mark | None:
+    return None if detail.predicted is None else _mark_at(detail.predicted, detail, "predicted")
+
+
+def _mark_at(track: TrackState, detail: FrameDetail, kind: MarkKind) -> Mark | None:
+    """A state's place with three sigma about it; None where the frame has no plate."""
+    if not isinstance(detail.solution, Solution):
+        return None
+    ra, _, dec, _ = track.x
+    x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
+    if not (math.isfinite(x_px) and math.isfinite(y_px)):
+        return None
+    outline = outline_px(track, detail.solution)
+    return Mark(x_px=x_px, y_px=y_px, kind=kind, outline_px=outline)
+
+
+def outline_px(track: TrackState, solution: Solution) -> tuple[tuple[float, float], ...]:
+    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
+    ra, _, dec, _ = track.x
+    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
+    east_north = np.array(
+        [
+            [track.P[0][0] * cos_dec**2, track.P[0][2] * cos_dec],
+            [track.P[0][2] * cos_dec, track.P[2][2]],
+        ]
+    )
+    values, axes = np.linalg.eigh(east_north)
+    turns = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS, endpoint=False)
+    circle = np.stack([np.cos(turns), np.sin(turns)])
+    east, north = axes @ (SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
+    points = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=1)
+    return tuple((float(a), float(b)) for a, b in points[np.isfinite(points).all(axis=1)])
+
+
+def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
+    """What is written over a picture; what is followed is written last.
+
+    Everything stands beside the streaks: their own cells are kept free of signs.
+    """
+    shown = [mark for mark in marks if mark.kind != "rejected" or has_rejected]
+    streaks = _streak_cells(shown, window)
+    cells: Cells = {}
+    for mark in sorted(shown, key=lambda m: _ORDER[m.kind]):
+        centre = window.cell(mark.x_px, mark.y_px)
+        for point in mark.outline_px:
+            at = window.cell(*point)
+            if window.has(*at) and at != centre and at not in streaks:
+                cells[at] = "·", mark.kind
+        for column, row, text in _signs(mark, centre, window, streaks):
+            for offset, character in enumerate(text):
+                if window.has(column + offset, row):
+                    cells[column + offset, row] = character, mark.kind
+    numbers = [_number_of(mark, window) for mark in shown if mark.is_numbered]
+    return cells | placed_numbers(numbers, (window.columns, window.rows), cells, streaks)
+
+
+def _number_of(mark: Mark, window: Window) -> Numbered:
+    """A track's number and the cells of its streak, or of the place where it was expected."""
+    left = right = window.cell(mark.x_px, mark.y_px)
+    if mark.ends_px is not None:
+        left, right = (window.cell(*end) for end in mark.ends_px)
+    return Numbered(text=mark.label, left=left, right=right, kind=mark.kind)
+
+
+def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
+    """The cells through which a streak goes, each with whether it runs rather across than down."""
+    cells: dict[tuple[int, int], bool] = {}
+    for mark in marks:
+        if mark.ends_px is None:
+            continue
+        (xa, ya), (xb, yb) = mark.ends_px
+        (column_a, row_a), (column_b, row_b) = window.cell(xa, ya), window.cell(xb, yb)
+        is_across = abs(column_b - column_a) >= abs(row_b - row_a)
+        count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MOST_STEPS) * 2 + 1
+        for step in range(count + 1):
+            share = step / count
+            at = window.cell(xa + share * (xb - xa), ya + share * (yb - ya))
+            cells[at] = is_across
+    return cells
+
+
+def _signs(
+    mark: Mark,
+    centre: tuple[int, int],
+    window: Window,
+    streaks: dict[tuple[int, int], bool],
+) -> list[tuple[int, int, str]]:
+    """(column, row, text) of what a mark writes."""
+    column, row = centre
+    match mark.kind:
+        case "predicted":
+            return _predicted_signs(column, row, streaks)
+        case "cursor":
+            own = [(column, row, mark.label)]
+            return own if mark.label else _cursor_signs(column, row, streaks)
+        case "coasted":
+            return [(column, row, "+")] if centre not in streaks else []
+        case "box":
+            return []
+    return _streak_signs(mark, centre, window)
+
+
+def _streak_signs(
+    mark: Mark, centre: tuple[int, int], window: Window
+) -> list[tuple[int, int, str]]:
+    """Brackets about a streak, and its label; a number is placed with those of the others."""
+    row = centre[1]
+    opening, closing = _BRACKETS[mark.kind]
+    left = right = centre
+    if mark.ends_px is not None:
+        end_a, end_b = mark.ends_px
+        left, right = window.cell(*end_a), window.cell(*end_b)
+    if right[0] - left[0] <= _SHORT_COLUMNS:
+        left, right = (left[0], row), (right[0], row)
+    if mark.kind == "member" and right[0] - left[0] <= _SHORT_COLUMNS:
+        return []  # the number alone: brackets about each of a slot would hide them all
+    beside = 2 if mark.is_outer else 1
+    left = (_edged(left[0], -beside, window), left[1])
+    right = (_edged(right[0], beside, window), right[1])
+    if mark.is_numbered:
+        return [(*left, opening), (*right, closing)]
+    label, label_at, is_right = _label_of(mark, left[0], right[0], window)
+    label_row = (right[1] if is_right else left[1]) + mark.is_outer
+    return [(*left, opening), (*right, closing), (label_at, label_row, label)]
+
+
+def _label_of(mark: Mark, left: int, right: int, window: Window) -> tuple[str, int, bool]:
+    """What is written, from which column on, and whether behind the streak: whole if it can be."""
+    first = mark.label.split(" ")[0]
+    for label in (mark.label, first):
+        columns = mark.gap + len(label)
+        if right + 1 + columns <= window.columns:
+            return label, right + 1 + mark.gap, True
+        if left - columns >= 0:
+            return label, left - columns, False
+    return first, right + 1 + mark.gap, True
+
+
+def _edged(column: int, beside: int, window: Window) -> int:
+    """A column beside a streak's end; of an end at the picture's rim the outermost one."""
+    if not 0 <= column < window.columns:
+        return column + beside
+    return min(max(column + beside, 0), window.columns - 1)
+
+
+def _predicted_signs(
+    column: int, row: int, streaks: dict[tuple[int, int], bool]
+) -> list[tuple[int, int, str]]:
+    """A cross; where it would lie on a streak, two signs that point at the place from beside."""
+    is_across = streaks.get((column, row))
+    if is_across is None:
+        return [(column, row, "+")]
+    if is_across:
+        return _above_and_below(column, row)
+    return [(column - 1, row, "▸"), (column + 1, row, "◂")]
+
+
+def _cursor_signs(
+    column: int, row: int, streaks: dict[tuple[int, int], bool]
+) -> list[tuple[int, int, str]]:
+    """Open in its middle: the pixel is what one wants to see."""
+    if (column, row) in streaks:
+        return _predicted_signs(column, row, streaks)
+    return [(column - 1, row, "╴"), (column + 1, row, "╶"), *_above_and_below(column, row)]
+
+
+def _above_and_below(column: int, row: int) -> list[tuple[int, int, str]]:
+    return [(column, row - 1, "▾"), (column, row + 1, "▴")]

@@ -1,0 +1,252 @@
+"""A frame's small pictures as greys for the cells of a terminal; a cell is two squares high."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.console.drawing import QUADRANTS, Blocks
+from rsoconsole.console.night import FrameDetail
+from rsoconsole.console.picture.marks import Mark, Window
+from rsoconsole.records import Closeup
+
+GREYS = 24
+"""Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
+FLOOR = 0.08
+"""Grey of the empty sky, so that the picture's edge is seen."""
+
+SKY_BLOCK_PX = 24
+NOISE_SIGMAS = 6.0
+DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
+BRIGHTEST_SHARE = 0.5
+MARGIN = 1.3
+"""How much more than its streak a close-up shows."""
+
+ByteImage = npt.NDArray[np.uint8]
+LightImage = npt.NDArray[np.float32]
+
+Stretch = Literal["streaks", "asinh", "linear"]
+STRETCHES: tuple[Stretch, ...] = ("streaks", "asinh", "linear")
+_PERCENT: dict[Stretch, tuple[float, float]] = {
+    "streaks": (DARK_PERCENT, BRIGHT_PERCENT),
+    "asinh": (2.0, 99.8),
+    "linear": (2.0, 99.5),
+}
+"""Of the squares: what is black and what is white."""
+_LEAST_RANGE = 0.02
+"""Of a picture without anything in it: noise is not drawn up."""
+_LINEAR_PER_CODE = 5.0 / 255.0
+"""The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """A frame's small pictures and what is pointed at in them."""
+
+    frame_id: int
+    codes: ByteImage
+    """(height, width): the whole frame as the session keeps it; row 0 at the top."""
+    light: LightImage
+    """The same above its sky and noise."""
+    detail: FrameDetail
+    """What was said of the frame."""
+    marks: tuple[Mark, ...] = ()
+    closeup: ByteImage | None = None
+    """A piece of it at full resolution."""
+    place: Closeup | None = None
+    """Where in the frame that piece lies."""
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        return float(self.codes.shape[1] / self.codes.shape[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawing:
+    """A picture in cells."""
+
+    greys: ByteImage
+    """(blocks.down * rows, blocks.across * columns): steps of grey, 0 to GREYS - 1."""
+    blocks: Blocks
+    """The characters that it is for."""
+    window: Window
+    px_per_square: float
+    """Pixels of the frame across a cell, or down half of one."""
+
+
+def read_codes(path: Path) -> ByteImage | None:
+    """A small picture of a session, (height, width); None when it cannot be read (yet)."""
+    import cv2
+
+    try:
+        coded = np.frombuffer(path.read_bytes(), np.uint8)
+        pixels: Any = cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE) if coded.size else None
+    except (OSError, cv2.error):
+        return None
+    if pixels is None or min(pixels.shape) < SKY_BLOCK_PX:
+        return None
+    return np.asarray(pixels, np.uint8)
+
+
+def light_of(codes: ByteImage) -> LightImage:
+    """What stands out of sky and noise: stars and streaks; vignetting and moonlight are gone."""
+    above = codes.astype(np.float32) - _sky_of(codes)
+    noise = 1.4826 * float(np.median(np.abs(above)))
+    return np.asarray(np.clip(above - NOISE_SIGMAS * max(noise, 0.5), 0.0, None), np.float32)
+
+
+def _sky_of(codes: ByteImage) -> LightImage:
+    """Medians of blocks, drawn smoothly between their centres."""
+    import cv2
+
+    n = SKY_BLOCK_PX
+    height, width = codes.shape
+    rows, columns = height // n, width // n
+    blocks = codes[: rows * n, : columns * n].reshape(rows, n, columns, n).swapaxes(1, 2)
+    medians = np.median(blocks.reshape(rows, columns, -1), axis=2).astype(np.float32)
+    sky = cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(sky, np.float32)
+
+
+def draw_field(
+    picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
+) -> Drawing:
+    """The whole frame in the most cells that fit."""
+    columns, rows = fitted_cells(picture.aspect, columns, rows)
+    light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+    found = picture.detail.detections
+    size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
+    window = Window(
+        x0_px=-0.5,
+        y0_px=-0.5,
+        width_px=float(size[0]),
+        height_px=float(size[1]),
+        columns=columns,
+        rows=rows,
+    )
+    return Drawing(
+        greys=_greys(_reduced(light, columns, rows, blocks), stretch),
+        blocks=blocks,
+        window=window,
+        px_per_square=window.width_px / columns,
+    )
+
+
+def draw_closeup(
+    picture: Picture,
+    stretch: Stretch,
+    columns: int,
+    rows: int,
+    *,
+    is_native: bool = False,
+    blocks: Blocks = QUADRANTS,
+) -> Drawing | None:
+    """The close-up about its middle, at a whole number of pixels a square; None without one.
+
+    As many pixels a square as show the streak in its middle, or one where ``is_native``.
+    """
+    codes, place = picture.closeup, picture.place
+    if codes is None or place is None or not columns or not rows:
+        return None
+    height, width = codes.shape
+    middle = place.x0_px + (width - 1) / 2.0, place.y0_px + (height - 1) / 2.0
+    n = 1
+    if not is_native:
+        all_of_it = max(math.ceil(width / columns), math.ceil(height / (2 * rows)))
+        n = min(_pixels_a_square(picture.marks, middle, columns, rows), all_of_it)
+    columns, rows = min(columns, width // n), min(rows, height // (2 * n))
+    x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
+    piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
+    light = _light(piece, "asinh" if stretch == "streaks" else stretch)
+    window = Window(
+        x0_px=place.x0_px + x0 - 0.5,
+        y0_px=place.y0_px + y0 - 0.5,
+        width_px=float(n * columns),
+        height_px=float(2 * n * rows),
+        columns=columns,
+        rows=rows,
+    )
+    shown = "asinh" if stretch == "streaks" else stretch
+    greys = _greys(_reduced(light, columns, rows, blocks), shown)
+    return Drawing(greys=greys, blocks=blocks, window=window, px_per_square=float(n))
+
+
+def _pixels_a_square(
+    marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
+) -> int:
+    """So many that the streak nearest to the middle has room."""
+    streaks = [mark for mark in marks if mark.ends_px is not None]
+    if not streaks:
+        return 1
+    nearest = min(streaks, key=lambda m: math.dist((m.x_px, m.y_px), middle))
+    assert nearest.ends_px is not None
+    (xa, ya), (xb, yb) = nearest.ends_px
+    wide, high = MARGIN * abs(xb - xa), MARGIN * abs(yb - ya)
+    return max(1, math.ceil(wide / columns), math.ceil(high / (2 * rows)))
+
+
+def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
+    light = codes.astype(np.float32)
+    return np.sinh(light * np.float32(_LINEAR_PER_CODE) - 1.0) if stretch == "linear" else light
+
+
+def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> LightImage:
+    """Light of each part of a cell: its mean, or half its brightest where that is more.
+
+    The mean of many squares of dark sky would hide a streak that is one square wide.
+    """
+    down, across = rows * blocks.down, columns * blocks.across
+    height, width = light.shape
+    y_edges = np.linspace(0, height, down, endpoint=False).astype(np.intp)
+    x_edges = np.linspace(0, width, across, endpoint=False).astype(np.intp)
+    total = np.add.reduceat(np.add.reduceat(light, y_edges, axis=0), x_edges, axis=1)
+    count = np.diff(np.append(y_edges, height))[:, None] * np.diff(np.append(x_edges, width))
+    mean = total / np.maximum(count, 1)
+    most = np.maximum.reduceat(np.maximum.reduceat(light, y_edges, axis=0), x_edges, axis=1)
+    return np.asarray(np.maximum(mean, BRIGHTEST_SHARE * most), np.float32)
+
+
+def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
+    """Steps of grey between the darkest and the brightest part of the squares.
+
+    A crowded field fills every square with faint stars: the fainter part of them stays dark.
+    """
+    return greys(shares_of(light, stretch))
+
+
+def greys(shares: LightImage) -> ByteImage:
+    """Shares of brightness as steps of grey."""
+    return np.asarray(np.round(shares * (GREYS - 1)), np.uint8)
+
+
+def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
+    """Dark 0 to bright 1, between what is dark and what is bright of these squares."""
+    low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
+    share = np.clip((light - low) / max(high - low, _LEAST_RANGE), 0.0, 1.0)
+    return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
+
+
+def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bool) -> LightImage:
+    """The same piece of the picture in its own squares, dark 0 to bright 1, (height, width)."""
+    if is_field:
+        light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+    else:
+        assert picture.closeup is not None
+        assert picture.place is not None
+        window = drawing.window
+        x0 = round(window.x0_px + 0.5 - picture.place.x0_px)
+        y0 = round(window.y0_px + 0.5 - picture.place.y0_px)
+        rows, columns = round(window.height_px), round(window.width_px)
+        stretch = "asinh" if stretch == "streaks" else stretch
+        light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
+    return shares_of(light, stretch)
+
+
+def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
+    """(columns, rows) of the largest picture of that aspect: a cell is twice as high as wide."""
+    fitting = min(columns, max(1, round(2 * rows * aspect)))
+    return fitting, min(rows, max(1, round(fitting / aspect / 2)))

@@ -1,0 +1,220 @@
+"""A frame's pixels at any scale: means of blocks, made when first looked at, and their stretch.
+
+Beside the frame itself there are maps of a sixteenth of its size and smaller: 4 bytes for each
+block of 4 x 4 pixels and a third on top, twice that where faint streaks are to stand out.
+"""
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.console.picture.marks import Window
+from rsoconsole.console.picture.picture import FLOOR, LightImage, Stretch, shares_of
+from rsoconsole.records import PixelArray
+from rsoconsole.vision.frame import (
+    CODES_PER_SIGMA,
+    LOWEST_SIGMA,
+    Background,
+    FrameMap,
+    local_background,
+    resample,
+)
+
+COARSE = 2
+"""Two to this is the side of the smallest blocks that are kept; nearer views read the frame."""
+CLIPPED_SIGMA = 3.0
+"""Of a coarse block: what is fainter is sky where streaks are to stand out."""
+SOFTENING_SIGMAS = 2.0
+"""From where on asinh is a logarithm."""
+OUTSIDE = FLOOR / 2
+"""Grey beyond the frame's edge."""
+_STRIP_ROWS = 256
+Kind = Literal["means", "streaks"]
+Edges = npt.NDArray[np.intp]
+
+
+class SheetPixels:
+    """One frame's pixels for whoever looks at them. For one thread at a time."""
+
+    def __init__(self, pixels: PixelArray) -> None:
+        self.pixels = pixels
+        """(height, width) ADU."""
+        self._sky: Background | None = None
+        self._levels: dict[tuple[Kind, int], LightImage] = {}
+
+    def warm(self) -> None:
+        """Make what the first look needs, which takes a tenth of a second."""
+        self._level("streaks", COARSE)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that all of it takes."""
+        return self.pixels.nbytes + sum(level.nbytes for level in self._levels.values())
+
+    def adu(self, x_px: float, y_px: float) -> float:
+        """The pixel in which a place lies."""
+        height, width = self.pixels.shape
+        column = min(max(math.floor(x_px + 0.5), 0), width - 1)
+        row = min(max(math.floor(y_px + 0.5), 0), height - 1)
+        return float(self.pixels[row, column])
+
+    def shares(
+        self, window: Window, stretch: Stretch, across: int = 1, down: int = 2
+    ) -> LightImage:
+        """(rows * down, columns * across), from dark 0 to bright 1, of what is seen.
+
+        ``across``, ``down``: parts of a cell of the terminal. Streaks stand out of sky and noise
+        from afar; from near the eye does better with all of the light.
+        """
+        size = window.rows * down, window.columns * across
+        px = min(window.width_px / size[1], window.height_px / size[0])
+        is_far = px >= 1 << COARSE
+        kind: Kind = "streaks" if stretch == "streaks" and is_far else "means"
+        light, inside = self._seen(window, size, px, kind)
+        if kind == "streaks":
+            # By the logarithm: a star's sigmas are hundreds, a streak's a few.
+            light = np.log1p(light)
+        elif stretch != "linear":
+            light = self._compressed(light, px)
+        shown = "asinh" if stretch == "streaks" and kind == "means" else stretch
+        shares = np.full(size, OUTSIDE, np.float32)
+        shares[inside] = shares_of(light, shown)
+        return shares
+
+    def _seen(
+        self, window: Window, size: tuple[int, int], px: float, kind: Kind
+    ) -> tuple[LightImage, tuple[slice, slice]]:
+        """Means over the squares in the frame, and which they are; ``px``: a square's side."""
+        level = max(math.floor(math.log2(px)) - COARSE, COARSE) if px >= 1 << COARSE else 0
+        if level:
+            near, left_px, top_px = self._level(kind, level), 0, 0
+        else:
+            near, left_px, top_px = self._piece(window)
+        y, x, inside = _edges(window, size, self.pixels.shape, 1 << level)
+        y, x = y - top_px, x - left_px
+        return np.asarray(_gathered(near, y, x, np.add) / _counts(near, y, x)), inside
+
+    def _piece(self, window: Window) -> tuple[LightImage, int, int]:
+        """The frame's own pixels that a window shows, and the first column and row of them."""
+        height, width = self.pixels.shape
+        x0, y0 = max(math.floor(window.x0_px + 0.5), 0), max(math.floor(window.y0_px + 0.5), 0)
+        x1 = min(math.ceil(window.x0_px + 0.5 + window.width_px), width)
+        y1 = min(math.ceil(window.y0_px + 0.5 + window.height_px), height)
+        return np.asarray(self.pixels[y0:y1, x0:x1], np.float32), x0, y0
+
+    def _level(self, kind: Kind, level: int) -> LightImage:
+        """Means over blocks of two to ``level`` pixels a side; the last ones may be cut."""
+        made = self._levels.get((kind, level))
+        if made is None:
+            if level > COARSE:
+                made = averaged(self._level(kind, level - 1), 2)
+            elif kind == "means":
+                made = averaged(self.pixels, 1 << COARSE)
+            else:
+                made = self._standing_out()
+            self._levels[kind, level] = made
+        return made
+
+    def _standing_out(self) -> LightImage:
+        """What is brighter than its sky, in sigmas of a coarse block."""
+        means, sky = self._level("means", COARSE), self._background
+        cell = max(sky.cell_px >> COARSE, 1)
+        above = means - resample(sky.level, cell, *means.shape)
+        above /= resample(sky.noise, cell, *means.shape) / np.float32(1 << COARSE)
+        above -= np.float32(CLIPPED_SIGMA)
+        return np.asarray(np.maximum(above, np.float32(0.0), out=above), np.float32)
+
+    @property
+    def _background(self) -> Background:
+        if self._sky is None:
+            self._sky = local_background(self.pixels)
+        return self._sky
+
+    def _compressed(self, light: LightImage, px: float) -> LightImage:
+        sky = self._background
+        level, noise = float(np.median(sky.level)), float(np.median(sky.noise))
+        softening = SOFTENING_SIGMAS * noise / max(px, 1.0)
+        return np.asarray(np.arcsinh((light - level) / np.float32(softening)), np.float32)
+
+
+def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
+    """Means over blocks of pixels; of the last ones, over what there is of them."""
+    import cv2
+
+    height, width = pixels.shape
+    across, down = width // block, height // block
+    out = np.empty((-(-height // block), -(-width // block)), np.float32)
+
+    def fill(row: int, column: int, rows: int, columns: int) -> None:
+        """So many blocks from there; beyond the last whole one, what is left of it."""
+        y, x = slice(row * block, (row + rows) * block), slice(column * block, None)
+        piece = np.ascontiguousarray(pixels[y, x][:, : columns * block], np.float32)
+        made = cv2.resize(piece, (columns, rows), interpolation=cv2.INTER_AREA)
+        out[row : row + rows, column : column + columns] = made
+
+    step = max(_STRIP_ROWS // block, 1)
+    strips = [(row, min(step, down - row)) for row in range(0, down, step)]
+    strips += [(down, 1)] if height % block else []
+    for row, rows in strips:
+        if across:
+            fill(row, 0, rows, across)
+        if width % block:
+            fill(row, across, rows, 1)
+    return out
+
+
+def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int = 2) -> LightImage:
+    """What the network sees, at its own brightness; of several cells in a part the brightest."""
+    size = window.rows * down, window.columns * across
+    shape = frame_map.height_px, frame_map.width_px
+    y, x, inside = _edges(window, size, shape, frame_map.block)
+    seen = _gathered(frame_map.values, y, x, np.maximum).astype(np.float32)
+    shares = np.full(size, OUTSIDE, np.float32)
+    shares[inside] = np.float32(FLOOR) + seen * np.float32((1 - FLOOR) / 255.0)
+    return shares
+
+
+def map_sigma(frame_map: FrameMap, x_px: float, y_px: float) -> float:
+    """Signal to noise that a map of mode ``fast`` shows at a place."""
+    rows, columns = frame_map.values.shape
+    row = min(max(int(frame_map.to_cells(y_px)), 0), rows - 1)
+    column = min(max(int(frame_map.to_cells(x_px)), 0), columns - 1)
+    return float(frame_map.values[row, column]) / CODES_PER_SIGMA + LOWEST_SIGMA
+
+
+def _edges(
+    window: Window, size: tuple[int, int], shape: tuple[int, ...], block: int
+) -> tuple[Edges, Edges, tuple[slice, slice]]:
+    """Where squares begin and the last one ends, down and across, in blocks; which they are.
+
+    Only squares that begin in the frame: ``shape`` is its (height, width) in pixels.
+    """
+    starts = window.y0_px + 0.5, window.x0_px + 0.5
+    lengths = window.height_px, window.width_px
+    edges: list[Edges] = []
+    inside: list[slice] = []
+    for first, length, squares, side in zip(starts, lengths, size, shape, strict=True):
+        px = first + length / squares * np.arange(squares + 1)
+        count = int(np.count_nonzero(px[:-1] < side - 1e-6))
+        edges.append(np.floor(px[: count + 1] / block + 1e-6).astype(np.intp))
+        inside.append(slice(0, count))
+    return edges[0], edges[1], (inside[0], inside[1])
+
+
+def _gathered(
+    light: npt.NDArray[np.generic], y: Edges, x: Edges, combine: np.ufunc
+) -> npt.NDArray[Any]:
+    """All that lies in each square, added or compared; a square within a block is all of it."""
+    light = light[: max(y[-1], y[-2] + 1), : max(x[-1], x[-2] + 1)]
+    return np.asarray(combine.reduceat(combine.reduceat(light, y[:-1], axis=0), x[:-1], axis=1))
+
+
+def _counts(light: npt.NDArray[np.generic], y: Edges, x: Edges) -> npt.NDArray[np.float32]:
+    """How many blocks each square gathers."""
+    down, across = (
+        np.maximum(np.diff(np.minimum(edges, side)), 1).astype(np.float32)
+        for edges, side in zip((y, x), light.shape, strict=True)
+    )
+    return np.asarray(down[:, None] * across)

@@ -1,0 +1,307 @@
+"""Two moments of a night side by side, and what lies between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+
+from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.drawing import Line
+from rsoconsole.console.night import FrameRow, predicted_sigma_arcsec
+from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.timeline import KINDS, SIGNS, HappeningKind, Moment, Timeline, holder_then
+from rsoconsole.console.words import (
+    NS_PER_S,
+    arcsec_text,
+    clipped,
+    clock_text,
+    cos_deg,
+    duration_text,
+    short,
+    unsigned_text,
+)
+from rsoconsole.records import Solution
+from rsoconsole.sky import format_dec, format_ra
+
+ABSENT = "-"
+LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
+WITH_DIFFERENCE_COLUMNS = 66
+KIND_WORDS: dict[HappeningKind, tuple[str, str]] = {
+    "miss": ("miss", "misses"),
+    "rejection": ("rejection", "rejections"),
+    "loss": ("loss", "losses"),
+    "operator": ("operator's action", "operator's actions"),
+    "note": ("note", "notes"),
+    "alarm": ("alarm", "alarms"),
+}
+Choice = Literal["blink", "keep"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """One thing at both moments."""
+
+    label: str
+    a: str
+    b: str
+    difference: str = ""
+    """B less A, in words; empty where that says nothing."""
+
+
+def compared(a: Moment, b: Moment) -> list[Compared]:
+    """Everything the screen says of both."""
+    rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
+    return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
+
+
+def _course(a: Moment, b: Moment) -> list[Compared]:
+    t_a, t_b = a.view.last_utc_ns, b.view.last_utc_ns
+    since = ""
+    if t_a and t_b:
+        sign = "-" if t_b < t_a else "+"
+        since = sign + duration_text(abs(t_b - t_a) / NS_PER_S)
+    ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
+    frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
+    return [
+        Compared(label="time", a=clock_text(t_a), b=clock_text(t_b), difference=since),
+        Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
+        _both("state", a, b, lambda m: m.view.state),
+        _both("mount", a, b, lambda m: holder_then(m.view)),
+        _both("τ", a, b, lambda m: short(m.view.tau)),
+        _both("filter", a, b, _filter_words),
+        _both("Q, R", a, b, _multiplier_words),
+    ]
+
+
+def _sky(a: Moment, b: Moment) -> list[Compared]:
+    points = [_pointing(m) for m in (a, b)]
+    tracks = [_position(m) for m in (a, b)]
+    rates = [_rates(m) for m in (a, b)]
+    sigmas = [_three_sigma(m) for m in (a, b)]
+    grown = "" if None in sigmas else f"×{(sigmas[1] or 0) / max(sigmas[0] or 0, 1e-9):.2g}"
+    return [
+        *_direction("pointing", points),
+        *_direction("track", tracks),
+        _numbers("rate α", [r and r[0] for r in rates], lambda v: f"{v:+.3f}″/s"),
+        _numbers("rate δ", [r and r[1] for r in rates], lambda v: f"{v:+.3f}″/s"),
+        Compared(
+            label="3σ",
+            a=ABSENT if sigmas[0] is None else unsigned_text(sigmas[0]),
+            b=ABSENT if sigmas[1] is None else unsigned_text(sigmas[1]),
+            difference=grown,
+        ),
+    ]
+
+
+def _measured(a: Moment, b: Moment) -> list[Compared]:
+    rows = [_row(m) for m in (a, b)]
+    residuals = [None if row is None else row.residual_arcsec for row in rows]
+    return [
+        _numbers("residual α", [r and r[0] for r in residuals], arcsec_text),
+        _numbers("residual δ", [r and r[1] for r in residuals], arcsec_text),
+        _numbers(
+            "NIS", [row.nis if row else None for row in rows], lambda v: f"{v:.2f}", is_signed=False
+        ),
+        _numbers(
+            "confidence", [row.confidence if row else None for row in rows], short, is_signed=False
+        ),
+        _both("not taken", a, b, _refusal),
+        _numbers(
+            "star width",
+            [row.fwhm_px if row else None for row in rows],
+            lambda v: f"{v:.2f} px",
+            is_signed=False,
+        ),
+        _numbers(
+            "stars",
+            [_matched(m) for m in (a, b)],
+            lambda v: f"{v:.0f}",
+            is_signed=False,
+        ),
+    ]
+
+
+def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
+    """What came to pass after the earlier one, up to the later one."""
+    low, high = sorted((a.seq, b.seq))
+    first, last = timeline.index_of(low), timeline.index_of(high)
+    frames = (-1 if last is None else last) - (-1 if first is None else first)
+    counts = {
+        kind: sum(low < h.seq <= high for h in timeline.happenings if h.kind == kind)
+        for kind in KINDS
+    }
+    parts = [f"{frames} frame{'' if frames == 1 else 's'}"]
+    parts += [
+        f"{SIGNS[kind]} {count} {KIND_WORDS[kind][count != 1]}"
+        for kind, count in counts.items()
+        if count
+    ]
+    names = sorted({*a.view.changed, *b.view.changed})
+    changes = [(name, a.view.setting(name), b.view.setting(name)) for name in names]
+    return [
+        " · ".join(parts),
+        *(f"{name}: {old} → {new}" for name, old, new in changes if old != new),
+    ]
+
+
+def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int) -> list[Line]:
+    """A table as wide as there is room for; the differences go first."""
+    has_difference = width >= WITH_DIFFERENCE_COLUMNS
+    columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), LEAST_VALUE_COLUMNS)
+    head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
+    head += [("B".ljust(columns), "title"), ("B - A" if has_difference else "", "dim")]
+    lines = [clipped(head, width)]
+    for row in rows:
+        is_same = row.a == row.b
+        line: Line = [
+            (f"{row.label:<{LABEL_COLUMNS}}", "dim"),
+            (row.a.ljust(columns), ""),
+            (row.b.ljust(columns), "" if is_same else "title"),
+        ]
+        if has_difference:
+            line.append((row.difference, "dim"))
+        lines.append(clipped(line, width))
+    lines.append([("", "")])
+    lines += [
+        clipped([("between     " if not n else " " * 12, "dim"), (text, "")], width)
+        for n, text in enumerate(ends)
+    ]
+    return lines[:height]
+
+
+class CompareDialog(Dialog[Choice | None]):
+    """A and B; ``b`` flips the whole screen between them, ``k`` keeps B as the new A."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("B", "choose('blink')", "Blink", show=False),
+        Binding("K", "choose('keep')", "Keep B as A", show=False),
+        Binding("q", "put_away", "Back", show=False),
+    ]
+    DEFAULT_CSS = """
+    CompareDialog > VerticalScroll { width: 100; }
+    CompareDialog LinesPane { height: auto; }
+    """
+
+    def __init__(self, a: Moment, b: Moment, timeline: Timeline) -> None:
+        super().__init__()
+        self._rows, self._ends = compared(a, b), between(a, b, timeline)
+
+    def compose(self) -> ComposeResult:
+        """The table."""
+        with VerticalScroll() as box:
+            box.border_title = "compare A with B, this moment"
+            box.border_subtitle = "B blinks · K keeps B as A · esc back"
+            table = LinesPane(id="compared")
+            table.styles.height = len(self._rows) + len(self._ends) + 2
+            yield table
+
+    def on_mount(self) -> None:
+        """Fill it."""
+        self.query_one("#compared", LinesPane).show(
+            lambda width, height: compare_lines(self._rows, self._ends, width, height)
+        )
+
+    def action_choose(self, choice: Choice) -> None:
+        """By letter."""
+        self.dismiss(choice)
+
+
+def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> Compared:
+    return Compared(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
+
+
+def _numbers(
+    label: str,
+    values: list[float | None],
+    words: Callable[[float], str],
+    *,
+    is_signed: bool = True,
+) -> Compared:
+    a, b = values
+    difference = "" if a is None or b is None else words(b - a)
+    if difference and not is_signed and b is not None and a is not None and b > a:
+        difference = f"+{difference}"
+    texts = [ABSENT if value is None else words(value) for value in values]
+    return Compared(label=label, a=texts[0], b=texts[1], difference=difference)
+
+
+def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Compared]:
+    texts = [
+        (ABSENT, ABSENT) if p is None else (format_ra(p[0], 1), format_dec(p[1], 0)) for p in places
+    ]
+    east = north = ""
+    a, b = places
+    if a is not None and b is not None:
+        dra_deg = (b[0] - a[0] + 180.0) % 360.0 - 180.0
+        middle_deg = (a[1] + b[1]) / 2.0
+        east, north = _away(dra_deg * cos_deg(middle_deg)), _away(b[1] - a[1])
+    return [
+        Compared(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
+        Compared(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
+    ]
+
+
+def _away(deg: float) -> str:
+    """A way on the sky: in degrees where it is long."""
+    return f"{deg:+.2f}°" if abs(deg) >= 1.0 else arcsec_text(deg * 3600.0)
+
+
+def _number(frame_id: int | None) -> str:
+    return ABSENT if frame_id is None else f"{frame_id:04d}"
+
+
+def _filter_words(m: Moment) -> str | None:
+    preset, sigma = m.view.setting("filter.preset"), m.view.setting("filter.sigma_arcsec")
+    return None if preset is None else f"{preset} σ {sigma:g}″"
+
+
+def _multiplier_words(m: Moment) -> str | None:
+    q, r = m.view.setting("filter.q_multiplier"), m.view.setting("filter.r_multiplier")
+    return None if q is None or r is None else f"×{q:.3g}  ×{r:.3g}"
+
+
+def _pointing(m: Moment) -> tuple[float, float] | None:
+    p = m.view.pointing
+    return None if p is None else (p.ra_icrs_deg, p.dec_icrs_deg)
+
+
+def _position(m: Moment) -> tuple[float, float] | None:
+    track = m.view.track
+    return None if track is None else (track.x[0] % 360.0, track.x[2])
+
+
+def _rates(m: Moment) -> tuple[float, float] | None:
+    """(d alpha cos delta, d delta) in arcsec/s."""
+    track = m.view.track
+    if track is None:
+        return None
+    return track.x[1] * cos_deg(track.x[2]) * 3600.0, track.x[3] * 3600.0
+
+
+def _three_sigma(m: Moment) -> float | None:
+    track = m.view.track
+    return None if track is None else 3.0 * max(predicted_sigma_arcsec(track))
+
+
+def _row(m: Moment) -> FrameRow | None:
+    rows, frame = m.view.rows, m.view.frame
+    if frame is None:
+        return None
+    return next((row for row in reversed(rows) if row.frame_id == frame.frame_id), None)
+
+
+def _refusal(m: Moment) -> str | None:
+    row = _row(m)
+    if row is None:
+        return None
+    if row.miss is not None:
+        return row.miss
+    return None if row.refused is None or row.is_followed else row.refused[1]
+
+
+def _matched(m: Moment) -> float | None:
+    solution = m.detail.solution
+    return float(solution.matched) if isinstance(solution, Solution) else None

@@ -1,0 +1,257 @@
+"""The live screen: what is known of the night that goes on, and the keys that act."""
+
+from pathlib import Path
+from typing import ClassVar
+
+from textual import events
+from textual.binding import BindingType
+
+from rsoconsole.console.actions import (
+    StreakActions,
+    TelescopeActions,
+    TrackOrders,
+    has_track,
+    too_late_to_mark,
+)
+from rsoconsole.console.commands import bindings, first_key
+from rsoconsole.console.dialogs import MARKED, LeaveDialog, LineDialog, VerdictsDialog, intro_text
+from rsoconsole.console.frame import MarkTo
+from rsoconsole.console.orbit import target_words
+from rsoconsole.console.panes import Key, Mode, keys_for
+from rsoconsole.console.picture import Mark
+from rsoconsole.console.screens.night_screen import NightScreen
+from rsoconsole.console.screens.review import HEAD, ReviewScreen
+from rsoconsole.console.watches import EngineSeen, NightSeen, detail_of
+from rsoconsole.console.words import kept_words, words
+from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, motion_words
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reading import SessionReader
+
+AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stands still"}
+"""By ``mount.after_stop``."""
+
+
+class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
+    """The operator's seat over a night, live or recorded."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
+    _key_before = ""
+
+    def look_again(self) -> None:
+        """A mark that is being made goes on in the other view."""
+        self.mark_in_other_view()
+
+    def on_key(self, event: events.Key) -> None:
+        """While a mark is made, arrows and enter are the mark's."""
+        if event.key != self._key_before:
+            self.second_press.forget()
+        self._key_before = event.key
+        if self.mark_key(event.key):
+            event.stop()
+            event.prevent_default()
+
+    # -- what is known ----------------------------------------------------------------------
+
+    def on_night_seen(self, message: NightSeen) -> None:
+        """The session has grown."""
+        message.is_taken = True
+        has_other_shape = self.aspect_of(message.picture) != self.aspect_of(self.picture)
+        if message.night.folder != self.night.folder:
+            self.forget_mark()
+        before, self.night = self.night, message.night
+        self.see_refusals(before)
+        self.see_marks(before)
+        self.take_picture(message.picture)
+        if has_other_shape:
+            self.place_panes()
+        self.show_night()
+        self.show_engine()
+        self.reckon_now_and_then()
+
+    def on_engine_seen(self, message: EngineSeen) -> None:
+        """The engine's word."""
+        before, self.engine = self.engine, message.engine
+        if before.holder != self.engine.holder:
+            # Whatever was said of it is done, or undone: the first line has it now.
+            self.forget_notice()
+        self.see_mount_change_hands(before)
+        self.see_stop()
+        self.show_engine()
+
+    def show_engine(self) -> None:
+        """The engine's word, and what both together say."""
+        self.on_known(self.night, self.engine)
+        if not self.night.is_read:
+            self.show_log()
+        super().show_engine()
+        self.show_stop_words()
+
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """What is being marked at this moment."""
+        return self.mark_marks()
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+        return self.mark_hides_signs
+
+    def stop_words(self, news: StopNews) -> str:
+        """With how things stand since, and the next key."""
+        said, engine = super().stop_words(news), self.engine
+        if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
+            return said
+        mount = AFTER_STOP.get(self.night.setting("mount.after_stop"), "")
+        now = words.present_utc_ns(self.night, engine)
+        arm = first_key("arm_or_disarm", self.keymap)
+        is_asked_for = self.is_following_again
+        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
+        kept = kept or (f"{arm} arms it again",)
+        return f"{said}. {engine.state}: disarmed{mount}. {kept[0]}"
+
+    @property
+    def alert(self) -> str:
+        """What must not be missed."""
+        give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
+        asker = self.asker
+        asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
+        said = words.alert_text(self.night, self.engine)
+        return " · ".join(part for part in (asked, said) if part)
+
+    @property
+    def intro(self) -> str:
+        """What a simulated night is going to show."""
+        return intro_text(self.night, self.engine, self.keymap)
+
+    @property
+    def keys(self) -> list[Key]:
+        """The keys that matter now."""
+        return keys_for(
+            self.engine,
+            can_act=self.can_act,
+            mode=self.mode,
+            keymap=self.keymap,
+            is_in_cloud=self.night.is_in_cloud,
+        )
+
+    def target_name(self) -> str:
+        """As the first line has it."""
+        return target_words(self.orbit)[0].rstrip("?") or super().target_name()
+
+    @property
+    def mode(self) -> Mode:
+        """What the keys are for."""
+        return "mark" if self.marking is not None else super().mode
+
+    # -- the console's own keys -----------------------------------------------------------------
+
+    def action_leave(self) -> None:
+        """Ask what becomes of the engine, if there is one to speak of."""
+        if self.read_only or not self.engine.is_attached:
+            self.app.exit("quit")
+            return
+
+        def decided(choice: str | None) -> None:
+            if choice == "leave":
+                self.app.exit("quit")
+            elif choice == "stop engine":
+                self.send(Shutdown())
+
+        holder = words.HOLDERS.get(self.engine.holder or "", "who has the mount is not known")
+        text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
+        is_moving = bool(self.engine.is_slewing)
+        if is_moving:
+            text += f" THE TELESCOPE IS MOVING: {motion_words(self.engine)}."
+        if has_track(self.engine):
+            text += f" It follows {self.track_words()}."
+        is_left_alone = is_moving and self.engine.holder != "autonomy"
+        self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
+
+    def action_put_away(self) -> None:
+        """A mark first."""
+        if self.marking is not None:
+            self.end_mark()
+        else:
+            super().action_put_away()
+
+    def action_mark(self) -> None:
+        """In the picture, which the log may lie over, or the orbit in a small terminal."""
+        if self.marking is None:
+            if self.is_log_open:
+                self.action_log()
+            if self.covers_picture():
+                self.action_orbit()
+        super().action_mark()
+
+    def mark_refusal(self, frame_id: int) -> str:
+        """The engine takes words on the last frames only."""
+        if not self.can_act:
+            return f"no mark in frame {frame_id}: no engine takes one from this console"
+        return too_late_to_mark(self.engine, frame_id)
+
+    @property
+    def mark_to(self) -> MarkTo | None:
+        """To the engine, as from the picture."""
+        if self.read_only:
+            return None
+
+        def send(mark: MarkByHand) -> str:
+            self.send(mark)
+            return f"mark sent, frame {mark.frame_id} …"
+
+        return MarkTo(
+            send=send,
+            begin=self.begin_marking,
+            leave=self.leave_marking,
+            refusal=self.mark_refusal,
+        )
+
+    def action_verdicts(self) -> None:
+        """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
+        marked_id, is_first = self.marked_lately()
+        shown, folder = self.picture, self.night.folder
+        if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
+            super().action_verdicts()
+            return
+        try:
+            marked = detail_of(SessionReader(folder), marked_id)
+        except RsoconsoleError as error:
+            self.say(str(error), "warn")
+            return
+        pages = [(shown.detail, ""), (marked, MARKED)]
+        ordered = pages[::-1] if is_first else pages
+        self.app.push_screen(VerdictsDialog(ordered, self.night.tau, self.keymap))
+
+    def _is_shown(self, frame_id: int) -> bool:
+        return self.picture is not None and self.picture.frame_id == frame_id
+
+    def action_note(self) -> None:
+        """A remark into the session."""
+        if not self.may_act():
+            return
+
+        def decided(text: str | None) -> None:
+            if text:
+                self.send(Note(text=text))
+
+        self.app.push_screen(LineDialog("note", "what you want to remember"), decided)
+
+    # -- the past -----------------------------------------------------------------------------
+
+    def open_session(self, folder: Path) -> None:
+        """Over this screen, which goes on behind; the night that goes on is opened at its head."""
+        is_this = folder == self.night.folder and not self.night.is_closed
+        self.app.push_screen(
+            ReviewScreen(
+                self.orders,
+                read_only=True,
+                owns_engine=False,
+                ask_now=self.ask_now,
+                from_thread=self._from_thread,
+                on_known=lambda _night, _engine: None,
+                keymap=self.keymap,
+                sessions_root=self.sessions_root,
+                folder=folder,
+                start=HEAD if is_this else "",
+                live=self,
+            )
+        )

@@ -1,0 +1,109 @@
+"""Everything that is said, in full, and copied to where the terminal keeps what is copied."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.content import Content
+from textual.widgets import OptionList
+from textual.widgets.option_list import Option
+
+from rsoconsole.console.actions import TrackActions
+from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.night import LogLine
+from rsoconsole.console.panes import LinesPane, LogPane
+from rsoconsole.console.tuning import TunePane
+from rsoconsole.console.words import clock_text
+
+MOST_LOG_LINES = 60
+SAID_COLUMNS = 40
+
+
+def line_text(line: LogLine) -> str:
+    """One line of the log, whole."""
+    times = f" ({line.times} times)" if line.times > 1 else ""
+    frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
+    return f"{clock_text(line.t_utc_ns)}{frame} {line.text}{times}"
+
+
+class ReadingDialog(Dialog[str | None]):
+    """Messages in full, the newest first; gives the one that is to be copied."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
+    DEFAULT_CSS = """
+    ReadingDialog OptionList { height: auto; border: none; background: $surface; }
+    """
+
+    def __init__(self, messages: Sequence[str]) -> None:
+        super().__init__()
+        self._messages = list(messages)
+
+    def compose(self) -> ComposeResult:
+        """One option a message, over as many rows as it takes."""
+        with VerticalScroll() as box:
+            box.border_title = "messages"
+            box.border_subtitle = "↑↓ choose · enter copies · esc back"
+            yield OptionList(*(Option(Content(each)) for each in self._messages))
+
+    def on_mount(self) -> None:
+        """The newest has the cursor."""
+        self.query_one(OptionList).focus()
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Copy it."""
+        event.stop()
+        self.dismiss(self._messages[event.option_index])
+
+    def action_copy(self) -> None:
+        """The same by the key that copies elsewhere."""
+        chosen = self.query_one(OptionList).highlighted
+        if chosen is not None:
+            self.dismiss(self._messages[chosen])
+
+
+class ReadingActions(TrackActions):
+    """Read what was cut, and copy what is shown."""
+
+    is_log_open = False
+    is_orbit_open = False
+
+    @property
+    def alert(self) -> str:
+        """What must not be missed."""
+        return ""
+
+    def action_read(self) -> None:
+        """All messages in full: what came of a STOP, the alert, what was said last, the log."""
+        news = self.stop_news
+        said = [f"STOP {news.text}"] if news is not None else []
+        said += [self.alert] if self.alert else []
+        said += [self.last_said] if self.last_said else []
+        said += [line_text(line) for line in reversed(self.night.log[-MOST_LOG_LINES:])]
+        if said:
+            self.app.push_screen(ReadingDialog(said), self._copy)
+        else:
+            self.say("nothing has been said yet")
+
+    def action_copy(self) -> None:
+        """A line of the open log, the orbit, the tuning, or where things stand."""
+        if self.is_log_open:
+            line = self.query_one("#log", LogPane).top_line
+            self._copy("" if line is None else line_text(line))
+        elif isinstance(self.focused, TunePane):
+            self._copy(self.query_one("#tune", TunePane).text)
+        elif self.is_orbit_open:
+            self._copy(self.query_one("#orbit", LinesPane).text)
+        else:
+            panes = (self.query_one(f"#{name}", LinesPane) for name in ("top", "facts"))
+            self._copy("\n".join(each.text for each in panes))
+
+    def _copy(self, text: str | None) -> None:
+        """To the clipboard of the terminal, also through SSH (OSC 52)."""
+        if not text:
+            return
+        lines = [line.strip() for line in text.splitlines()]
+        self.app.copy_to_clipboard("\n".join(lines))
+        more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
+        self.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")

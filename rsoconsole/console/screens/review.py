@@ -1,0 +1,443 @@
+"""Review: the same screen over a recorded night, as it was at any moment of it. Nothing acts here.
+
+Which moment is wanted is known at once and drawn on the time line; the watch brings it.
+"""
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+
+from rsoconsole.console.commands import bindings, first_key
+from rsoconsole.console.dialogs import LineDialog
+from rsoconsole.console.drawing import Line, Name, timeline_rows
+from rsoconsole.console.night import LiveBehind, LogLine, NightView, OrbitAhead
+from rsoconsole.console.orbit import target_words
+from rsoconsole.console.panes import (
+    FramePane,
+    Key,
+    LogPane,
+    Mode,
+    MomentField,
+    Sight,
+    TimelinePane,
+    review_keys,
+)
+from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.console.screens.review_compare import ReviewCompare
+from rsoconsole.console.screens.review_log import ReviewLogPane
+from rsoconsole.console.screens.review_moves import ANY, FOUND, PLAY_S
+from rsoconsole.console.timeline import (
+    Place,
+    Player,
+    ReviewWatch,
+    Timeline,
+    engine_then,
+    place_words,
+    reading_words,
+    review_top_lines,
+    speed_words,
+    timeline_lines,
+)
+from rsoconsole.console.tuning import TunePane, TuneWords
+from rsoconsole.console.watches import (
+    MomentSeen,
+    OrbitSeen,
+    OutlookSeen,
+    OutlookWatch,
+    ReviewFailed,
+    TimelineSeen,
+)
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
+
+LIVE_S = 0.5
+"""How often it is looked what the night behind does."""
+LINES = 200
+"""Of the log in its small pane."""
+OUTLOOK_GOOD_NS = 600 * 10**9
+OUTLOOK_AFTER_S = 0.7
+"""So long a moment must stay before what lies ahead of it is reckoned."""
+HEAD = "head"
+"""Where a night that goes on is opened: at its last frame, and on with it."""
+
+
+class ReviewScreen(ReviewCompare):
+    """A recorded night, or the past of the one that goes on."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
+    PANES: ClassVar[tuple[Name, ...]] = (*ReviewCompare.PANES, "timeline")
+    LOG: ClassVar[type[LogPane]] = ReviewLogPane
+    DEFAULT_CSS = """
+    ReviewScreen > #timeline { background: $surface; }
+    """
+
+    def __init__(
+        self,
+        *arguments: Any,
+        folder: Path | None,
+        start: str = "",
+        live: LiveBehind | None = None,
+        **named: Any,
+    ) -> None:
+        """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
+        behind this screen, and is come back to."""
+        super().__init__(*arguments, **named)
+        self._live = live
+        self._first = (folder, start)
+        self._start: str | None = None
+        """Where the session that is being opened begins; None once that is reached."""
+        self._fault = ""
+        self._tunes_all = False
+        self._watch_session = ReviewWatch(
+            lambda *seen: self.post_from_thread(TimelineSeen(*seen)),
+            lambda *seen: self.post_from_thread(MomentSeen(*seen)),
+            lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
+        )
+        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
+
+    def compose(self) -> ComposeResult:
+        """The seat's panes, and the time line."""
+        yield from super().compose()
+        yield TimelinePane(id="timeline")
+        yield MomentField()
+
+    def on_mount(self) -> None:
+        """Begin to read; without a session, ask which."""
+        self._watch_session.start()
+        self._outlook_watch.start()
+        self.set_interval(PLAY_S, self.play_on)
+        if self._live is not None:
+            self.set_interval(LIVE_S, self.show_engine)
+        folder, start = self._first
+        if folder is None:
+            self.call_after_refresh(self.action_sessions)
+        else:
+            self.open(folder, start)
+
+    def on_unmount(self) -> None:
+        """Nobody looks any more."""
+        self._watch_session.close()
+        self._outlook_watch.close()
+
+    def open(self, folder: Path, start: str = "") -> None:
+        """Show another session from there on."""
+        self.folder, self._start, self._fault = folder, start, ""
+        self.timeline, self.lines, self.moment = Timeline(), (), None
+        self.seq, self.is_at_head, self.kept, self._other_seq = 0, False, None, None
+        self.kind, self.searched, self.player = ANY, "", Player()
+        self.night, self.picture, self.outlook = NightView(folder=folder), None, None
+        self.orbit_ahead = None
+        self.engine = engine_then(self.night)
+        self._watch_session.follow(folder)
+        self.show_night()
+        self.show_engine()
+        self.show_place()
+
+    # -- what is known ----------------------------------------------------------------------
+
+    def on_timeline_seen(self, message: TimelineSeen) -> None:
+        """More has been read, or has been recorded."""
+        if message.folder != self.folder:
+            return
+        self.timeline, self.lines, self._fault = message.timeline, message.lines, ""
+        if self._start is not None:
+            self._begin()
+        elif self.is_at_head:
+            last = self.timeline.step(self.timeline.last_seq, 0)
+            if last is not None and last != self.seq:
+                self.want(last)
+        self._ask_outlook()
+        self.show_place()
+        self.show_engine()
+        if self.is_log_open:
+            self.show_log()
+
+    def _begin(self) -> None:
+        """To where the session is to be opened."""
+        start, self._start = self._start, None
+        self.player.settle(self.timeline)
+        if not self.timeline.frames:
+            self.want(self.timeline.last_seq)
+        elif start == HEAD:
+            self.action_last_frame()
+        else:
+            self.action_first_frame()
+            if start:
+                self.go_to_text(start)
+
+    def on_moment_seen(self, message: MomentSeen) -> None:
+        """The moment that was wanted."""
+        if message.folder != self.folder:
+            return
+        moment = message.moment
+        has_other_shape = self.aspect_of(moment.picture) != self.aspect_of(self.picture)
+        self.moment, self.night, self.picture = moment, moment.view, moment.picture
+        self.engine = engine_then(moment.view)
+        if has_other_shape and moment.picture is not None:
+            self.place_panes()
+        self._ask_outlook()
+        self.show_night()
+        self.show_engine()
+        self.show_place()
+        self.compare_if_asked()
+        self._reckon_here()
+
+    def _reckon_here(self) -> None:
+        """The tuning pane's figures are of a moment: those of another one are no answer."""
+        moment, self._figures = self.moment, (None, None)
+        self.show_tuning()
+
+        def ask() -> None:
+            if self.moment is moment and self.query_one("#tune", TunePane).display:
+                self.reckon()
+
+        if not self.player.is_playing:
+            self.set_timer(OUTLOOK_AFTER_S, ask)
+
+    def _ask_outlook(self) -> None:
+        """The sky's reckoning takes the processor: not while somebody goes through the night."""
+        moment = self.moment
+        if not self.timeline.is_whole or moment is None:
+            return
+
+        def ask() -> None:
+            if self.moment is moment:
+                self._outlook_watch.tell(self.night, self.engine)
+
+        self.set_timer(OUTLOOK_AFTER_S, ask)
+
+    def on_review_failed(self, message: ReviewFailed) -> None:
+        """Why nothing comes."""
+        if message.folder == self.folder and message.text != self._fault:
+            self._fault = message.text
+            self.show_engine()
+
+    def _outlook_seen(self, outlook: "Outlook") -> None:
+        self.post_from_thread(OutlookSeen(outlook))
+
+    def _orbit_seen(self, ahead: OrbitAhead) -> None:
+        self.post_from_thread(OrbitSeen(ahead))
+
+    def want(self, seq: int) -> None:
+        """Have that moment shown; the time line shows at once where it is."""
+        super().want(seq)
+        if self.folder is not None:
+            self._watch_session.want(self.folder, seq)
+        self.show_place()
+
+    # -- what is shown ----------------------------------------------------------------------
+
+    def show_engine(self) -> None:
+        """What the record says, and the night behind."""
+        outlook, now = self.outlook, self.night.last_utc_ns or 0
+        if outlook is not None and abs(outlook.t_utc_ns - now) > OUTLOOK_GOOD_NS:
+            self.outlook = None  # of another hour of the night
+        super().show_engine()
+
+    def show_place(self) -> None:
+        """The time line."""
+        place = Place(
+            seq=self.seq,
+            words=tuple(word for word in self._place_words() if word),
+            kept_seq=self.kept.seq if self.kept is not None else None,
+            kinds=self.kinds if self.kind != FOUND else (),
+            found=self.found,
+        )
+        self.query_one("#timeline", TimelinePane).show(
+            partial(timeline_lines, self.timeline, place)
+        )
+
+    def _place_words(self) -> list[str]:
+        if self.folder is None:
+            return ["no session"]
+        moment, timeline = self.moment, self.timeline
+        is_there = moment is not None and moment.seq == self.seq
+        t_utc_ns = self.night.last_utc_ns if is_there else timeline.time_of(self.seq)
+        speed = speed_words(self.player.speed)
+        pace = f"{'play' if self.player.is_playing else 'paused'} {speed}"
+        if self.is_at_head:
+            pace = "follows the live night"
+        partly = "" if moment is None or moment.is_whole else "earlier frames still to come"
+        kept = "" if self.kept is None else "A " + place_words(timeline, self.kept.seq, None)[0]
+        return [
+            *place_words(timeline, self.seq, t_utc_ns),
+            pace,
+            reading_words(timeline),
+            partly,
+            self.kind_words,
+            kept,
+        ]
+
+    def top(self, width: int, rows: int) -> list[Line]:
+        """That this is the past, what the state was, and what it is now."""
+        live = None if self._live is None else (self._live.night, self._live.engine)
+        found = target_words(self.orbit)
+        return review_top_lines(self.night, self.engine, live, width, rows, found=found)
+
+    @property
+    def alert(self) -> str:
+        """Of the night behind first, then what is wrong with this one."""
+        live = "" if self._live is None else self._live.alert
+        return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
+
+    def picture_words(
+        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+    ) -> tuple[list[str], list[str]]:
+        """The frame's number also where it has no picture."""
+        frame = self.night.frame
+        if picture is not None or sight != "field":
+            return super().picture_words(picture, sight, drawing)
+        return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
+
+    def show_picture(self) -> None:
+        """The moment's own frame; none other in its place."""
+        absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
+        if self.moment is None:
+            absent = "" if self.folder is None else "reading …"
+        self.query_one("#frame", FramePane).absent = absent
+        self.query_one("#closeup", FramePane).absent = ""
+        super().show_picture()
+
+    def show_log(self) -> None:
+        """Up to the moment; opened, that of the whole night."""
+        pane = self.query_one("#log", ReviewLogPane)
+        pane.seq = self.seq
+        pane.show(self.lines if self.is_log_open else self.night.log[-LINES:])
+
+    @property
+    def keys(self) -> list[Key]:
+        """The keys that matter now."""
+        return review_keys(
+            is_playing=self.player.is_playing,
+            has_live=self._live is not None,
+            has_mark=self.kept is not None,
+            mode=self.mode,
+            keymap=self.keymap,
+        )
+
+    @property
+    def mode(self) -> Mode:
+        """What the keys are for."""
+        modes: dict[Mode, Mode] = {
+            "log": "review log",
+            "tune": "review tune",
+            "tracks": "review tracks",
+        }
+        return modes.get(super().mode, "review")
+
+    def place_panes(self) -> None:
+        """The field lies over the keys."""
+        super().place_panes()
+        self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
+
+    def timeline_rows(self, height: int) -> int:
+        """By the terminal's height."""
+        return timeline_rows(height)
+
+    # -- the log ----------------------------------------------------------------------------
+
+    def action_log(self) -> None:
+        """All of the night's, the moment's line chosen; and back."""
+        super().action_log()
+        pane = self.query_one("#log", ReviewLogPane)
+        if self.is_log_open:
+            pane.open_at(self.lines, self.seq)
+        else:
+            pane.close()
+            self.show_log()
+
+    def action_filter_log(self) -> None:
+        """Search all of the night's log."""
+
+        def decided(wanted: str | None) -> None:
+            if wanted is None:
+                return
+            self.searched, self.kind = wanted, FOUND if wanted else ANY
+            if not self.is_log_open:
+                self.action_log()
+            pane = self.query_one("#log", ReviewLogPane)
+            pane.filter(wanted)
+            pane.choose_near(self.seq)
+            self.show_place()
+            count = len(self.found)
+            self.say(f"{count} lines have {wanted!r}" if wanted else "log: every line")
+
+        words = "words in any line of the night; nothing: every line"
+        self.app.push_screen(LineDialog("search the log", words, self.searched), decided)
+
+    def on_review_log_pane_chosen(self, message: ReviewLogPane.Chosen) -> None:
+        """To the moment of a line."""
+        line: LogLine = message.line
+        self.action_log()
+        self.go(self.moment_of(line))
+
+    # -- tuning -----------------------------------------------------------------------------
+
+    @property
+    def tune_words(self) -> TuneWords:
+        """Nothing is applied here."""
+        frames = "all frames so far" if self._tunes_all else "{count} frames to here"
+        scope = first_key("tune_scope", self.keymap)
+        which = "the last frames" if self._tunes_all else "all frames"
+        return TuneWords(
+            frames=frames,
+            of_present=self.of_present(),
+            keys=f"{scope} {which}  u undo  w save  o load",
+        )
+
+    def tune_scope(self) -> tuple[int | None, int | None]:
+        """Up to the moment."""
+        return self.seq, None if self._tunes_all else self.last_frames()
+
+    def action_tune_scope(self) -> None:
+        """The last frames, or all."""
+        self._tunes_all = not self._tunes_all
+        self.show_tuning()
+        self.reckon()
+        self.say(f"tune: {self.tune_words.frames}")
+
+    def may_act(self) -> bool:
+        """Never: what is recorded stays as it is."""
+        self.say("nothing is changed here: what is tried can be kept as a preset (w)")
+        return False
+
+    # -- the rest ---------------------------------------------------------------------------
+
+    def session_shown(self) -> Path | None:
+        """The session that the list begins with."""
+        return self.folder
+
+    def open_session(self, folder: Path) -> None:
+        """Review that one."""
+        self.open(folder)
+
+    def action_give_seat(self) -> None:
+        """The seat of the night behind."""
+        if self._live is not None:
+            self._live.action_give_seat()
+
+    def action_keep_seat(self) -> None:
+        """The seat of the night behind."""
+        if self._live is not None:
+            self._live.action_keep_seat()
+
+    def action_put_away(self) -> None:
+        """What lies over the night, then what is being played."""
+        if self.close_field():
+            return
+        is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
+        if is_bare and self.player.is_playing:
+            self.action_play()
+        else:
+            super().action_put_away()
+
+    def action_leave(self) -> None:
+        """Back to the live night, at its head; or out."""
+        if self._live is not None:
+            self.app.pop_screen()
+        else:
+            self.app.exit("quit")

@@ -1,0 +1,237 @@
+"""The time line in cells: states as words and rules, what came to pass as signs, and where one is.
+
+Nothing is told by colour alone: every state has its word where there is room and its own sign, and
+every kind of event a sign that ``plain`` keeps apart from the others.
+"""
+
+from bisect import bisect_right
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.timeline.night_line import HappeningKind, Timeline
+from rsoconsole.console.words import clipped, clock_text, fitted
+from rsoconsole.records import LoopState
+
+SIGNS: dict[HappeningKind, str] = {
+    "loss": "▼",
+    "alarm": "!",
+    "note": "✎",
+    "operator": "▲",
+    "rejection": "×",
+    "miss": "○",
+}
+"""Of each kind; where a cell has several, the first."""
+KIND_INKS: dict[HappeningKind, Ink] = {
+    "loss": "alarm",
+    "alarm": "alarm",
+    "note": "title",
+    "operator": "title",
+    "rejection": "warn",
+    "miss": "warn",
+}
+FREQUENT: frozenset[HappeningKind] = frozenset(("miss", "rejection"))
+FOUND, HERE, KEPT, UNREAD, PIXELS = "/", "┃", "A", "░", "▫"
+SHARE = 0.25
+"""Of its frames that a cell must have before it shows what is frequent, among other kinds."""
+FILLS: dict[LoopState | None, tuple[str, Ink]] = {
+    "TRACK": ("━", "good"),
+    "COAST": ("╍", "warn"),
+    "ACQUIRE": (":", ""),
+    "SEARCH": ("·", ""),
+    "LOST": ("·", "alarm"),
+    "MANUAL": ("═", "title"),
+    "FAULT": ("!", "alarm"),
+    "IDLE": (" ", "dim"),
+    None: (" ", "dim"),
+}
+GRAVE: tuple[LoopState, ...] = ("FAULT", "LOST", "MANUAL")
+"""States that are shown however short they were."""
+LONG_RUN_COLUMNS = 24
+END_COLUMNS = 7
+LEAST_STRIP_COLUMNS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where one is on the time line, and how one goes on."""
+
+    seq: int = 0
+    words: tuple[str, ...] = ()
+    """What is said of it, most important first."""
+    kept_seq: int | None = None
+    """The moment kept to compare with."""
+    kinds: tuple[HappeningKind, ...] = tuple(SIGNS)
+    """What is shown and jumped to."""
+    found: tuple[int, ...] = ()
+    """Places in the log that have been searched for; shown instead of ``kinds`` where any are."""
+
+
+def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) -> list[Line]:
+    """As many rows as there are: words and a strip in one; strip, words; events, strip, words."""
+    if height <= 0 or width <= 0:
+        return []
+    words = f" {fitted(place.words, width - 1)}"
+    if height == 1:
+        head = f" {fitted(place.words[:2], max(width - LEAST_STRIP_COLUMNS, 0))} "
+        room = width - len(head) - 1
+        if room < LEAST_STRIP_COLUMNS // 2:
+            return [[(words[:width], "title")]]
+        strip, _ = _strip(timeline, place, room, is_one_row=True)
+        return [[(head, "title"), *strip]]
+    x, columns = strip_place(width)
+    strip, events = _strip(timeline, place, columns, is_one_row=height < 3)
+    ends = ("", "")
+    if x:
+        first, last = timeline.first_utc_ns, timeline.last_utc_ns
+        ends = (f"{clock_text(first)[:5]:>{x - 1}} ", f" {clock_text(last)[:5]}Z")
+    line: Line = [(ends[0], "dim"), *strip, (ends[1], "dim")]
+    rows = [clipped(line, width), clipped([(words, "title")], width)]
+    return rows if height == 2 else [clipped([(" " * x, ""), *events], width), *rows]
+
+
+def strip_place(width: int) -> tuple[int, int]:
+    """(first column, number of columns) of the strip in a pane of that width."""
+    if width < LEAST_STRIP_COLUMNS + 2 * END_COLUMNS:
+        return 0, width
+    return END_COLUMNS, width - 2 * END_COLUMNS - 1
+
+
+def time_at(timeline: Timeline, column: int, columns: int) -> int | None:
+    """The last instant of a cell of the strip; None for a night without any."""
+    first, last = timeline.first_utc_ns, timeline.last_utc_ns
+    if first is None or last is None or columns <= 0:
+        return None
+    share = (min(max(column, 0), columns - 1) + 1) / columns
+    return first + round((last - first) * share)
+
+
+def _strip(
+    timeline: Timeline, place: Place, columns: int, *, is_one_row: bool
+) -> tuple[Line, Line]:
+    """The states, with what came to pass among them where there is but one row; those alone."""
+    cells = list(_states(timeline, columns))
+    events = _events(timeline, place.kinds, place.found, columns)
+    row: list[tuple[str, Ink]] = [events.get(column, (" ", "")) for column in range(columns)]
+    for column in () if is_one_row else _with_pixels(timeline, columns):
+        if row[column][0] == " ":
+            row[column] = (PIXELS, "dim")
+    if is_one_row:
+        cells = [events.get(column, cell) for column, cell in enumerate(cells)]
+    for seq, sign in ((place.kept_seq, KEPT), (place.seq, HERE)):
+        t = None if seq is None else timeline.time_of(seq)
+        if t is not None and columns > 0:
+            column = _column(timeline, t, columns)
+            cells[column] = (sign, "here")
+            if not is_one_row and row[column][0] in {" ", PIXELS}:
+                row[column] = (sign, "title")
+    return _joined(cells), _joined(row)
+
+
+@lru_cache(maxsize=8)
+def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
+    """The cells that have a frame whose pixels are there."""
+    kept = timeline.with_pixels
+    if not kept or columns <= 0:
+        return frozenset()
+    return frozenset(
+        _column(timeline, mark.t_utc_ns, columns)
+        for mark in timeline.frames
+        if mark.frame_id in kept
+    )
+
+
+def _joined(cells: list[tuple[str, Ink]]) -> Line:
+    return [
+        ("".join(text for text, _ in group), ink)
+        for ink, group in groupby(cells, key=lambda cell: cell[1])
+    ]
+
+
+def _column(timeline: Timeline, t_utc_ns: int, columns: int) -> int:
+    first, last = timeline.first_utc_ns or 0, timeline.last_utc_ns or 0
+    share = (t_utc_ns - first) / max(last - first, 1)
+    return min(max(int(share * columns), 0), columns - 1)
+
+
+@lru_cache(maxsize=8)
+def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
+    """One cell each: the state that it was in longest, or a grave one."""
+    first, last = timeline.first_utc_ns, timeline.last_utc_ns
+    if first is None or last is None:
+        return ((" ", "dim"),) * columns
+    shares: list[Counter[LoopState]] = [Counter() for _ in range(columns)]
+    ends = [mark.t_utc_ns for mark in timeline.states[1:]] + [last]
+    for mark, end in zip(timeline.states, ends, strict=False):
+        a = (mark.t_utc_ns - first) / max(last - first, 1) * columns
+        b = max((end - first) / max(last - first, 1) * columns, a + 1e-6)
+        for column in range(min(int(a), columns - 1), min(int(b), columns - 1) + 1):
+            shares[column][mark.state] += min(b, column + 1) - max(a, column)  # type: ignore[assignment]
+    states = [_of(share) for share in shares]
+    cells: list[tuple[str, Ink]] = []
+    named: LoopState | None = None
+    for state, group in groupby(states):
+        length = len(list(group))
+        fill, ink = FILLS[state]
+        # A state that is left for a moment only needs no second word.
+        is_known = state == named and length < LONG_RUN_COLUMNS
+        word = "" if is_known else _word(f"{state or ''}", length)
+        named = state if word else named
+        cells += [(character, ink) for character in word.ljust(length, fill)]
+    read = timeline.time_of(timeline.read_seq)
+    if not timeline.is_whole and read is not None:
+        unread = _column(timeline, read, columns)
+        cells[unread:] = [
+            (UNREAD if text in "━╍:·═ !" else text, "dim") for text, _ in cells[unread:]
+        ]
+    return tuple(cells)
+
+
+def _word(name: str, columns: int) -> str:
+    """The state's name, or its letter, where a run of so many cells has room for it."""
+    if columns > len(name) + 1:
+        return name
+    return name[:1] if columns > 2 else ""
+
+
+def _of(share: Counter[LoopState]) -> LoopState | None:
+    for state in GRAVE:
+        if state in share:
+            return state
+    ((longest, _),) = share.most_common(1) or ((None, 0),)
+    return longest
+
+
+@lru_cache(maxsize=8)
+def _events(
+    timeline: Timeline, kinds: tuple[HappeningKind, ...], found: tuple[int, ...], columns: int
+) -> dict[int, tuple[str, Ink]]:
+    """The sign of each cell that has one."""
+    if columns <= 0:
+        return {}
+    if found:
+        times = (timeline.time_of(seq) for seq in found)
+        return {_column(timeline, t, columns): (FOUND, "title") for t in times if t is not None}
+    counts: dict[int, Counter[HappeningKind]] = {}
+    for each in timeline.happenings:
+        if each.kind in kinds:
+            column = _column(timeline, each.t_utc_ns, columns)
+            counts.setdefault(column, Counter())[each.kind] += 1
+    cells: dict[int, tuple[str, Ink]] = {}
+    for column, count in counts.items():
+        frames = _frames_in(timeline, column, columns)
+        for kind, sign in SIGNS.items():
+            is_shown = kind not in FREQUENT or len(kinds) == 1 or count[kind] >= SHARE * frames
+            if count[kind] and is_shown:
+                cells[column] = (sign, KIND_INKS[kind])
+                break
+    return cells
+
+
+def _frames_in(timeline: Timeline, column: int, columns: int) -> int:
+    first, last = timeline.first_utc_ns or 0, timeline.last_utc_ns or 0
+    edges = (first + (last - first) * edge // columns for edge in (column, column + 1))
+    a, b = (bisect_right(timeline.frames, t, key=lambda mark: mark.t_utc_ns) for t in edges)
+    return b - a

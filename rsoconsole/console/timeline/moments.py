@@ -1,0 +1,223 @@
+"""A session at any place of its log: folded once to its end, with places to begin again from.
+
+While the log is read, the fold is kept every so many frames. A moment is the fold from the
+nearest kept place before it. What has not been read yet is shown from a little before it, and
+said to be so.
+"""
+
+from bisect import bisect_right
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+from time import monotonic
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.console.night import FrameDetail, KeptNight, LogLine, Night, NightView
+from rsoconsole.console.picture import Picture, marks_of, read_picture
+from rsoconsole.console.timeline.night_line import TOLD_BY_RECORD, FrameMark, Timeline, TimelineFold
+from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
+from rsoconsole.session.reading import SessionReader
+
+KEPT_EVERY_FRAMES = 50
+KEPT_EVERY_RECORDS = 1000
+"""Where a log has few frames."""
+FRAMES_BEFORE = 60
+"""Of a moment that has not been read yet: so many frames before it are."""
+PICTURES, MOMENTS = 12, 4
+"""How many of the last ones shown are at hand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """A session as the seat showed it when the log had come so far."""
+
+    seq: int
+    view: NightView
+    detail: FrameDetail
+    """Of the frame that was the newest then."""
+    picture: Picture | None
+    is_whole: bool = True
+    """False where what came long before has not been read yet."""
+
+
+class Moments:
+    """Reads a session and gives its moments. For one thread; every method raises SessionError."""
+
+    def __init__(self, reader: SessionReader, about: dict[str, Any], config: Config | None) -> None:
+        self.reader = reader
+        self._about, self._config = about, config
+        self._head = self._night()
+        """The fold of all that has been read."""
+        self._shown = self._night()
+        """The fold of the moment shown last."""
+        self._kept_seqs: list[int] = [0]
+        self._kept: list[KeptNight] = [self._head.keep()]
+        self._frames_since = 0
+        self._timeline = TimelineFold()
+        self._outlined_seq = 0
+        self._last_frame: FrameMark | None = None
+        self._pictures: OrderedDict[int, Picture] = OrderedDict()
+        self._moments: OrderedDict[int, Moment] = OrderedDict()
+        self._outline()
+
+    @property
+    def read_seq(self) -> int:
+        """How far the log has been read."""
+        return self._head.seq
+
+    def timeline(self) -> Timeline:
+        """What is known of the night's course."""
+        return replace(self._course(), with_pixels=self.reader.frames_with_pixels())
+
+    def _course(self) -> Timeline:
+        """The same without which frames' pixels are there: that takes a look into a folder."""
+        return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether all that is known of the log has been read."""
+        return self.read_seq >= self.last_seq
+
+    @property
+    def last_seq(self) -> int:
+        """The last place of the log that is known."""
+        return self._timeline.last_seq
+
+    def log(self) -> tuple[LogLine, ...]:
+        """Every line of what has been read, oldest first."""
+        return self._head.log
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more will come."""
+        return self._head.is_closed
+
+    def close(self) -> None:
+        """The session has ended."""
+        self._head.close()
+
+    def read_on(self, for_s: float) -> bool:
+        """Read for so long, or to the log's end; True when that is reached."""
+        until_s = monotonic() + for_s
+        for seq, t_utc_ns, record in self.reader.records(since_seq=self.read_seq):
+            self._take(seq, t_utc_ns, record)
+            if monotonic() > until_s:
+                return False
+        self._end_frame(is_over=False)
+        return True
+
+    def at(self, seq: int) -> Moment:
+        """The session as of that place of its log."""
+        known = self._moments.get(seq)
+        if known is not None:
+            self._moments.move_to_end(seq)
+            return known
+        is_whole = seq <= self.read_seq
+        night = self._fold_to(seq) if is_whole else self._fold_near(seq)
+        view = night.view()
+        detail = night.detail(view.frame.frame_id) if view.frame is not None else FrameDetail()
+        moment = Moment(
+            seq=seq,
+            view=view,
+            detail=detail,
+            picture=self._picture(view, detail),
+            is_whole=is_whole,
+        )
+        if seq < self.read_seq:  # of the last frame, more may come
+            _remember(self._moments, seq, moment, MOMENTS)
+        return moment
+
+    # -- the log, once --------------------------------------------------------------------------
+
+    def _night(self) -> Night:
+        night = Night(self.reader.folder, self._about, self._config)
+        night.has_been_read()
+        return night
+
+    def _outline(self) -> None:
+        """The time line at once, before anything is folded."""
+        told = {seq: record for seq, _, record in self.reader.records(kinds=(*TOLD_BY_RECORD,))}
+        for seq, t_utc_ns, kind, frame_id in self.reader.outline():
+            self._timeline.hear(seq, t_utc_ns, kind, frame_id, told.get(seq))
+        self._outlined_seq = self._timeline.last_seq
+
+    def _take(self, seq: int, t_utc_ns: int, record: Record) -> None:
+        is_frame = isinstance(record, FrameTaken)
+        if is_frame:
+            self._end_frame(is_over=True)
+            self._frames_since += 1
+        if (is_frame and self._frames_since >= KEPT_EVERY_FRAMES) or (
+            seq - self._kept_seqs[-1] >= KEPT_EVERY_RECORDS
+        ):
+            self._kept_seqs.append(self._head.seq)
+            self._kept.append(self._head.keep())
+            self._frames_since = 0
+        self._head.take(t_utc_ns, record, seq)
+        if seq > self._outlined_seq:
+            frame_id = getattr(record, "frame_id", None)
+            self._timeline.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
+        if isinstance(record, FrameTaken):
+            self._last_frame = FrameMark(seq, t_utc_ns, record.frame_id)
+
+    def _end_frame(self, *, is_over: bool) -> None:
+        """What became of the last frame goes onto the time line, once it is known."""
+        mark = self._last_frame
+        row = self._head.row(mark.frame_id) if mark is not None else None
+        if mark is None or row is None or not (is_over or self._head.is_closed):
+            return
+        self._timeline.hear_row(row, mark)
+        self._last_frame = None
+
+    # -- one moment -----------------------------------------------------------------------------
+
+    def _fold_to(self, seq: int) -> Night:
+        """The fold of the log to that place, by the shortest way."""
+        at = bisect_right(self._kept_seqs, seq) - 1
+        if not self._kept_seqs[at] <= self._shown.seq <= seq:
+            self._shown.go_back(self._kept[at])
+        self._fold_on(self._shown, seq)
+        return self._shown
+
+    def _fold_near(self, seq: int) -> Night:
+        """What is there to see at that place, without what came long before."""
+        timeline = self._course()
+        index = timeline.index_of(seq)
+        first = 0 if index is None else timeline.frames[max(index - FRAMES_BEFORE, 0)].seq - 1
+        night = self._night()
+        for at, t_utc_ns, record in self.reader.records(kinds=(StateChange, ParameterChange)):
+            if at > min(first, seq):
+                break
+            night.take(t_utc_ns, record, at)
+        night.forget_log()
+        self._fold_on(night, seq, since_seq=first)
+        return night
+
+    def _fold_on(self, night: Night, seq: int, since_seq: int | None = None) -> None:
+        start = night.seq if since_seq is None else since_seq
+        if start >= seq:
+            return
+        for at, t_utc_ns, record in self.reader.records(since_seq=start):
+            if at > seq:
+                return
+            night.take(t_utc_ns, record, at)
+
+    def _picture(self, view: NightView, detail: FrameDetail) -> Picture | None:
+        if view.frame is None:
+            return None
+        frame_id = view.frame.frame_id
+        known = self._pictures.get(frame_id)
+        if known is None or (known.closeup is None and detail.closeup is not None):
+            known = read_picture(self.reader, frame_id, detail)
+            if known is None:
+                return None
+        if known.detail != detail:
+            known = replace(known, detail=detail, marks=marks_of(detail), place=detail.closeup)
+        _remember(self._pictures, frame_id, known, PICTURES)
+        return known
+
+
+def _remember(kept: "OrderedDict[int, Any]", key: int, value: Any, most: int) -> None:
+    kept[key] = value
+    kept.move_to_end(key)
+    while len(kept) > most:
+        kept.popitem(last=False)

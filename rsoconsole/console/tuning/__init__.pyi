@@ -1,0 +1,16 @@
+from .lines import TuneWords as TuneWords
+from .lines import tune_lines as tune_lines
+from .presets import load_presets as load_presets
+from .presets import save_preset as save_preset
+from .quality import TrackQuality as TrackQuality
+from .quality import frames_of_track as frames_of_track
+from .quality import of_settings_now as of_settings_now
+from .quality import track_quality as track_quality
+from .tuning_pane import BY_NAME as BY_NAME
+from .tuning_pane import LAST_FRAMES as LAST_FRAMES
+from .tuning_pane import NAMES as NAMES
+from .tuning_pane import Tunable as Tunable
+from .tuning_pane import TunePane as TunePane
+from .tuning_pane import Tuning as Tuning
+from .tuning_pane import Value as Value
+from .what_if_watch import WhatIfWatch as WhatIfWatch

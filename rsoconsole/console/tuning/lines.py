@@ -1,0 +1,218 @@
+"""The tuning pane's lines: settings, figures as it was and if tried, and the verdict. Pure."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
+from rsoconsole.console.words import clipped, wrapped
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.replay import TrackFigures
+
+LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
+CURVE_ROWS, CURVE_LABEL, LEAST_SETTINGS = 2, 17, 6
+"""Rows of the curves, columns before them, and settings that must stay in sight beside them."""
+LEAST_BESIDE = 3
+"""Settings that stay in sight beside what the figures cannot be compared by."""
+BARS = "▁▂▃▄▅▆▇█"
+ALIKE_LOG_L = 2.0
+"""Log L of all frames together that differs by less speaks for neither setting."""
+UNLIKELY_NIS = 9.21
+"""One update in a hundred of a sound filter exceeds it."""
+
+
+class TuneWords(NamedTuple):
+    """What the pane says that depends on the screen it is on."""
+
+    frames: str = "last {count} frames"
+    """Over which its figures are; how many there are is put in."""
+    of_present: int | None = None
+    """How many of those ran with what is in force now; None: not known."""
+    keys: str = "0-9 type  enter apply  u undo  w save  o load"
+
+
+def tune_lines(
+    tuning: Tuning,
+    now: "TrackFigures | None",
+    then: "TrackFigures | None",
+    *,
+    words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
+) -> Callable[[int, int], list[Line]]:
+    """What builds the pane's lines: settings, then figures now and with what is tried."""
+
+    def build(width: int, height: int) -> list[Line]:
+        waiting = sum(tuning.sent.get(name) == value for name, value in tuning.tried.items())
+        changed = f"{len(tuning.tried) - waiting} tried" if tuning.tried else "nothing tried"
+        if not tuning.tried and tuning.applied_words:
+            changed = f"nothing tried, {tuning.applied_words}"
+        if waiting:
+            changed = f"{waiting} sent, in force from the next frame"
+        then_now = then if tuning.tried else None
+        lines: list[Line] = [_rule(f"tune · {changed}", width)]
+        frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
+        figures = _figures(now, then_now, frames, is_tried=bool(tuning.tried))
+        cautions = _verdict(tuning, now, then_now, words.of_present, width)
+        cautions += _cautions(now, then_now, words.of_present)
+        figures += cautions[: max(height - 2 - len(figures) - LEAST_BESIDE, 0)]
+        keys: Line = [(f" {words.keys}", "dim")]
+        if height - 2 - len(figures) - CURVE_ROWS >= LEAST_SETTINGS:
+            figures += _curves(now, then_now, width)
+        room = max(height - 2 - len(figures), 1)
+        lines += _settings(tuning, room)
+        spare = max(height - len(lines) - len(figures) - 1, 0)
+        lines += [[("", "")]] * spare
+        lines += figures
+        return [clipped(line, width) for line in (*lines[: max(height - 1, 0)], keys)][:height]
+
+    return build
+
+
+def _settings(tuning: Tuning, room: int) -> list[Line]:
+    """As many as there is room for, the chosen one among them; a sign where there are more."""
+    every = tuning.tunables
+    first = min(max(tuning.row - room // 2, 0), max(len(every) - room, 0))
+    shown = range(first, min(first + room, len(every)))
+    lines = [_setting(tuning, number, every[number]) for number in shown]
+    if lines and first > 0:
+        lines[0] = _with_sign("▲", lines[0])
+    if lines and shown.stop < len(every):
+        lines[-1] = _with_sign("▼", lines[-1])
+    return lines
+
+
+def _with_sign(sign: str, line: Line) -> Line:
+    """There are more beyond this one, which is never the chosen one then."""
+    (text, ink), *rest = line
+    return [(f" {sign}", "dim"), (text[2:], ink), *rest]
+
+
+def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
+    present = tunable.words(tuning.present.get(tunable.name))
+    is_chosen = number == tuning.row
+    sign = "▸" if is_chosen else " "
+    line: Line = [
+        (f" {sign} {tunable.label:<{LABEL_COLUMNS - 4}}", "title" if is_chosen else ""),
+        (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.tried else ""),
+    ]
+    if tunable.name in tuning.tried:
+        value = tuning.tried[tunable.name]
+        is_sent = tuning.sent.get(tunable.name) == value
+        # In force when the record shows it: from the next frame.
+        line.append((f"  → {tunable.words(value)}", "good" if is_sent else "warn"))
+        if is_sent:
+            line.append((" sent", "good"))
+    return line
+
+
+def _figures(
+    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, is_tried: bool
+) -> list[Line]:
+    head = f" {frames}".ljust(LABEL_COLUMNS + 4)
+    lines: list[Line] = [
+        [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
+    ]
+    rows: tuple[tuple[str, Callable[[TrackFigures], tuple[str, Ink]]], ...] = (
+        ("residual rms", lambda f: (_text(f.residual_rms_arcsec, ".2f", "″"), "")),
+        ("NIS mean (2)", _nis),
+        ("log L ↑ is better", lambda f: (_text(f.log_likelihood_mean, "+.2f"), "")),
+        ("3σ holds", lambda f: (_percent(f.inside_3sigma), "")),
+        ("misses", lambda f: (f"{f.misses}", "")),
+        ("state", lambda f: (f.state or "-", "")),
+    )
+    for label, words in rows:
+        line: Line = [(f"  {label:<{LABEL_COLUMNS + 2}}", "")]
+        for figures, is_coming in ((now, True), (then, is_tried)):
+            absent: tuple[str, Ink] = ("…" if is_coming else "-", "dim")
+            text, ink = absent if figures is None else words(figures)
+            line.append((f"{text:>{VALUE_COLUMNS}}", ink))
+        lines.append(line)
+    return lines
+
+
+def _verdict(
+    tuning: Tuning,
+    now: "TrackFigures | None",
+    then: "TrackFigures | None",
+    of_present: int | None,
+    width: int,
+) -> list[Line]:
+    """Which of the two the same frames speak for, by their log L; none where nothing can be said.
+
+    Source: two models whose log likelihoods differ by less than 2 (Burnham & Anderson 2002, 2.6).
+    """
+    if now is None or then is None or now.updates != then.updates:
+        return []
+    if now.log_likelihood_mean is None or then.log_likelihood_mean is None:
+        return []
+    more = then.log_likelihood_mean - now.log_likelihood_mean
+    total = more * now.updates
+    verdict: tuple[str, Ink] = ("no difference", "")
+    if abs(total) >= ALIKE_LOG_L:
+        verdict = ("better", "good") if total > 0.0 else ("worse", "warn")
+    what = tuning.against_words
+    if of_present is not None and of_present < now.frames:
+        what = f"{what.partition(' against ')[0]} against as it was"
+    said = f"{what}: {verdict[0]} (Δ log L {more:+.2f} over {now.frames} frames)"
+    return [[(f" {line[0][0].strip()}", verdict[1])] for line in wrapped(said, width - 1, 2)]
+
+
+def _cautions(
+    now: "TrackFigures | None", then: "TrackFigures | None", of_present: int | None
+) -> list[Line]:
+    """What the figures cannot be compared by; none as a rule."""
+    lines: list[Line] = []
+    if now is not None and then is not None and then.updates != now.updates:
+        fewer = now.updates - then.updates
+        what = f"{abs(fewer)} {'fewer' if fewer > 0 else 'more'} measured"
+        lines.append([(f" {what}: rms, NIS not comparable", "warn")])
+    if now is not None and of_present is not None and of_present < now.frames:
+        said = f" as it was: {of_present} of {now.frames} by what is in force now,"
+        lines.append([(said, "warn")])
+        rest = now.frames - of_present
+        lines.append([(f" {rest} by older settings: log L moves as they go", "warn")])
+    for label, figures in (("as it was", now), ("if tried", then)):
+        if figures is not None and figures.is_nis_sound is False and figures.nis_band:
+            low, high = figures.nis_band
+            lines.append([(f" NIS mean {label}: ✓ from {low:.2f} to {high:.2f}", "warn")])
+            break
+    return lines
+
+
+def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
+    """NIS frame by frame, as it was and with what is tried, one over the other."""
+    room = max(width - CURVE_LABEL, 1)
+    lines: list[Line] = []
+    for label, figures in (("NIS as it was", now), ("NIS if tried", then)):
+        line: Line = [(f"  {label:<{CURVE_LABEL - 2}}", "dim")]
+        for nis in () if figures is None else figures.nis_curve[-room:]:
+            is_out = nis is not None and nis > UNLIKELY_NIS
+            line.append((_bar(nis), "warn" if is_out else ""))
+        lines.append(line)
+    return lines
+
+
+def _bar(nis: float | None) -> str:
+    """Of eight heights; the last is what one update in a hundred exceeds, a dot is a miss."""
+    if nis is None:
+        return "·"
+    return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]
+
+
+def _nis(figures: "TrackFigures") -> tuple[str, Ink]:
+    sound = figures.is_nis_sound
+    sign = {True: " ✓", False: " ✗", None: ""}[sound]
+    ink: Ink = {True: "good", False: "warn", None: ""}[sound]  # type: ignore[assignment]
+    return f"{_text(figures.nis_mean, '.2f')}{sign}", ink
+
+
+def _text(value: float | None, form: str, unit: str = "") -> str:
+    return "-" if value is None else f"{value:{form}}{unit}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _rule(words: str, width: int) -> Line:
+    return [("─ ", "dim"), (words, "title"), (" " + "─" * max(width - len(words) - 3, 0), "dim")]

@@ -1,0 +1,208 @@
+"""Reads one frame of a session and processes it again, on a thread of its own.
+
+Network and plate solver belong to that thread. The newest wish counts: older ones that wait are
+dropped. The thread steps back behind an engine that observes on the same computer.
+"""
+
+import contextlib
+import logging
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsoconsole.config import Config
+from rsoconsole.console.night import FrameDetail, Night
+from rsoconsole.console.picture import Picture, light_of, marks_of, read_codes
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.records import MapMode
+from rsoconsole.session.reading import SessionReader
+
+if TYPE_CHECKING:
+    from rsoconsole.console.picture import SheetPixels
+    from rsoconsole.pipeline.replay import Compared, RecordedFrame, Reprocessed, Reprocessor
+    from rsoconsole.vision.frame import FrameMap
+
+log = logging.getLogger(__name__)
+
+STEP_BACK = 10
+"""Added to the thread's niceness."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """With which settings the frame is to be processed; None: as they were in force."""
+
+    tau: float | None = None
+    map_mode: MapMode | None = None
+    solves_anew: bool = False
+    wants_map: bool = False
+    """Whether somebody looks at the network's map."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Opened:
+    """What the session holds of the frame, before its pixels are read."""
+
+    recorded: "RecordedFrame"
+    detail: FrameDetail
+    preview: Picture | None
+    bytes: int
+    """Of the frame's file; 0 where there is none."""
+    candidates: tuple["Compared", ...]
+    """Those on record, with nothing beside them yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """The pixels are there."""
+
+    pixels: "SheetPixels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Done:
+    """A wish is fulfilled."""
+
+    wish: Wish
+    result: "Reprocessed"
+    maps: tuple["FrameMap", ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """What could not be done, in words that say what helps."""
+
+    text: str
+    wish: Wish | None = None
+    """None: the frame itself cannot be had."""
+
+
+News = Opened | Loaded | Done | Fault
+
+
+class SheetWorker:
+    """One frame's reader and processor."""
+
+    def __init__(
+        self, folder: Path, frame_id: int, config: Config | None, on_news: Callable[[News], None]
+    ) -> None:
+        """``on_news`` is called from the thread and must return at once."""
+        self._folder, self._frame_id, self._config = folder, frame_id, config
+        self._on_news = on_news
+        self._wish: Wish | None = None
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name="console-sheet", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def ask(self, wish: Wish) -> None:
+        """Process with these settings next (any thread)."""
+        self._wish = wish
+        self._wake.set()
+
+    def close(self) -> None:
+        """End after what is under way, which nobody waits for."""
+        self._is_closing = True
+        self._wake.set()
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the end; whether it came."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        with contextlib.suppress(AttributeError, OSError):  # not on every system
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), STEP_BACK)
+        processor: Reprocessor | None = None
+        try:
+            processor = self._open()
+            while processor is not None and not self._is_closing:
+                self._wake.wait()
+                self._wake.clear()
+                wish, self._wish = self._wish, None
+                if wish is not None and not self._is_closing:
+                    self._fulfil(processor, wish)
+        except RsoconsoleError as error:
+            # The session is known; its path would take the room that the remedy needs.
+            self._tell(Fault(text=str(error).replace(f"{self._folder}/", "")))
+        except Exception as error:  # the seat must go on, whatever lies in the folder
+            log.exception("frame %d cannot be shown", self._frame_id)
+            self._tell(Fault(text=f"frame {self._frame_id} cannot be shown: {error}"))
+        finally:
+            if processor is not None:
+                processor.close()
+
+    def _open(self) -> "Reprocessor | None":
+        from rsoconsole.console.picture import SheetPixels
+        from rsoconsole.pipeline.replay import Reprocessor, compare, read_pixels, recorded_frame
+
+        reader = SessionReader(self._folder)
+        recorded = recorded_frame(reader, self._frame_id, self._config)
+        detail = detail_of(reader, self._frame_id)
+        size = recorded.path.stat().st_size if recorded.path is not None else 0
+        preview = _preview_of(reader, detail, self._frame_id)
+        self._tell(
+            Opened(
+                recorded=recorded,
+                detail=detail,
+                preview=preview,
+                bytes=size,
+                candidates=compare(recorded.seen.detections, None),
+            )
+        )
+        if self._is_closing:
+            return None
+        frame = read_pixels(recorded)
+        if self._is_closing:
+            return None
+        pixels = SheetPixels(frame.pixels)
+        pixels.warm()
+        self._tell(Loaded(pixels=pixels))
+        return Reprocessor(recorded, frame)
+
+    def _fulfil(self, processor: "Reprocessor", wish: Wish) -> None:
+        try:
+            result = processor.run(wish.tau, wish.map_mode, solves_anew=wish.solves_anew)
+            maps = processor.maps(result.map_mode) if wish.wants_map else ()
+        except RsoconsoleError as error:
+            self._tell(Fault(text=str(error), wish=wish))
+        except Exception as error:  # another try may go well
+            log.exception("frame %d cannot be processed", self._frame_id)
+            self._tell(Fault(text=f"the frame cannot be processed: {error}", wish=wish))
+        else:
+            self._tell(Done(wish=wish, result=result, maps=maps))
+
+    def _tell(self, news: News) -> None:
+        if not self._is_closing:
+            self._on_news(news)
+
+
+def detail_of(reader: SessionReader, frame_id: int) -> FrameDetail:
+    """What a session says of one frame."""
+    night = Night(reader.folder, {}, None)
+    for _, t_utc_ns, record in reader.records(frame_id=frame_id):
+        night.take(t_utc_ns, record)
+    return night.detail(frame_id)
+
+
+def _preview_of(reader: SessionReader, detail: FrameDetail, frame_id: int) -> Picture | None:
+    path = reader.preview_path(frame_id)
+    codes = read_codes(path) if path is not None else None
+    if codes is None:
+        return None
+    closeup_path = reader.closeup_path(frame_id) if detail.closeup is not None else None
+    return Picture(
+        frame_id=frame_id,
+        codes=codes,
+        light=light_of(codes),
+        detail=detail,
+        marks=marks_of(detail),
+        closeup=read_codes(closeup_path) if closeup_path is not None else None,
+        place=detail.closeup,
+    )

@@ -1,0 +1,208 @@
+"""The two that look outside, each on a thread of its own: one reads, one asks the engine.
+
+They hand what they found to a callback, which must return at once. No other part of the console
+opens a file of the session; a hanging engine keeps nobody from the past.
+"""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from rsoconsole.config import Config, IndiConfig
+from rsoconsole.console.night import EngineView, Night, NightView, engine_view
+from rsoconsole.console.picture import Picture, marks_of, read_closeup, read_picture
+from rsoconsole.control import AskStatus, Looker, Wire
+from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.session.reading import SessionReader
+
+log = logging.getLogger(__name__)
+
+READ_S = 0.25
+ASK_S = 0.5
+ANSWER_S = 1.0
+STARTING_S = 30.0
+"""An engine that has never answered is waited for so long before it is called gone."""
+SHOW_WHILE_READING_S = 0.3
+CLOSED_CHECK_S = 2.0
+
+
+class SessionWatch(Looker):
+    """Reads a session as it grows: its records four times a second, its newest picture."""
+
+    def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
+        super().__init__("session", READ_S)
+        self._on_seen = on_seen
+        self._wanted: Path | None = None
+        self._reader: SessionReader | None = None
+        self._night: Night | None = None
+        self._seq = 0
+        self._picture: Picture | None = None
+        self._closed_seen_s = 0.0
+        self._has_fault = False
+        self.indi: IndiConfig | None = None
+        """How the session's engine reaches its instruments; None until that is read."""
+
+    def follow(self, folder: Path | None) -> None:
+        """Read that session from now on (any thread)."""
+        if folder is not None and folder != self._wanted:
+            self._wanted = folder
+            self.look_now()
+
+    def _look(self) -> None:
+        try:
+            self._read()
+            if self._has_fault:
+                self._has_fault = False
+                self._show()
+        except SessionError as error:
+            self._say_fault(str(error))
+        except Exception as error:  # the seat must go on, whatever lies in the folder
+            log.exception("the session cannot be shown")
+            self._say_fault(f"the session cannot be shown: {error}")
+
+    def _read(self) -> None:
+        wanted = self._wanted
+        if wanted is None:
+            return
+        if self._reader is None or self._reader.folder != wanted:
+            self._open(wanted)
+        has_news = self._read_records()
+        # The records first: decoding a picture loads a large library.
+        if has_news:
+            self._show()
+        if self._read_picture():
+            self._show()
+
+    def _open(self, folder: Path) -> None:
+        reader = SessionReader(folder)
+        config: Config | None = None
+        try:
+            config = reader.config()
+        except SessionError as error:
+            log.warning("%s", error)
+        self._night = Night(folder, reader.about(), config)
+        self._reader, self._seq, self._picture = reader, 0, None
+        self.indi = config.indi if config is not None else None
+        self._show()
+
+    def _read_records(self) -> bool:
+        assert self._reader is not None
+        assert self._night is not None
+        before = self._seq
+        shown_s = time.monotonic()
+        for seq, t_utc_ns, record in self._reader.records(since_seq=self._seq):
+            self._night.take(t_utc_ns, record, seq)
+            self._seq = seq
+            if self._is_closing:
+                return False
+            if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
+                self._show()
+                shown_s = time.monotonic()
+        is_first = not self._night.is_read
+        self._night.has_been_read()
+        return is_first or self._seq != before or self._has_closed()
+
+    def _has_closed(self) -> bool:
+        assert self._reader is not None
+        assert self._night is not None
+        now_s = time.monotonic()
+        if self._night.is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
+            return False
+        self._closed_seen_s = now_s
+        if self._reader.about().get("is_closed") is True:
+            self._night.close()
+            return True
+        return False
+
+    def _read_picture(self) -> bool:
+        """The newest frame's preview that is there; True when it is another than before."""
+        assert self._reader is not None
+        assert self._night is not None
+        for frame_id in self._night.newest_frames():
+            if self._picture is not None and self._picture.frame_id >= frame_id:
+                return self._mark_again()
+            picture = read_picture(self._reader, frame_id, self._night.detail(frame_id))
+            if picture is not None:
+                self._picture = picture
+                return True
+        return False
+
+    def _mark_again(self) -> bool:
+        """A picture may be there before everything that is said of its frame."""
+        assert self._reader is not None
+        assert self._night is not None
+        if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
+            return False
+        before = self._picture
+        detail, closeup = self._night.detail(before.frame_id), before.closeup
+        if closeup is None:
+            closeup = read_closeup(self._reader, detail)
+        if detail == before.detail and closeup is before.closeup:
+            return False
+        self._picture = replace(
+            before,
+            detail=detail,
+            marks=marks_of(detail),
+            closeup=closeup,
+            place=detail.closeup,
+        )
+        return True
+
+    def _show(self) -> None:
+        if self._night is not None and not self._is_closing:
+            self._on_seen(self._night.view(), self._picture)
+
+    def _say_fault(self, text: str) -> None:
+        self._has_fault = True
+        view = self._night.view() if self._night is not None else NightView(folder=self._wanted)
+        self._on_seen(replace(view, fault=text), self._picture)
+
+
+class EngineWatch(Looker):
+    """Asks the engine how it is, twice a second."""
+
+    def __init__(self, wire: Wire, on_seen: Callable[[EngineView], None]) -> None:
+        super().__init__("engine", ASK_S)
+        self._wire = wire
+        self._on_seen = on_seen
+        self._last = EngineView()
+        self._has_met = False
+        self._began_s = time.monotonic()
+
+    def _look(self) -> None:
+        seen = self._ask()
+        if seen != self._last and not self._is_closing:
+            self._last = seen
+            self._on_seen(seen)
+
+    def _ask(self) -> EngineView:
+        try:
+            outcome = self._wire.send(AskStatus(), timeout_s=ANSWER_S)
+        except ControlError as error:
+            return self._out_of_reach(error)
+        except Exception as error:  # whatever it says, the seat goes on
+            log.exception("status")
+            return replace(self._last, reach="silent", detail=str(error))
+        if not outcome.ok:
+            return replace(self._last, reach="silent", detail=outcome.message)
+        self._has_met = True
+        return engine_view(outcome.data)
+
+    def _out_of_reach(self, error: ControlError) -> EngineView:
+        is_gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
+        if not self._has_met and time.monotonic() - self._began_s < STARTING_S:
+            return EngineView(detail=str(error))
+        since = self._last.since_utc_ns
+        if self._last.is_attached:
+            since = self._last.now_utc_ns
+        return replace(
+            self._last,
+            reach="gone" if is_gone else "silent",
+            since_utc_ns=since,
+            detail=str(error),
+            faults=(),
+            lifted=(),
+            next_limit=None,
+        )

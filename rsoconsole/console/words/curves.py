@@ -1,0 +1,219 @@
+"""What observers look for beside the track: sharpness, sky, stars, focus, drift."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+from rsoconsole.console.drawing import Ink, Line, value_plot
+from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.words.panels import NEWEST, rule
+from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
+from rsoconsole.console.words.words import clipped, duration_text
+from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
+from rsoconsole.tracking import polar_hint as hint_of
+
+Page = Literal["quality", "focus", "alignment", "tracks"]
+LOOKS = 600
+"""The last frames that the drift is looked for in."""
+TREND_FRAMES = 10
+WORSE_MAG = 0.3
+"""Transparency so far below the night's best is said loudly."""
+DIGITS = {
+    "0": "█▀█|█ █|▀▀▀",
+    "1": " ▄█|  █|  ▀",
+    "2": "▀▀█|█▀▀|▀▀▀",
+    "3": "▀▀█| ▀█|▀▀▀",
+    "4": "█ █|▀▀█|  ▀",
+    "5": "█▀▀|▀▀█|▀▀▀",
+    "6": "█▀▀|█▀█|▀▀▀",
+    "7": "▀▀█|  █|  ▀",
+    "8": "█▀█|█▀█|▀▀▀",
+    "9": "█▀█|▀▀█|▀▀▀",
+    ".": " | |▄",
+}
+
+
+def quality_lines(
+    rows: Sequence[FrameRow], width: int, height: int, *, window: PlotWindow = NEWEST
+) -> list[Line]:
+    """FWHM, background, transparency and stars, one above the other, over one time axis.
+
+    A title has the newest frame's value and the span of all frames that have a mark.
+    """
+    curves: tuple[tuple[str, str, Callable[[FrameRow], float | None], str], ...] = (
+        ("FWHM", "px", lambda row: row.fwhm_px, ".1f"),
+        ("background", "ADU", lambda row: row.background_adu, ".0f"),
+        ("transparency, zero point", "mag", lambda row: row.zero_point_mag, ".2f"),
+        ("stars", "", lambda row: row.star_count, ".0f"),
+    )
+    marks, visible = window.rows(rows, width), window.visible(rows, width)
+    best = max((row.zero_point_mag for row in window.seen(rows) if row.zero_point_mag), default=0.0)
+    each = max((height - 1) // len(curves), 2)
+    lines: list[Line] = []
+    for name, unit, value_of, form in curves:
+        lines.append(
+            _title(name, unit, [value_of(row) for row in visible], form, width, best_mag=best)
+        )
+        lines += value_plot([value_of(row) for row in marks], width, each - 1)
+    return [*lines[: height - 1], *axis_lines(marks, width, 1, window.words(rows))][:height]
+
+
+def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
+    """The width of the stars in large figures, and whether they grow or shrink."""
+    rows = [row for row in night.rows if row.fwhm_px is not None]
+    if not rows:
+        return [
+            rule("focus", "", width),
+            [(" no frame has shown stars whose width it tells", "dim")],
+        ]
+    widths = [row.fwhm_px for row in rows if row.fwhm_px is not None]
+    now, best = widths[-1], min(widths)
+    lines = [rule("focus: FWHM of the stars", f"frame {rows[-1].frame_id:04d}", width)]
+    lines += [[(f"  {line}", "title")] for line in large(f"{now:.2f}")]
+    scale = _scale_arcsec_px(night)
+    arcsec = f" = {now * scale:.1f}″" if scale else ""
+    best_row = next(row for row in rows if row.fwhm_px == best)
+    figures = f"  FWHM {now:.2f} px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}"
+    lines.append([(figures, "")])
+    words, ink = trend_words(widths)
+    lines.append([(f"  {words}", ink)])
+    lines.append(
+        clipped(
+            [("  seeing widens it too: turn the focus, then wait for some frames", "dim")], width
+        )
+    )
+    left = height - len(lines) - 1
+    last = rows[-max((width - 6) // 2, 1) :]
+    if left >= 2:
+        lines += value_plot([row.fwhm_px for row in last], width, left)
+        lines += axis_lines(last, width, 1)
+    return [clipped(line, width) for line in lines][:height]
+
+
+def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
+    """Whether the stars have grown over the last frames, against how much they scatter."""
+    last = list(widths)[-TREND_FRAMES:]
+    if len(last) < 4:
+        return f"{len(last)} of the 4 frames that a trend takes", "dim"
+    half = len(last) // 2
+    before, after = sorted(last[:half]), sorted(last[-half:])
+    change = after[len(after) // 2] - before[len(before) // 2]
+    scatter = max(before[-1] - before[0], after[-1] - after[0], 0.02)
+    said = f"over the last {len(last)} frames"
+    if abs(change) <= scatter:
+        return f"steady {said} (within {scatter:.2f} px)", ""
+    if change > 0.0:
+        return f"↑ wider by {change:.2f} px {said}", "warn"
+    return f"↓ sharper by {-change:.2f} px {said}", "good"
+
+
+def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
+    """Drift between mount and stars, the field's rotation, and what they say of the polar axis."""
+    looks = looks_of(night.rows)
+    title = rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
+    drift = drift_of(looks)
+    if drift is None:
+        words = " five solved frames over three minutes on one side of the pier, at least"
+        return [title, clipped([(words, "dim")], width)][:height]
+    lines = [title, *_drift_words(drift)]
+    hint = _hint(night, looks, drift)
+    if hint is not None:
+        lines += hint
+    left = (height - len(lines) - 1) // 2
+    if left >= 3:
+        offsets = offsets_arcsec(looks)
+        rows = [row for row in night.rows if _look(row) is not None][-len(looks) :]
+        for axis, name in enumerate(("offset east", "offset north")):
+            values = [float(value) for value in offsets[:, axis]]
+            lines.append(_title(name, "″", values, "+.0f", width))
+            lines += value_plot(values, width, left - 1)
+        lines += axis_lines(rows, width, 1)
+    return [clipped(line, width) for line in lines][:height]
+
+
+def looks_of(rows: Sequence[FrameRow]) -> list[Look]:
+    """The last solved frames with the mount's word and their plate's."""
+    return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
+
+
+def large(text: str) -> list[str]:
+    """Figures three cells high; three lines."""
+    rows = ["", "", ""]
+    for character in text:
+        for number, part in enumerate(DIGITS[character].split("|")):
+            rows[number] += f"{part} "
+    return rows
+
+
+def _title(
+    name: str,
+    unit: str,
+    values: Sequence[float | None],
+    form: str,
+    width: int,
+    *,
+    best_mag: float = 0.0,
+) -> Line:
+    """Name, last value and span; ``best_mag``: the night's clearest sky."""
+    known = [value for value in values if value is not None]
+    now = next((value for value in reversed(values) if value is not None), None)
+    if now is None:
+        return rule(f"{name}: not measured", "", width)
+    shown = f"{now:{form}} {unit}".strip()
+    line = rule(f"{name} {shown}", f"{min(known):{form}} to {max(known):{form}}", width)
+    is_hazy = unit == "mag" and best_mag - now > WORSE_MAG
+    return [(text, "warn" if is_hazy and ink == "title" else ink) for text, ink in line]
+
+
+def _drift_words(drift: Drift) -> list[Line]:
+    def rate(value: Rate, form: str) -> str:
+        return f"{value.value:{form}} ±{value.sigma:{form.lstrip('+')}}"
+
+    over = f"{drift.frames} frames, {duration_text(drift.hours * 3600.0)}"
+    return [
+        [(f" RA  {rate(drift.east_arcsec_h, '+.1f')} ″/h on the sky", "")],
+        [(f" Dec {rate(drift.north_arcsec_h, '+.1f')} ″/h   over {over}", "")],
+        [(f" field turns {rate(drift.rotation_deg_h, '+.3f')} °/h", "")],
+    ]
+
+
+def _hint(night: NightView, looks: Sequence[Look], drift: Drift) -> list[Line] | None:
+    if night.config is None:
+        return None
+    from rsoconsole.sky import hour_angle_icrs_deg
+
+    site = night.config.site.to_site()
+    middle = looks[-max(drift.frames // 2, 1)]
+    hour_angle_deg = float(hour_angle_icrs_deg(site, *middle.plate_icrs_deg, middle.t_utc_ns))
+    hint = hint_of(drift, hour_angle_deg, site.latitude_deg)
+    return [[(f" {line}", "title" if hint.words else "dim")] for line in hint_words(hint)]
+
+
+def hint_words(hint: PolarHint) -> list[str]:
+    """What to do at the mount's base, in lines that fit half of 80 columns."""
+    if hint.axis == "both":
+        return [
+            "polar axis: here both its errors mix;",
+            "near the meridian the azimuth's shows,",
+            "low in the east or west the altitude's",
+        ]
+    if not hint.words:
+        return [f"polar axis: no error in {hint.axis} that shows here"]
+    return [
+        f"polar axis about {hint.error_arcmin:.1f}′ {hint.words} ({hint.axis})",
+        "flexure and refraction have their part in it",
+    ]
+
+
+def _look(row: FrameRow) -> Look | None:
+    if None in (row.t_utc_ns, row.mount_icrs_deg, row.plate_icrs_deg, row.rotation_deg):
+        return None
+    return Look(
+        t_utc_ns=row.t_utc_ns or 0,
+        mount_icrs_deg=row.mount_icrs_deg or (0.0, 0.0),
+        plate_icrs_deg=row.plate_icrs_deg or (0.0, 0.0),
+        rotation_deg=row.rotation_deg or 0.0,
+    )
+
+
+def _scale_arcsec_px(night: NightView) -> float | None:
+    return None if night.config is None else night.config.optics.scale_arcsec_px

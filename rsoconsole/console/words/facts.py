@@ -1,0 +1,401 @@
+"""Where things stand, in figures: place, motion, what comes next, the last cycle, the machine.
+
+Each group of facts is made here; how much of it is shown depends on the room: three lines in a
+small terminal, a line a group in a larger one, a block a group in a column of its own.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.night import EngineView, NightView, predicted_sigma_arcsec
+from rsoconsole.console.words.coast_words import coast_words
+from rsoconsole.console.words.leaving import leaving_words
+from rsoconsole.console.words.words import (
+    NS_PER_S,
+    clipped,
+    clock_text,
+    cos_deg,
+    duration_text,
+    present_utc_ns,
+    short,
+    unsigned_text,
+)
+from rsoconsole.control import Health, is_silent, motion_words, mount_words
+from rsoconsole.records import TrackState
+from rsoconsole.sky import format_dec, format_ra, separation_deg
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
+
+Item = tuple[str, Ink]
+
+OLD_S = 120.0
+"""A direction older than this is shown with its instant."""
+LIMIT_SOON_MIN = 60
+SOON_S = 900.0
+NEAR_DEG = 5.0
+"""A limit so near is said loudly."""
+WIDE_COLUMNS = 72
+GROUPS_ROWS, BLOCKS_ROWS = 5, 10
+STAGES = {
+    "read": "read",
+    "process": "proc",
+    "detect": "det",
+    "solve": "solve",
+    "filter": "filt",
+    "order": "slew cmd",
+}
+"""What of a cycle is shown, and under which short name."""
+SOLVER_FRAMES = 10
+FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
+MACHINE = {"power", "CPU"}
+"""What of the health is an alarm where it is not well."""
+FOCUS_WORSE = 1.15
+"""Stars so much wider than they were at best are said to drift."""
+
+
+def fact_lines(
+    night: NightView,
+    engine: EngineView,
+    outlook: "Outlook | None",
+    width: int,
+    rows: int,
+    *,
+    keymap: Mapping[str, str] | None = None,
+) -> list[Line]:
+    """What there is room for, most important first."""
+    now = present_utc_ns(night, engine)
+    leaving = leaving_words(night, engine, now, keymap)
+    place, motion = _place_items(night, engine), _motion_items(night, engine, now, leaving)
+    mount, plate = _mount_items(engine), _plate_items(night, engine)
+    is_mounts = bool(mount) and place[0] == mount[0]
+    schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
+    ahead = _ahead_items(outlook, now)
+    health = _health_items(night, engine)
+    if is_mounts:
+        mount = []  # where the telescope looks is told by the mount itself
+    # A slew is said once: with the mount's own place where that is shown.
+    told = [*place, *mount] if rows >= BLOCKS_ROWS else place
+    schedule = [item for item in schedule if item not in told]
+    if rows >= BLOCKS_ROWS:
+        titled = {
+            "where": place,
+            "mount": [*mount, *plate],
+            "motion": motion,
+            "next": [*schedule, *ahead],
+            "limits": _margin_items(outlook),
+            "cycle": cycle,
+            "machine": health,
+        }
+        return _blocks(titled, width, rows)
+    if rows >= GROUPS_ROWS and width >= WIDE_COLUMNS:
+        margins = _margin_items(outlook)
+        if margins:
+            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
+        groups = [
+            [*place, *margins],
+            [*motion, *schedule, *mount, *plate],
+            ahead or _margin_items(outlook),
+            cycle,
+            health,
+        ]
+        return [line for group in groups for line in packed(group, width, 1) or [[("", "")]]]
+    worst = [item for item in health if item[1]]
+    if rows >= 3 and width >= WIDE_COLUMNS:
+        # The cycle's stages are for the larger screens: what the mount may not do weighs more.
+        margins = _margin_items(outlook)[:2]
+        if margins:
+            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
+        coming = [*worst, *ahead[:2], *margins] if ahead or margins else [*worst, *cycle]
+        groups = [place, [*motion, *(plate if is_mounts else ()), *schedule[:1]], coming]
+        return [line for group in groups for line in packed(group, width, 1)]
+    return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
+
+
+def _place_items(night: NightView, engine: EngineView) -> list[Item]:
+    ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
+    alt, az = engine.alt_deg, engine.az_deg
+    word, age = "", ""
+    track, now = night.track, present_utc_ns(night, engine)
+    seen_ns = engine.t_utc_ns
+    if ra is None and track is not None:
+        ra, dec, seen_ns = track.x[0] % 360.0, track.x[2], track.t_utc_ns
+    limit = _limit_item(engine.next_limit)
+    if ra is None and (mount := _mount_items(engine)):
+        # Nothing is followed: where the telescope really looks, by the mount's own word.
+        return [*mount, *limit]
+    if ra is None and night.pointing is not None:
+        pointing = night.pointing
+        word = "sent to " if pointing.is_ordered else "pointing "
+        ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
+        alt, az = pointing.alt_deg, pointing.az_deg
+        is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
+        if is_old:
+            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+    elif ra is not None and dec is not None:
+        word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
+    if ra is None or dec is None:
+        items = ["no direction yet"]
+    else:
+        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
+    if alt is not None and az is not None:
+        items.append(f"alt {alt:.1f} az {az:.1f}")
+    if engine.pier_side in {"east", "west"}:
+        items.append(f"{engine.pier_side} of the pier")
+    first, *others = items
+    # What comes last has no room in a narrow terminal: never its age, nor a limit that is near.
+    plain: list[Item] = [(item, "") for item in (first, age) if item]
+    return [*plain, *limit, *((item, "") for item in others)]
+
+
+def _followed(
+    track: TrackState | None, at: tuple[float, float], seen_ns: int | None, now: int | None
+) -> tuple[str, str, tuple[float, float]]:
+    """What is said of its place before and behind it, and the place: now, unless that is guesswork.
+
+    ``at``: RA and Dec in degrees at ``seen_ns``; its rates lead it to now.
+    """
+    if seen_ns is None or now is None:
+        return "predicted ", "", at
+    since_s = (now - seen_ns) / NS_PER_S
+    if since_s > OLD_S:
+        return "last ", f"as of {clock_text(seen_ns)[:8]}", at
+    if track is None or track.t_utc_ns != seen_ns:
+        return "predicted ", "", at
+    ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
+    return "predicted ", "", (ra % 360.0, min(max(dec, -90.0), 90.0))
+
+
+def _mount_items(engine: EngineView) -> list[Item]:
+    """Where the mount stands and what it does, by its own word; an old one is said loudly."""
+    if not engine.is_attached:
+        return []
+    ink: Ink = "warn" if is_silent(engine) else ""
+    return [(words, ink) for words in mount_words(engine)]
+
+
+def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
+    """Where the last frame really looks by its stars, and how far that is from the mount's word."""
+    row = next((each for each in reversed(night.rows) if each.is_solved is not None), None)
+    if row is None or row.plate_icrs_deg is None or engine.is_slewing:
+        return []
+    ra, dec = row.plate_icrs_deg
+    items: list[Item] = [
+        (f"solved RA {format_ra(ra, 1)} Dec {format_dec(dec, 0)} ({row.frame_id:04d})", "")
+    ]
+    if row.mount_icrs_deg is not None:
+        off_deg = separation_deg(ra, dec, *row.mount_icrs_deg)
+        items.append((f"{60.0 * off_deg:.1f}′ from the mount's word", ""))
+    return items
+
+
+def _limit_item(next_limit: str | None) -> list[Item]:
+    """What the mount runs into if it only tracks on, where that is soon."""
+    if not next_limit:
+        return []
+    minutes = re.search(r"in (\d+) min", next_limit)
+    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
+    is_near = minutes is not None and int(minutes[1]) * 60 < SOON_S
+    return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
+
+
+def _motion_items(
+    night: NightView, engine: EngineView, now_utc_ns: int | None, leaving: str
+) -> list[Item]:
+    track = night.track
+    if track is None:
+        is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
+        reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
+        if engine.is_attached and engine.state in {"TRACK", "COAST"}:
+            return [("followed again: its first frame is to come", "")]
+        if leaving:
+            return [("nothing is followed", ""), (leaving, "warn")]
+        return [(f"looking{reason}" if is_looking else "nothing is followed", "")]
+    _, ra_rate, dec, dec_rate = track.x
+    east, north = predicted_sigma_arcsec(track)
+    is_old = now_utc_ns is not None and now_utc_ns - track.t_utc_ns > OLD_S * NS_PER_S
+    age = f" as of {clock_text(track.t_utc_ns)[:8]}" if is_old else ""
+    items: list[Item] = [
+        (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
+        (f"prediction 3σ {unsigned_text(3 * max(east, north))}{age}", "warn" if age else ""),
+    ]
+    if coasts := coast_words(night, now_utc_ns):
+        items.insert(0, (coasts, "warn"))
+    if leaving:
+        items.insert(0, (leaving, "warn"))
+    if aim := _aim_words(night, engine):
+        items.append((aim, ""))
+    return items
+
+
+def _aim_words(night: NightView, engine: EngineView) -> str:
+    """By what the next aim is predicted: what the log calls it, too."""
+    said = ""
+    if engine.is_attached and engine.next_aim is not None:
+        said = engine.next_aim.reason
+    elif night.slew is not None and night.slew.track_id is not None:
+        # What led nowhere yet says nothing once something is followed.
+        said = night.slew.reason
+    if said.startswith("prediction"):
+        said = said.replace("prediction", "filter", 1)
+    return f"aim: {said}" if said else ""
+
+
+def _schedule_items(engine: EngineView) -> list[Item]:
+    """What the telescope does at this moment, and until when."""
+    now = engine.now_utc_ns
+    if not engine.is_attached or now is None:
+        return []
+    if engine.exposing_until_utc_ns is not None:
+        left_s = max((engine.exposing_until_utc_ns - now) / NS_PER_S, 0.0)
+        return [(f"exposing, {left_s:.0f} s left", "")]
+    items: list[Item] = [(motion_words(engine), "")] if engine.is_slewing else []
+    if engine.next_start_utc_ns is not None:
+        wait_s = max((engine.next_start_utc_ns - now) / NS_PER_S, 0.0)
+        items.append((f"next exposure in {wait_s:.0f} s", ""))
+    return items
+
+
+def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
+    """What comes, the soonest first; the Moon last."""
+    if outlook is None or now is None:
+        return []
+    coming: list[tuple[int, str]] = []
+    if outlook.target_limit is not None:
+        at, refusal = outlook.target_limit
+        coming.append((at, f"target meets its {refusal.limit} limit"))
+    if outlook.eclipse_utc_ns is not None:
+        is_now = outlook.eclipse_utc_ns <= outlook.t_utc_ns
+        coming.append((outlook.eclipse_utc_ns, "in eclipse" if is_now else "eclipse"))
+    if outlook.dark_utc_ns is None:
+        coming.append((now, "it does not get dark"))
+    else:
+        dusk, dawn = outlook.dark_utc_ns
+        coming.append((dawn, "dawn") if dusk <= now else (dusk, "dark"))
+    items: list[Item] = []
+    for at, what in sorted(coming):
+        left_s = (at - now) / NS_PER_S
+        words = what if left_s <= 0 else f"{what} {clock_text(at)[:5]}Z ({duration_text(left_s)})"
+        items.append((words, "warn" if left_s < SOON_S else ""))
+    height = f"{outlook.moon_altitude_deg:+.0f}°"
+    away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"
+    is_up = outlook.moon_altitude_deg > 0.0
+    moon = f"Moon {outlook.moon_lit:.0%} {height}{away}" if is_up else "Moon down"
+    return [*items, (moon, ""), (f"Sun {outlook.sun_altitude_deg:+.0f}°", "")]
+
+
+def _margin_items(outlook: "Outlook | None") -> list[Item]:
+    """How far each limit is from where the telescope looks."""
+    if outlook is None:
+        return []
+    return [
+        (
+            f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}",
+            "warn" if margin < NEAR_DEG else "",
+        )
+        for name, margin in outlook.margins_deg
+    ]
+
+
+def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
+    items: list[Item] = []
+    if night.timing is not None:
+        stages = night.timing.stage_ms
+        if "total" in stages:
+            items.append((f"cycle {short(stages['total'] / 1000)} s", ""))
+        items += [
+            (f"{STAGES[stage]} {short(stages[stage] / 1000)}", "")
+            for stage in STAGES
+            if stage in stages
+        ]
+    if not items:
+        items.append(("no cycle yet", ""))
+    if engine.reach == "recorded" and night.folder is not None:
+        items.append((night.folder.name, ""))
+    return items
+
+
+def _health_items(night: NightView, engine: EngineView) -> list[Item]:
+    """Alarms, focus, then machine and instruments; what is not well is inked."""
+    items = [*_focus_items(night), *_solver_items(night)]
+    detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
+    if detect_ms is not None:
+        items.append((f"detector {detect_ms:.0f} ms", ""))
+    if engine.is_attached and engine.resumes_when_clear:
+        items.append(("held until the stars are back", "warn"))
+    if engine.is_attached:
+        lent = engine.temporary.items()
+        items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
+        items += [(f"{each.name} {each.text}", _health_ink(each)) for each in engine.health]
+    # What has no room is left out: never an alarm before what is well.
+    return sorted(items, key=lambda item: item[1] != "alarm")
+
+
+def _health_ink(each: Health) -> Ink:
+    """A weak supply or a processor that is slowed down spoils what is on record meanwhile."""
+    if each.ok:
+        return ""
+    return "alarm" if each.name in MACHINE else "warn"
+
+
+def _solver_items(night: NightView) -> list[Item]:
+    """How many of the last frames have found their place by their stars."""
+    known = [row.is_solved for row in night.rows[-SOLVER_FRAMES:] if row.is_solved is not None]
+    if not known:
+        return []
+    solved = sum(known)
+    return [(f"solver {solved} of {len(known)}", "warn" if 2 * solved < len(known) else "")]
+
+
+def _focus_items(night: NightView) -> list[Item]:
+    """Width of the stars, and whether they have grown since they were sharpest."""
+    widths = [row.fwhm_px for row in night.rows[-FOCUS_WINDOW:] if row.fwhm_px is not None]
+    if not widths:
+        return []
+    means = _running_medians(widths)
+    now_px, best_px = means[-1], min(means)
+    if now_px > FOCUS_WORSE * best_px:
+        return [(f"FWHM {now_px:.1f} px, was {best_px:.1f}: focus or seeing", "warn")]
+    return [(f"FWHM {now_px:.1f} px", "")]
+
+
+def _running_medians(values: Sequence[float]) -> list[float]:
+    n = min(FOCUS_FRAMES, len(values))
+    windows = (sorted(values[at : at + n]) for at in range(len(values) - n + 1))
+    return [window[n // 2] for window in windows]
+
+
+def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
+    """Each group under the word for it, as many lines as it takes while there is room."""
+    label_columns = max(len(title) for title in titled) + 2
+    lines: list[Line] = []
+    for title, items in titled.items():
+        for number, line in enumerate(packed(items, width - label_columns, rows)):
+            label = f" {title}" if number == 0 else ""
+            lines.append([(label.ljust(label_columns), "dim"), *line])
+    return lines[:rows]
+
+
+def packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
+    """Items over as many rows as there are; what has no room is left out."""
+    lines: list[list[Item]] = [[]]
+    for item in items:
+        if lines[-1] and _length([*lines[-1], item]) > width:
+            if len(lines) == rows:
+                break
+            lines.append([])
+        lines[-1].append(item)
+    return [clipped(_joined(line), width) for line in lines if line][:rows]
+
+
+def _length(items: Sequence[Item]) -> int:
+    return 1 + len("  ".join(text for text, _ in items))
+
+
+def _joined(items: Sequence[Item]) -> Line:
+    line: Line = [(" ", "")]
+    for number, (text, ink) in enumerate(items):
+        line.append(("  " + text if number else text, ink))
+    return line

@@ -1,0 +1,176 @@
+"""What each plot pane says and draws, from a view of the night: title, dots, the NIS line."""
+
+import itertools
+
+from rsoconsole.console.drawing import (
+    REFUSED,
+    Column,
+    Ink,
+    Line,
+    confidence_plot,
+    confidence_strip,
+    nis_plot,
+    residual_plot,
+    residual_strip,
+    sparkline,
+)
+from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.picture import SHOWN_REJECTED
+from rsoconsole.console.words.plot_window import PlotWindow
+from rsoconsole.console.words.words import arcsec_text, clipped, short, unsigned_text
+from rsoconsole.pipeline.frame import usual_sigma_s
+from rsoconsole.tracking.filters import NIS_BAND, WINDOW, consistency, summary_words
+
+NEWEST = PlotWindow()
+MISS = "○"
+STRIP_LABEL_COLUMNS = 22
+NIS_FRAMES = 10
+AXES = {"east": 0, "north": 1}
+AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
+
+
+def confidence_lines(
+    night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST
+) -> list[Line]:
+    """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
+    columns = [_confidence_column(row) for row in window.rows(night.rows, width)]
+    last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
+    now = _confidence_words(last)
+    if height <= 1:
+        label = f" conf {now} τ {short(night.tau)}"
+        return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
+    title = rule(f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {short(night.tau)}", width)
+    return [title, *confidence_plot(columns, night.tau, width, height - 1)]
+
+
+def residual_lines(
+    night: NightView,
+    axis: str,
+    width: int,
+    height: int,
+    *,
+    window: PlotWindow = NEWEST,
+    of: str = "",
+) -> list[Line]:
+    """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
+
+    ``of``: whose they are, where they are not the lead's. The title tells of the newest frame up
+    to the right edge, however many a mark stands for.
+    """
+    columns = [_column(row, AXES[axis]) for row in window.rows(night.rows, width)]
+    name = AXIS_NAMES[axis]
+    newest_first = (_column(row, AXES[axis]) for row in reversed(window.visible(night.rows, width)))
+    last = next((column for column in newest_first if column.bound is not None), None)
+    value = "" if last is None or last.value is None else arcsec_text(last.value)
+    if last is not None and last.value is None:
+        value = f"{MISS} coasted"
+    elif value:
+        value += _by_orbit(window, night, width)
+    bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
+    if height <= 1:
+        name = {"east": "RA", "north": "δ "}[axis]
+        label = f" {of.removeprefix('track ')}{':' if of else ''}{name} {value or '-'} {bound}"
+        return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
+    return [
+        rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
+        *residual_plot(columns, width, height - 1),
+    ]
+
+
+def _by_orbit(window: PlotWindow, night: NightView, width: int) -> str:
+    """Whose prediction the newest residual is measured from, where it is not the filter's."""
+    seen = reversed(window.visible(night.rows, width))
+    last = next((row for row in seen if row.sigma_arcsec is not None), None)
+    return " by the orbit" if last is not None and last.is_by_orbit else ""
+
+
+def _of(of: str) -> str:
+    return f"{of}: " if of else ""
+
+
+def nis_lines(
+    night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST, of: str = ""
+) -> list[Line]:
+    """The normalised innovation squared of the last frames against its band; ``of``: whose."""
+    newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
+    judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
+    values = [row.nis for row in judged_rows if row.nis is not None]
+    if not values:
+        return [rule(f"{_of(of)}NIS: no update yet", "", width)]
+    judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
+    frames = window.frames_words(night.rows, width)
+    mean = f"{_of(of)}NIS {judged.mean:.1f} /{judged.count} (ideal 2)"
+    if height <= 1:
+        spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
+        words = {
+            "sound": "in band",
+            "over-confident": "TOO LARGE",
+            "under-confident": "too small",
+            "too few": "",
+        }
+        return [rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
+    columns = [
+        Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
+        for row in window.rows(night.rows, width)
+    ]
+    band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
+    title = rule(f"{mean} · {frames}", band, width)
+    ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
+    known_s = 0.0 if night.config is None else usual_sigma_s(night.config.exposure)
+    learnt = summary_words(night.track, known_s)
+    told = " · ".join(each for each in (judged.words, learnt) if each)
+    said = clipped([(f" {told}", ink or "dim")], width)
+    return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
+
+
+def rule(left: str, right: str, width: int) -> Line:
+    """A title in a line; what is right is dropped first."""
+    head = f"─ {left.strip()} "
+    tail = f" {right} ─" if right else ""
+    if len(head) + len(tail) > width:
+        tail = ""
+    fill = "─" * max(width - len(head) - len(tail), 0)
+    return clipped([("─ ", "dim"), (left.strip(), "title"), (f" {fill}{tail}", "dim")], width)
+
+
+def _column(row: FrameRow, axis: int) -> Column:
+    bound = None if row.sigma_arcsec is None else 3.0 * row.sigma_arcsec[axis]
+    if row.residual_arcsec is not None:
+        return Column(value=row.residual_arcsec[axis], bound=bound)
+    return Column(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
+
+
+def _confidence_column(row: FrameRow) -> Column:
+    refused = refused_of(row)
+    value = row.confidence if refused is None else None
+    is_miss = row.is_reduced and value is None and row.was_sought
+    return Column(
+        value=value, mark=MISS if is_miss else "", refused=None if refused is None else refused[0]
+    )
+
+
+def refused_of(row: FrameRow) -> tuple[float, str] | None:
+    """The likeliest streak where it was not taken, and the reason; None where one was."""
+    if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
+        return None
+    return row.refused if row.refused[0] >= (row.confidence or 0.0) else None
+
+
+def _confidence_words(row: FrameRow | None) -> str:
+    if row is None:
+        return ""
+    refused = refused_of(row)
+    if refused is not None:
+        return f"{REFUSED} {short(refused[0])} {refused[1]}"
+    if row.confidence is not None:
+        return short(row.confidence)
+    return "no detection"
+
+
+def _strip_room(width: int) -> int:
+    return max(width - STRIP_LABEL_COLUMNS - 1, 0)
+
+
+def _strip(label: str, width: int, strip: Line) -> Line:
+    columns = min(STRIP_LABEL_COLUMNS, width)
+    return clipped([(f"{label[:columns]:<{columns}}", ""), *strip], width)

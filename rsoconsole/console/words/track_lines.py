@@ -1,0 +1,272 @@
+"""The list of tracks: as many columns as there is room for, and the chosen one in full. Pure."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.night import FollowedTrack, NightView
+from rsoconsole.console.words.panels import rule
+from rsoconsole.console.words.words import (
+    NS_PER_S,
+    arcsec_text,
+    clipped,
+    clock_text,
+    duration_text,
+    first_shown,
+    unsigned_text,
+)
+from rsoconsole.control import NextAim, one_line
+
+NAME_COLUMNS = (8, 24)
+"""At least, at most."""
+ORBIT_WORDS = {
+    "free": "free",
+    "constrained by prior": "prior",
+    "weak geometry": "weak",
+    "not observable": "none",
+}
+"""An orbit's label, short."""
+LEAST_AIM_ROWS = 2
+"""Rows that the next aim may take where every track has its own."""
+_RULE_CELLS = 6
+"""What a title's line has beside its words."""
+LEAST_DETAIL_ROWS = 5
+"""Rows for tracks that stay where the chosen one is told in full."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Column:
+    """One column: the widest of its words, and which of them go first where there is no room."""
+
+    head: str
+    width: int
+    rank: int
+    words: Callable[[NightView, FollowedTrack, int | None], str]
+    is_left: bool = False
+
+
+def track_list_lines(
+    night: NightView,
+    chosen: int | None,
+    now_utc_ns: int | None,
+    width: int,
+    height: int,
+    *,
+    next_aim: NextAim | None = None,
+) -> list[Line]:
+    """Title, heads, the tracks by their numbers, the chosen one in full, the next aim.
+
+    ``chosen``: a track's number, None: the lead.
+    """
+    tracks = night.tracks
+    if next_aim is not None and tracks and height >= len(tracks) + 3 + LEAST_AIM_ROWS:
+        aim = aim_lines(next_aim, width)
+        rows = height - len(aim)
+        listed = track_list_lines(night, chosen, now_utc_ns, width, rows)
+        return [*listed, *aim]
+    title = _title(night, width)
+    if not tracks:
+        said = [clipped([(" nothing is followed", "dim")], width)]
+        return [title, *said][: max(height, 1)]
+    at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
+    room = max(height - 2, 1)
+    detail = detail_lines(night, tracks[at], now_utc_ns, width)
+    detail = detail[: max(room - min(len(tracks), LEAST_DETAIL_ROWS), 0)]
+    if len(tracks) + len(detail) > room:
+        # The list first; what is told in full of one is on the list in short.
+        detail = detail[: max(room - len(tracks), 0)]
+    room -= len(detail)
+    columns = columns_for(width)
+    first = first_shown(at, len(tracks), room)
+    lines = [title, clipped([(_heads(columns, width), "dim")], width)]
+    for number, track in enumerate(tracks[first : first + room], first):
+        text = _row(columns, night, track, now_utc_ns, width)
+        sign = "▸" if number == at else " "
+        ink: Ink = "here" if number == at else _ink(track)
+        lines.append(clipped([(f"{sign}{text}".ljust(width), ink)], width))
+    lines += [[("", "")]] * max(height - len(lines) - len(detail), 0)
+    return [*lines, *detail][: max(height, 1)]
+
+
+def _title(night: NightView, width: int) -> Line:
+    """How many there are, and what the signs mean as far as there is room."""
+    most = night.setting("filter.most_tracks")
+    dropped = f" · dropped: {' '.join(map(str, night.dropped))}" if night.dropped else ""
+    left = f"tracks: {len(night.tracks)}{dropped}"
+    signs = "* lead · + kept" if any(t.state.is_kept for t in night.tracks) else "* lead"
+    rights = [f"{signs} · at most {most}", signs] if most else [signs]
+    fitting = (right for right in rights if len(left) + len(right) + _RULE_CELLS <= width)
+    return rule(left, next(fitting, ""), width)
+
+
+def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
+    """Whether the cursor is on it."""
+    return track.is_lead if chosen is None else track.track_id == chosen
+
+
+def state_words(track: FollowedTrack) -> str:
+    """What became of it in the last frame; "+": the operator keeps it."""
+    kept = "+" if track.state.is_kept else ""
+    if track.state.misses:
+        return f"COAST {track.state.misses}{kept}"
+    return f"{'trial' if track.is_on_trial else 'TRACK'}{kept}"
+
+
+def name_words(night: NightView, track_id: int) -> str:
+    """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
+    found = night.identifications.get(track_id)
+    if found is not None and found.verdict == "unknown":
+        past = found.ledger
+        known = "" if past is None else one_line(past.name) + ("" if past.is_sure else "?")
+        return known or "not in catalogue"
+    if found is None or not found.matches:
+        return "-"
+    best = found.matches[0]
+    doubt = "" if found.verdict == "identified" else "?"
+    return one_line(best.name or str(best.norad_id)) + doubt
+
+
+def detail_lines(
+    night: NightView, track: FollowedTrack, now_utc_ns: int | None, width: int
+) -> list[Line]:
+    """Everything that the list says of one track, and what it has no room for."""
+    orbit = night.orbits.get(track.track_id)
+    parts = [
+        f"{track.number} {name_words(night, track.track_id)}",
+        {"trial": "on trial: one more measurement confirms it"}.get(
+            state_words(track), state_words(track)
+        ),
+        "kept: no miss ends it in the field" if track.state.is_kept else "",
+    ]
+    if track.residual_arcsec is not None:
+        east, north = track.residual_arcsec
+        parts.append(f"residual {arcsec_text(east)} {arcsec_text(north)}")
+    if track.nis is not None:
+        parts.append(f"NIS {track.nis:.1f}")
+    if track.snr is not None:
+        parts.append(f"SNR {track.snr:.0f}")
+    age = _age(night, track, now_utc_ns)
+    parts.append(f"age {age}" if age else "")
+    parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
+    return [clipped([(f" {line}", "")], width) for line in packed(parts, width - 1)]
+
+
+def packed(parts: list[str], width: int) -> list[str]:
+    """In as many lines as it takes, broken between parts."""
+    lines = [""]
+    for part in (each for each in parts if each):
+        longer = f"{lines[-1]} · {part}" if lines[-1] else part
+        if len(longer) <= width or not lines[-1]:
+            lines[-1] = longer
+        else:
+            lines.append(part)
+    return lines
+
+
+def aim_lines(aim: NextAim, width: int) -> list[Line]:
+    """Where the telescope looks in the exposure after the next one, and by which policy."""
+    way = aim.moves_arcmin
+    parts = [
+        f"next aim, {aim.policy}: {aim.reason}",
+        clock_text(aim.t_utc_ns)[:8],
+        "no slew" if way is None else f"slew {way:.1f}′",
+    ]
+    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
+
+
+def columns_for(width: int) -> tuple[_Column, ...]:
+    """Those that there is room for; the name has what the others leave."""
+    kept = list(_COLUMNS)
+    while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
+        kept.remove(max(kept, key=lambda column: column.rank))
+    return tuple(kept)
+
+
+def _taken(columns: list[_Column] | tuple[_Column, ...]) -> int:
+    """Cells beside the name: the cursor's, and one before each column."""
+    return 1 + sum(column.width + 1 for column in columns) - 1
+
+
+def _widths(columns: tuple[_Column, ...], width: int) -> list[int]:
+    least, most = NAME_COLUMNS
+    name = min(max(width - _taken(columns), least), most)
+    return [column.width or name for column in columns]
+
+
+def _heads(columns: tuple[_Column, ...], width: int) -> str:
+    return " " + _joined(columns, [column.head for column in columns], width)
+
+
+def _row(
+    columns: tuple[_Column, ...],
+    night: NightView,
+    track: FollowedTrack,
+    now_utc_ns: int | None,
+    width: int,
+) -> str:
+    return _joined(columns, [column.words(night, track, now_utc_ns) for column in columns], width)
+
+
+def _joined(columns: tuple[_Column, ...], words: list[str], width: int) -> str:
+    cells = []
+    for column, said, wide in zip(columns, words, _widths(columns, width), strict=True):
+        cut = said if len(said) <= wide else f"{said[: wide - 1]}…"
+        cells.append(f"{cut:<{wide}}" if column.is_left else f"{cut:>{wide}}")
+    return " ".join(cells)
+
+
+def _ink(track: FollowedTrack) -> Ink:
+    if track.state.misses:
+        return "warn"
+    return "dim" if track.is_on_trial else "title" if track.is_lead else ""
+
+
+def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
+    residual = track.residual_arcsec
+    if residual is None:
+        return "-"
+    off = math.hypot(*residual)
+    return f"{off:.1f}″" if 10.0 <= off < 100.0 else unsigned_text(off)
+
+
+def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
+    return "-" if track.nis is None else f"{track.nis:.1f}" if track.nis < 1000.0 else ">999"
+
+
+def _snr(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
+    return "-" if track.snr is None else f"{track.snr:.0f}"
+
+
+def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
+    now = now_utc_ns or night.last_utc_ns
+    return "" if now is None else duration_text((now - track.since_utc_ns) / NS_PER_S)
+
+
+def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:
+    orbit = night.orbits.get(track.track_id)
+    return "-" if orbit is None else ORBIT_WORDS.get(orbit.label, orbit.label)
+
+
+_COLUMNS = (
+    _Column(head="#", width=3, rank=0, words=lambda _night, track, _now: track.number),
+    _Column(
+        head="name",
+        width=0,
+        rank=1,
+        words=lambda night, track, _now: name_words(night, track.track_id),
+        is_left=True,
+    ),
+    _Column(
+        head="state",
+        width=8,
+        rank=2,
+        words=lambda _night, track, _now: state_words(track),
+        is_left=True,
+    ),
+    _Column(head="resid", width=5, rank=3, words=_residual),
+    _Column(head="NIS", width=4, rank=4, words=_nis),
+    _Column(head="SNR", width=4, rank=5, words=_snr),
+    _Column(head="age", width=6, rank=6, words=_age),
+    _Column(head="orbit", width=5, rank=7, words=_orbit, is_left=True),
+)

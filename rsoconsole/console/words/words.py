@@ -1,0 +1,377 @@
+"""The seat's lines of text, made to fit: what is said, never how it is drawn."""
+
+import bisect
+import math
+import textwrap
+from collections.abc import Sequence
+from functools import lru_cache
+
+from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.records import Detection, NotSolved, Solution
+from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+
+HOLDERS = {
+    "autonomy": "AUTO has the mount",
+    "operator": "YOU have the mount",
+    "nobody": "nobody has the mount",
+}
+HELD = "AUTO watches, moves nothing"
+ARROWS = "→↘↓↙←↖↑↗"
+NS_PER_S = 1_000_000_000
+BADGE_COLUMNS = 100
+STATE_INKS: dict[str, Ink] = {
+    "TRACK": "good",
+    "COAST": "warn",
+    "LOST": "warn",
+    "FAULT": "alarm",
+}
+
+
+def clock_text(t_utc_ns: int | None) -> str:
+    """hh:mm:ssZ of an instant."""
+    return "--:--:--Z" if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0)[11:19] + "Z"
+
+
+def dated_clock_text(t_utc_ns: int | None) -> str:
+    """yyyy-mm-dd hh:mm:ssZ of an instant."""
+    return clock_text(t_utc_ns) if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0).replace("T", " ")
+
+
+def duration_text(seconds: float) -> str:
+    """8s, 12m04, 3h05."""
+    whole = max(int(seconds), 0)
+    if whole < 60:
+        return f"{whole}s"
+    if whole < 3600:
+        return f"{whole // 60}m{whole % 60:02d}"
+    return f"{whole // 3600}h{whole % 3600 // 60:02d}"
+
+
+def arcsec_text(value: float) -> str:
+    """A signed error in arcsec, arcmin when large."""
+    return f"{value:+.2f}″" if abs(value) < 100 else f"{value / 60:+.1f}′"
+
+
+def unsigned_text(value: float) -> str:
+    """The same without a sign."""
+    return arcsec_text(abs(value)).lstrip("+")
+
+
+def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
+    """The frame clock: the engine's word, else the last that was heard of it."""
+    if engine.is_attached and engine.now_utc_ns:
+        return engine.now_utc_ns
+    return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
+
+
+BY_PRIOR = " by prior"
+"""Behind what was assumed of an orbit rather than measured."""
+
+
+def top_lines(
+    night: NightView,
+    engine: EngineView,
+    only_looks: bool,
+    width: int,
+    rows: int,
+    *,
+    found: tuple[str, str] = ("", ""),
+    kept: Sequence[str] = (),
+    is_stopping: bool = False,
+) -> list[Line]:
+    """State and since when, who holds the mount, the target, the frame clock.
+
+    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
+    orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
+    what is kept of a track that was ended, the longest way to say it first; ``is_stopping``: STOP
+    was given, and what the engine said last is from before it.
+    """
+    now = present_utc_ns(night, engine)
+    state_words, holder = _state_words(night, engine, now)
+    if is_stopping:
+        state_words, holder = ("STOP given", "alarm"), ("", "")
+    target = engine.target or ""
+    state = engine.state if engine.is_attached else night.state
+    is_followed = state in {"TRACK", "COAST"} and engine.reach in {"attached", "recorded"}
+    if not target and is_followed:
+        target = "unidentified"
+    target_words = (f"target {target}" if target else "no target", "" if target else "dim")
+    if engine.reach in {"gone", "silent"}:
+        target_words, is_followed = ("", ""), False
+    clock, dated = f"{clock_text(now)} ", f"{dated_clock_text(now)} "
+    gap = ("  ", "")
+    badge = demo_badge(night, width, engine)
+    if only_looks and engine.is_attached:
+        holder = (f"{holder[0]} (read only)", holder[1])
+
+    def with_target(line: Line, room: int) -> Line:
+        if kept and not is_followed:
+            left = room - _columns(line)
+            said = next((each for each in kept if len(each) <= left), kept[-1])
+            return [*line, (said, "warn")]
+        if not any(found) or not is_followed:
+            return [*line, target_words]  # type: ignore[list-item]
+        size, by_prior, _ = found[1].partition(BY_PRIOR)
+        known = (found[0] or target_words[0], size, by_prior.strip())
+        parts = [part for part in known if part]
+        return [*line, (fitted(parts, room - _columns(line), " "), "")]
+
+    if rows <= 1:
+        left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
+        # The date gives way to what is known of the target.
+        whole, apart = with_target(left, width), 1
+        shown = dated if _columns(whole) + apart + len(dated) <= width else clock
+        return [justified(with_target(left, width - len(shown) - apart), shown, width)]
+    first: Line = [*badge, (" ", ""), state_words]
+    second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
+    shown = dated if _columns(first) + len(dated) <= width else clock
+    return [justified(first, shown, width), clipped(with_target(second, width), width)]
+
+
+def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
+    """That the night is a simulated one, and how fast it runs; nothing of a real one."""
+    if not night.is_simulated:
+        return []
+    speed = engine.simulated_speed if engine is not None and engine.is_attached else None
+    # At 0 there is no figure: as fast as the machine goes.
+    fast = "" if not speed or speed == 1.0 else f"×{speed:g} "
+    return [(f" DEMO {fast}SIMULATED " if width >= BADGE_COLUMNS else f" DEMO {fast}", "here")]
+
+
+def _state_words(
+    night: NightView, engine: EngineView, now: int | None
+) -> tuple[tuple[str, Ink], tuple[str, Ink]]:
+    if engine.reach == "unknown":
+        return ("waiting for the engine to start", "title"), ("", "")
+    if engine.reach == "gone" and night.has_ended:
+        ended = clock_text(engine.since_utc_ns or now)
+        return (f"ENGINE ENDED {ended}", "title"), ("it was asked to", "dim")
+    if engine.reach in {"gone", "silent"}:
+        word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
+        last = engine.state or night.state
+        was = f"was {last}" if last else "nothing seen of it"
+        return (f"{word} since {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+    if engine.reach == "recorded":
+        kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
+        return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
+    state = engine.state or night.state or "?"
+    since = ""
+    began_ns = night.state_since_utc_ns
+    if state == "COAST":
+        # Whatever was followed again since: it coasts from where it was seen last.
+        began_ns = night.last_seen_utc_ns or began_ns
+    if night.state == state and began_ns and now:
+        since = " " + duration_text((now - began_ns) / NS_PER_S)
+    holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
+    ink: Ink = "warn" if engine.holder == "operator" else "title"
+    if engine.is_held:
+        watches = HELD if engine.holder == "autonomy" else holder
+        held = "HELD until it clears" if engine.resumes_when_clear else "HELD"
+        return (f"{state}{since} {held}", "warn"), (watches, ink)
+    return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
+
+
+def alert_text(night: NightView, engine: EngineView) -> str:
+    """What must not be missed; empty when all is well."""
+    parts: list[str] = []
+    if engine.reach == "gone" and night.has_ended:
+        parts.append("the engine has ended: 'rsoconsole engine' starts one")
+    elif engine.reach == "gone":
+        parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
+    elif engine.reach == "silent":
+        parts.append("the engine does not answer: 'rsoconsole stop' works without it")
+    parts += [f"FAULT {fault}" for fault in dict.fromkeys(engine.faults)]
+    if engine.is_attached and engine.state == "FAULT" and not engine.faults:
+        parts.append("the cause of the FAULT is over: arm it to go on")
+    if engine.lifted:
+        parts.append(f"overridden: {', '.join(engine.lifted)}")
+    if night.fault is not None:
+        parts.append(night.fault)
+    if engine.is_attached and engine.session is None:
+        parts.append("this engine does not say where its session lies: update it")
+    return " · ".join(parts)
+
+
+def short(value: float) -> str:
+    return f"{value:.2f}".removeprefix("0")
+
+
+def first_shown(chosen: int, count: int, room: int) -> int:
+    """The first row of a list that is shown, so that the chosen one is among so many rows."""
+    return min(max(chosen - room // 2, 0), max(count - room, 0))
+
+
+def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
+    """As many of the parts as fit, the first ones first; the first is cut where it must be."""
+    kept = ""
+    for part in parts:
+        longer = f"{kept}{gap}{part}" if kept else part
+        if kept and len(longer) > width:
+            break
+        kept = longer
+    return kept[: max(width, 0)]
+
+
+def is_past_unread(night: NightView, engine: EngineView) -> bool:
+    """Whether there is a session whose past has not been read to its end yet."""
+    return not night.is_read and (night.folder is not None or engine.session is not None)
+
+
+def frame_title(
+    night: NightView, picture: Picture | None, *, is_reading: bool = False
+) -> list[str]:
+    """What is in the picture: which frame, how long, whether it was solved.
+
+    ``is_reading``: no frame has been read yet, though there may be some.
+    """
+    if picture is None:
+        frame = night.frame
+        if frame is None and is_reading:
+            return ["reading the night so far …"]
+        return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}, picture to come"]
+    parts = [f"frame {picture.frame_id:04d}"]
+    taken = picture.detail.taken
+    if taken is not None and taken.exposure_s is not None:
+        parts.append(f"{taken.exposure_s:g} s")
+    if isinstance(picture.detail.solution, NotSolved):
+        parts.append("not solved")
+    return parts
+
+
+def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]:
+    """At which scale, and what is known of the streak in its middle."""
+    if picture is None or drawing is None:
+        return ["close-up"]
+    n = round(drawing.px_per_square)
+    scale = "pixel by pixel" if n == 1 else f"1:{n}"
+    parts = [f"close-up {picture.frame_id:04d}", scale]
+    found = _followed_detection(picture)
+    if found is not None:
+        parts.append(f"SNR {found.snr:.0f}")
+        parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+    elif picture.detail.followed is None and picture.detail.predicted is not None:
+        parts.append("predicted place")
+    return parts
+
+
+def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
+    """Where the followed streak was measured, and how well, in so many columns."""
+    followed = picture.detail.followed if picture is not None else None
+    if followed is None:
+        return []
+    east, _, north = followed.cov_sky_arcsec2
+    place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
+    close = place.replace("α ", "α").replace("δ ", "δ")
+    ways = (f"measured {place}", f"meas {close}", place)
+    said = next((each for each in ways if len(each) <= width), close)
+    return [said, f"1σ ±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"]
+
+
+def _followed_detection(picture: Picture) -> Detection | None:
+    found, followed = picture.detail.detections, picture.detail.followed
+    if found is None or followed is None:
+        return None
+    return next(
+        (
+            d
+            for d in found.detections
+            if abs(d.x_px - followed.x_px) < 1.0 and abs(d.y_px - followed.y_px) < 1.0
+        ),
+        None,
+    )
+
+
+def frame_caption(picture: Picture | None) -> list[str]:
+    """Where north is, how wide the field, how many stars, from the frame's plate."""
+    frame = picture.detail.taken if picture is not None else None
+    solution = picture.detail.solution if picture is not None else None
+    if frame is None or not isinstance(solution, Solution):
+        return []
+    wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
+    compass = f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′"
+    return [compass, f"{solution.matched} matched", f"RMS {short(solution.rms_arcsec)}″"]
+
+
+def _north_arrow(solution: Solution) -> str:
+    """Row 0 is at the top: +y is down, and lies at the plate's rotation east of north."""
+    sign = -1.0 if solution.is_flipped else 1.0
+    x, y = sign * _sin_deg(solution.rotation_deg), cos_deg(solution.rotation_deg)
+    return _arrow(x, y)
+
+
+def _east_arrow(solution: Solution) -> str:
+    sign = -1.0 if solution.is_flipped else 1.0
+    x, y = -sign * cos_deg(solution.rotation_deg), _sin_deg(solution.rotation_deg)
+    return _arrow(x, y)
+
+
+def _arrow(x: float, y: float) -> str:
+    return ARROWS[round(math.degrees(math.atan2(y, x)) / 45.0) % 8]
+
+
+def justified(left: Line, right: str, width: int) -> Line:
+    """``left``, and ``right`` at the right edge, which is kept when there is too little room."""
+    room = width - len(right)
+    cut = clipped(left, max(room, 0))
+    pad = max(room - _columns(cut), 0)
+    return [*cut, (" " * pad, ""), (right, "title")]
+
+
+def clipped(line: Line, width: int) -> Line:
+    """A line cut to a width, with a sign where something is missing."""
+    if _columns(line) <= width:
+        return line
+    kept: Line = []
+    left = width - 1
+    for text, ink in line:
+        if left <= 0:
+            break
+        kept.append((text[:left], ink))
+        left -= len(text[:left])
+    return [*kept, ("…", "dim")] if width > 0 else []
+
+
+def _columns(line: Line) -> int:
+    return sum(len(text) for text, _ in line)
+
+
+def cos_deg(angle_deg: float) -> float:
+    return math.cos(math.radians(angle_deg))
+
+
+def _sin_deg(angle_deg: float) -> float:
+    return math.sin(math.radians(angle_deg))
+
+
+def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
+    """Text over as many rows as there are, broken between words; what is too long loses its middle.
+
+    What happened stands first and the remedy last: neither is what is left out. ``cut`` stands in
+    place of it.
+    """
+    return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
+
+
+@lru_cache(maxsize=256)
+def _broken(text: str, width: int, rows: int, cut: str) -> tuple[str, ...]:
+    lines = textwrap.wrap(text, width) or [""]
+    if len(lines) <= rows:
+        return tuple(lines)
+    indent = text[: len(text) - len(text.lstrip())]
+    words = text.split()
+
+    def without(count: int) -> list[str]:
+        first = (len(words) - count + 1) // 2
+        return textwrap.wrap(
+            indent + " ".join([*words[:first], cut, *words[first + count :]]), width
+        )
+
+    fewest = bisect.bisect_left(
+        range(1, len(words)), True, key=lambda count: len(without(count)) <= rows
+    )
+    kept = without(fewest + 1)
+    if len(words) > 2 and len(kept) <= rows:
+        return tuple(kept)
+    return *lines[: rows - 1], lines[rows - 1][: width - 1] + "…"

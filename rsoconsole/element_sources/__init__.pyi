@@ -1,0 +1,9 @@
+from .fetch import Fetcher as Fetcher
+from .fetch import FetchError as FetchError
+from .names import Source as Source
+from .names import parse_source as parse_source
+from .store import ElementStore as ElementStore
+from .store import Kept as Kept
+from .store import default_folder as default_folder
+from .store import is_store as is_store
+from .update import Update as Update

@@ -1,0 +1,143 @@
+"""Where the telescope goes by the orbit: instead of the filter's prediction, and without one."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import AimConfig, Config
+from rsoconsole.orbit.motion import KnownOrbit, predict
+from rsoconsole.pipeline.aim import beside
+from rsoconsole.pipeline.cycle import may_guide
+from rsoconsole.pipeline.orbits import OnlineOrbit
+from rsoconsole.records import FloatArray, Measurement, Site
+from rsoconsole.sky import NS_PER_S, IntArray, separation_deg
+
+_STEP_S = 10
+_STEPS = 90
+"""A quarter of an hour."""
+SHARE_OF_FIELD = 0.25
+"""Three sigma of the place must be within so much of the field's smaller side."""
+SAME_PLACE = 0.05
+"""What is seen within so much of it from where a lost one must be is taken to be that."""
+
+
+class Guide:
+    """Asks the orbit of what is, or was last, followed."""
+
+    def __init__(self, orbit: OnlineOrbit, config: Config) -> None:
+        self._orbit = orbit
+        self._config = config
+        self._site = config.site.to_site()
+        self._way: Way | None = None
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def of_track(
+        self, t_mid_utc_ns: int, aim: AimConfig | None = None
+    ) -> tuple[float, float] | None:
+        """Where what is followed will be, ICRS; None where the filter knows better.
+
+        Beside it by ``aim``, as configured where that is None.
+        """
+        return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
+
+    def of_lost(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
+        """Where what the filter has lost is to be waited for; None where it is not."""
+        seen = self._orbit.seen
+        if not may_guide(self._config) or seen is None:
+            return None
+        since_s = (t_mid_utc_ns - int(seen.t_utc_ns[-1])) / NS_PER_S
+        is_time = 0.0 <= since_s <= 60.0 * self._config.orbit.wait_min
+        return self._direction(t_mid_utc_ns) if is_time else None
+
+    def is_lost_one(self, seen: Measurement) -> bool:
+        """Whether a measurement may be what was lost: near to where its orbit has it."""
+        at = self.of_lost(seen.t_mid_utc_ns)
+        if at is None:
+            return False
+        near_deg = SAME_PLACE * min(self._config.optics.field_deg)
+        return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
+
+    def of_last(self, t_utc_ns: int) -> tuple[float, float] | None:
+        """Where what was followed last is by its orbit, however long ago that was."""
+        return self._direction(t_utc_ns) if may_guide(self._config) else None
+
+    def prepare(self, now_utc_ns: int) -> None:
+        """Reckon the way of the next minutes while nobody waits for it."""
+        orbit = self._orbit.orbit
+        if orbit is None or not may_guide(self._config):
+            self._way = None
+        elif self._way is None or self._way.orbit is not orbit or not self._way.reaches(now_utc_ns):
+            self._way = Way.of(orbit, self._site, now_utc_ns)
+
+    def _direction(
+        self, t_mid_utc_ns: int, aim: AimConfig | None = None
+    ) -> tuple[float, float] | None:
+        orbit, aim = self._orbit.orbit, aim or self._config.aim
+        if orbit is None or orbit.label == "not observable":
+            return None
+        t_utc_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
+        way = self._way
+        if way is None or way.orbit is not orbit or not way.holds(t_utc_ns):
+            way = Way.of(orbit, self._site, t_utc_ns)
+        direction, rate, sigma_deg = way.at(t_utc_ns)
+        # Not a number where the orbit has come down.
+        if not 3.0 * sigma_deg < SHARE_OF_FIELD * min(self._config.optics.field_deg):
+            return None
+        return beside(direction, rate, aim)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Way:
+    """An orbit's way over some minutes, between whose places one may interpolate."""
+
+    orbit: KnownOrbit
+    t_utc_ns: IntArray
+    """(N,), every ``_STEP_S``."""
+    ra_dec_deg: FloatArray
+    """(N, 2), right ascension without a jump."""
+    rates_deg_s: FloatArray
+    """(N, 2)"""
+    sigma_deg: FloatArray
+    """(N,)"""
+
+    @classmethod
+    def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "Way":
+        """From an instant on."""
+        t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
+        ahead = predict(orbit, site, t)
+        places = ahead.places
+        ra_deg = np.degrees(np.unwrap(np.radians(places.ra_icrs_deg)))
+        return cls(
+            orbit=orbit,
+            t_utc_ns=t,
+            ra_dec_deg=np.stack([ra_deg, places.dec_icrs_deg], axis=-1),
+            rates_deg_s=np.stack([places.ra_rate_deg_s, places.dec_rate_deg_s], axis=-1),
+            sigma_deg=ahead.sigma_arcsec / 3600.0,
+        )
+
+    def holds(self, t_utc_ns: int) -> bool:
+        """Whether an instant is within it."""
+        return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
+
+    def reaches(self, t_utc_ns: int) -> bool:
+        """Whether it holds the next minutes too."""
+        return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
+
+    def at(self, t_utc_ns: int) -> tuple[tuple[float, float], tuple[float, float], float]:
+        """Direction (deg), motion east and north (arcsec/s), one sigma (deg); by cubics."""
+        n, rest_ns = divmod(int(t_utc_ns - self.t_utc_ns[0]), _STEP_S * NS_PER_S)
+        s = rest_ns / (_STEP_S * NS_PER_S)
+        before, after = self.ra_dec_deg[n], self.ra_dec_deg[n + 1]
+        slope, next_slope = self.rates_deg_s[n] * _STEP_S, self.rates_deg_s[n + 1] * _STEP_S
+        # Hermite's, by the values and slopes at both ends.
+        bend = 3.0 * (after - before) - 2.0 * slope - next_slope
+        twist = 2.0 * (before - after) + slope + next_slope
+        ra_deg, dec_deg = before + s * (slope + s * (bend + s * twist))
+        ra_rate, dec_rate = (slope + s * (2.0 * bend + 3.0 * s * twist)) / _STEP_S * 3600.0
+        sigma_deg = (1.0 - s) * self.sigma_deg[n] + s * self.sigma_deg[n + 1]
+        east = float(ra_rate) * math.cos(math.radians(float(dec_deg)))
+        return (float(ra_deg) % 360.0, float(dec_deg)), (east, float(dec_rate)), float(sigma_deg)

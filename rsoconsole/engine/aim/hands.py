@@ -1,0 +1,206 @@
+"""Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
+
+import contextlib
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable
+
+from rsoconsole.config import Config
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import ClockFault, Instruments, MountReport
+from rsoconsole.records import Frame
+from rsoconsole.sky import separation_deg
+
+NS = 1_000_000_000
+POLL_NS = NS // 2
+SENT_AGAIN = 2
+FAR_OFF_DEG = 0.5
+"""A mount that loses the sky's motion on a slew of a minute stops 0.25 deg short."""
+
+
+class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
+    """Somebody wants the loop's attention now (STOP, shutdown); never reaches an operator."""
+
+
+class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not an error
+    """The mount is not where this program sent it: somebody else stopped or moved it."""
+
+
+class Hands:
+    """The loop's way to the instruments; gives no order once somebody wants the loop."""
+
+    def __init__(
+        self, instruments: Instruments, config: Config, is_wanted: Callable[[], bool]
+    ) -> None:
+        """``is_wanted``: True when the loop is to drop what it does."""
+        self.instruments = instruments
+        self._config = config
+        self._is_wanted = is_wanted
+        self.sent: tuple[tuple[float, float], int] | None = None
+        """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet."""
+        self.arrived_utc_ns = 0
+        """When the mount was seen to have arrived last, before it settled."""
+        self.on_tick: Callable[[], None] = lambda: None
+        """Called at every step of a wait, at least once a second."""
+        self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
+        """Called once an exposure has been ordered: which, and when."""
+        self.on_closed: Callable[[], MountReport | None] = lambda: None
+        """Called when the shutter of a frame should have closed, before the frame has come; where
+        the mount looked is told where it has been sent on."""
+        self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
+        """Called when something has gone wrong with the machine's time."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def heed(self) -> None:
+        """Raise Interrupted when somebody wants the loop."""
+        if self._is_wanted():
+            raise Interrupted
+
+    def now_utc_ns(self) -> int:
+        """The clock's present."""
+        return self.instruments.clock.now_utc_ns()
+
+    def wait_until(self, t_utc_ns: int) -> None:
+        """Let time pass in steps of at most a second.
+
+        Raises Interrupted; also when the clock is set or nothing ran meanwhile: the instant waited
+        for is then another one, and the times of what is under way are worth nothing.
+        """
+        clock = self.instruments.clock
+        while True:
+            self.heed()
+            self.heed_clock()
+            now_ns = clock.now_utc_ns()
+            if now_ns >= t_utc_ns:
+                return
+            clock.wait_until(min(t_utc_ns, now_ns + NS))
+            self.on_tick()
+
+    def heed_clock(self) -> None:
+        """Raise Interrupted when something has gone wrong with time."""
+        faults = self.instruments.clock.take_faults()
+        for fault in faults:
+            self.on_clock_fault(fault)
+        if faults:
+            raise Interrupted
+
+    def mount_report(self) -> MountReport:
+        """Where the mount says it is, no older than now under simulation."""
+        not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
+        return self.instruments.mount.report(not_before)
+
+    def order_slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> None:
+        """Send the mount there and return at once. Raises Interrupted instead of moving it."""
+        self.heed()
+        now_ns = self.now_utc_ns()
+        self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, now_ns)
+        self.sent = (ra_icrs_deg, dec_icrs_deg), now_ns
+
+    def order_park(self) -> None:
+        """Send the mount to its park position and return at once."""
+        self.sent = None
+        self.instruments.mount.park()
+
+    def wait_for_arrival(
+        self,
+        ra_icrs_deg: float,
+        dec_icrs_deg: float,
+        *,
+        poll_ns: int = POLL_NS,
+        settle_s: float | None = None,
+    ) -> MountReport:
+        """Wait for the mount's arrival by read-back, asked so often, then for it to settle.
+
+        ``settle_s``: None for as long as configured.
+
+        A mount that stops a little beside the place is sent again, twice: some lose the sky's
+        motion on a long way. Raises StoppedElsewhere when it came to rest far from the place:
+        somebody else has stopped it, and must not be overruled. Raises InstrumentError when it
+        has not arrived in time, Interrupted on STOP.
+        """
+        limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
+        for sent_again in itertools.count():
+            report = self._wait_for_rest(limit_ns, poll_ns)
+            off_deg = separation_deg(
+                report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
+            )
+            if not report.is_slewing and off_deg * 60.0 <= self._config.mount.arrival_arcmin:
+                break
+            if report.is_slewing or sent_again >= SENT_AGAIN:
+                raise InstrumentError(
+                    f"the mount has not arrived in {self._config.mount.slew_timeout_s:.0f} s or"
+                    f" {SENT_AGAIN + 1} orders, it is {off_deg * 60:.1f} arcmin off: look at it,"
+                    " then arm again"
+                )
+            if off_deg > FAR_OFF_DEG:
+                raise StoppedElsewhere(
+                    f"the mount stopped {off_deg:.1f} deg short of where it was sent"
+                )
+            self.order_slew(ra_icrs_deg, dec_icrs_deg)
+        self.arrived_utc_ns = self.now_utc_ns()
+        settle_s = self._config.mount.settle_s if settle_s is None else settle_s
+        self.wait_until(self.arrived_utc_ns + round(settle_s * NS))
+        return report
+
+    def wait_for_rest(self) -> MountReport:
+        """Wait until the mount does not slew. Raises InstrumentError when it goes on too long."""
+        limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
+        report = self._wait_for_rest(limit_ns)
+        if report.is_slewing:
+            raise InstrumentError(
+                f"the mount has slewed for {self._config.mount.slew_timeout_s:.0f} s and more:"
+                " look at it, then arm again"
+            )
+        return report
+
+    def _wait_for_rest(self, limit_utc_ns: int, poll_ns: int = POLL_NS) -> MountReport:
+        """The first report of a mount that does not slew any more, or the last before the limit."""
+        while True:
+            self.wait_until(self.now_utc_ns() + poll_ns)
+            report = self.mount_report()
+            if not report.is_slewing or self.now_utc_ns() > limit_utc_ns:
+                return report
+
+    def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
+        """Open the shutter at the instant and bring the frame.
+
+        Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up)
+        and where the clock was set or nothing ran meanwhile: the frame's time is worth nothing.
+        """
+        exposure = self._config.exposure
+        camera = self.instruments.camera
+        looked: MountReport | None = None
+        self.wait_until(t_start_utc_ns)
+        opened_ns = self.now_utc_ns()
+        camera.start_exposure(exposure.exposure_s, frame_id)
+        length_s = exposure.start_latency_s + exposure.exposure_s
+        try:
+            self.on_opened(frame_id, opened_ns)
+            self.wait_until(opened_ns + math.ceil(length_s * NS))
+            looked = self.on_closed()
+        except Interrupted:
+            with contextlib.suppress(InstrumentError):
+                camera.abort()
+            raise
+        frame = camera.wait_frame(exposure.frame_timeout_s)
+        # Some drivers write a frame's time when they have read it.
+        self.heed_clock()
+        return frame if looked is None else _looked_at(frame, looked)
+
+
+def _looked_at(frame: Frame, report: MountReport) -> Frame:
+    """The frame with the mount's word from before it was sent on.
+
+    Some drivers write a frame's header when they have read it, on the way to the next place.
+    """
+    if frame.pointing_ra_icrs_deg is None:
+        return frame
+    return dataclasses.replace(
+        frame,
+        pointing_ra_icrs_deg=report.ra_icrs_deg,
+        pointing_dec_icrs_deg=report.dec_icrs_deg,
+    )

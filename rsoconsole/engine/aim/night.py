@@ -1,0 +1,103 @@
+"""When it is dark, and what ends a night: dawn, weather, a closed dome.
+
+Nothing here brings a night back: once ended, only the operator arms again.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+from rsoconsole.config import Config
+from rsoconsole.instruments import SkyReport
+from rsoconsole.sky import sun_altitude_deg, utc_ns_to_iso
+from rsoconsole.sky.bodies import night_span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightEnd:
+    """Why the night is over."""
+
+    cause: Literal["dawn", "weather", "dome"]
+    detail: str
+    """With the figure, or in the driver's words."""
+
+
+def night_end(
+    config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str] = ()
+) -> NightEnd | None:
+    """Why the telescope must stop and park now; None while the night goes on.
+
+    ``overridden`` holds names of arming checks ("sun", "weather", "dome") that the operator
+    answers for. A weather station's "warning" ends nothing, a silent station does.
+    """
+    if "dome" not in overridden and (fault := dome_fault(config, sky)):
+        return NightEnd(cause="dome", detail=fault)
+    if "weather" not in overridden and (fault := weather_fault(config, sky)):
+        return NightEnd(cause="weather", detail=fault)
+    if "sun" not in overridden and (fault := sun_fault(config, now_utc_ns)):
+        return NightEnd(cause="dawn", detail=fault)
+    return None
+
+
+def lasting_overrides(
+    config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str]
+) -> frozenset[str]:
+    """Those overrides whose reason still stands; call it once a cycle.
+
+    An override holds against what was there when it was given. The Sun that was let pass at dusk
+    ends the night at dawn, and weather that has cleared may end it when it comes back.
+    """
+    faults = {
+        "sun": sun_fault(config, now_utc_ns),
+        "weather": weather_fault(config, sky),
+        "dome": dome_fault(config, sky),
+    }
+    return frozenset(name for name in overridden if name not in faults or faults[name])
+
+
+def sun_fault(config: Config, now_utc_ns: int) -> str:
+    """What is wrong with the Sun's altitude, in words; empty when it is dark."""
+    altitude_deg = sun_altitude_deg(config.site.to_site(), now_utc_ns)
+    limit_deg = config.limits.twilight_deg
+    if altitude_deg <= limit_deg:
+        return ""
+    return f"the Sun stands at {altitude_deg:+.1f} deg, above the limit of {limit_deg:+.1f}"
+
+
+def weather_fault(config: Config, sky: SkyReport | None) -> str:
+    """What is wrong with the weather, in words; empty when it may be observed."""
+    station = config.indi.weather
+    if station is None:
+        return ""
+    word = None if sky is None else sky.weather
+    if word in ("ok", "warning"):
+        return ""
+    if word == "alert":
+        return _with_detail(f"{station} raises a weather alert", sky)
+    return _with_detail(f"{station} is silent", sky)
+
+
+def dome_fault(config: Config, sky: SkyReport | None) -> str:
+    """What is wrong with the dome, in words; empty when it is open."""
+    dome = config.indi.dome
+    if dome is None:
+        return ""
+    word = None if sky is None else sky.dome
+    if word == "open":
+        return ""
+    return _with_detail(f"{dome} is {word or 'silent'}", sky)
+
+
+def darkness_words(config: Config, now_utc_ns: int) -> str:
+    """When it will be dark, for an operator who has to wait."""
+    limit_deg = config.limits.twilight_deg
+    span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
+    if span is None:
+        return f"the Sun does not sink to {limit_deg:+.1f} deg here within a day"
+    if span[0] <= now_utc_ns:
+        return f"it is dark until {utc_ns_to_iso(span[1], 0)}"
+    return f"wait until {utc_ns_to_iso(span[0], 0)}"
+
+
+def _with_detail(words: str, sky: SkyReport | None) -> str:
+    return f"{words} ({sky.detail})" if sky is not None and sky.detail else words

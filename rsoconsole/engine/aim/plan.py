@@ -1,0 +1,444 @@
+"""What the next exposure is: where, when, and whether the mount must move for it."""
+
+from dataclasses import replace
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim.guide import Guide
+from rsoconsole.engine.aim.hands import NS
+from rsoconsole.engine.aim.planned import (
+    CLOCKS_APART_NS,
+    FLIP_WAY_DEG,
+    SLEW_OVERHEAD_S,
+    Ahead,
+    IsRefused,
+    Plan,
+)
+from rsoconsole.engine.aim.search import Direction, Search
+from rsoconsole.instruments import MountReport, PierSide
+from rsoconsole.pipeline.aim import (
+    flip_refusal,
+    follow_direction,
+    group_direction,
+    needs_recentre,
+    side_at_arrival,
+    slew_to,
+)
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
+from rsoconsole.sky import hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
+from rsoconsole.sky.limits import Pose
+from rsoconsole.tracking import PointingModel, PointingOffset, command_for, observed
+from rsoconsole.tracking.association import Following
+
+
+class Planner:
+    """Keeps what planning needs from one exposure to the next: cadence, centre, offset."""
+
+    def __init__(self, config: Config, guide: Guide | None = None) -> None:
+        """``guide``: tells where what is followed, or was lost, is by its orbit."""
+        self._config = config
+        self._guide = guide
+        self._site = config.site.to_site()
+        self._search = Search(config)
+        self._is_block_told = False
+        self._is_waiting = False
+        """Whether what was lost is waited for where its orbit says."""
+        self._last_start_utc_ns: int | None = None
+        self._last_mid_utc_ns = 0
+        self._frame_id = 0
+        self._commanded: Direction | None = None
+        self._centre: Direction | None = None
+        self._pier_side: PierSide | None = None
+        self._pointing = PointingModel()
+        self._planned: tuple[SlewCommand | None, int] = (None, 0)
+        self.last_report: MountReport | None = None
+        """What the mount said last of its place at rest."""
+
+    @property
+    def pointing_offset(self) -> PointingOffset:
+        """How far the telescope looked beside where it was sent, as last learnt."""
+        return self._pointing.last
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+        self._search.configure(config)
+
+    def start_search(self, report: MountReport, now_utc_ns: int) -> None:
+        """Search around where the mount points, or where the configuration says."""
+        self._search.start(self.looking_at(report), now_utc_ns)
+        self._is_block_told = self._is_waiting = False
+        self._stands_at(report)
+
+    def search_about(self, direction: Direction, t_utc_ns: int) -> None:
+        """Search round this direction, further and further out."""
+        self._search.widen_about(direction, t_utc_ns)
+        self._is_block_told = self._is_waiting = False
+
+    def leave_spiral(self) -> bool:
+        """Search where it was begun, if something lost was looked for; False when it was not."""
+        if not self._search.is_spiral:
+            return False
+        self._search.go_home()
+        return True
+
+    def go_home(self) -> None:
+        """Search from the first field again, where the search was begun."""
+        self._is_waiting = False
+        self._search.go_home()
+
+    def moved_by_hand(self, report: MountReport) -> None:
+        """The operator has moved the mount: where it looks is known by its own word alone.
+
+        The offset stays, by side and place as ever.
+        """
+        self._is_waiting = False
+        self._search.leave_here()
+        self._stands_at(report)
+
+    def looking_at(self, report: MountReport) -> Direction:
+        """Where the telescope looks while the mount says so: its word put right by the offset."""
+        here = (report.ra_icrs_deg, report.dec_icrs_deg)
+        known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
+        back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
+        return command_for(back, *here)
+
+    def _stands_at(self, report: MountReport) -> None:
+        # On its way nobody knows where it will be.
+        self.last_report = None if report.is_slewing else report
+        self._pier_side = report.pier_side
+        self._centre = self.looking_at(report)
+        # A mount that stands still loses its place among the stars before the next frame.
+        is_kept = report.is_tracking and not report.is_slewing
+        self._commanded = (report.ra_icrs_deg, report.dec_icrs_deg) if is_kept else None
+
+    def first_look(self, now_utc_ns: int) -> Plan:
+        """An exposure where the telescope stands, without a slew.
+
+        What it shows is waited for in place; where the telescope stands in the search's first
+        field it counts as that field's first frame.
+        """
+        t_start_ns = self._earliest_ns(now_utc_ns)
+        t_mid_ns = self._t_mid_ns(t_start_ns)
+        if self._centre is not None:
+            self._search.look_here(self._centre, t_mid_ns)
+        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=None)
+
+    def pose(self, now_utc_ns: int) -> Pose | None:
+        """Where the telescope looks now; None where nobody knows."""
+        if self._centre is None:
+            return None
+        ra_deg, dec_deg = self._centre
+        return Pose(
+            t_utc_ns=now_utc_ns,
+            ra_icrs_deg=ra_deg,
+            dec_icrs_deg=dec_deg,
+            pier_side=self._pier_side,
+        )
+
+    def to_place(
+        self,
+        direction: Direction | None,
+        t_start_utc_ns: int,
+        reason: str,
+        now_utc_ns: int,
+        *,
+        t_mid_utc_ns: int | None = None,
+        frame_id: int | None = None,
+    ) -> Plan:
+        """An exposure at an instant, there; None: where the telescope looks already.
+
+        ``t_mid_utc_ns``: its middle, where its length is not yet set; ``frame_id``: of the frame
+        after which it is planned, where that has not come yet.
+        """
+        t_mid_ns = self._t_mid_ns(t_start_utc_ns) if t_mid_utc_ns is None else t_mid_utc_ns
+        slew = None
+        if direction is not None:
+            after = self._frame_id if frame_id is None else frame_id
+            slew = slew_to(after, direction, t_mid_ns, reason, None)
+            self._planned = (slew, now_utc_ns)
+        return Plan(t_start_utc_ns=t_start_utc_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
+
+    def plan(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None
+    ) -> Plan:
+        """The next exposure from here.
+
+        A field of the search that is refused is left out and the next of its round taken, so that
+        one wall does not hold a search; a track has one place only: when that is refused, the
+        telescope stays where it is.
+        """
+        if following.track is not None:
+            return self._plan_track(following, now_utc_ns, is_refused)
+        if (plan := self._plan_lost(following, now_utc_ns, is_refused)) is not None:
+            return plan
+        refused: list[tuple[SlewCommand, SlewRefusal]] = []
+        news: list[tuple[SlewCommand, SlewRefusal]] = []
+        for number in self._search.numbers():
+            plan = self._plan_at(following, number, now_utc_ns)
+            assert plan.slew is not None, "a search goes somewhere"
+            why = None if is_refused is None else is_refused(plan.slew, self.end_utc_ns(plan))
+            if why is None:
+                self._search.take(number)
+                return replace(plan, refused=tuple(news))
+            refused.append((plan.slew, why))
+            if self._search.is_news(number):
+                news.append((plan.slew, why))
+        if self._search.leave_here():
+            return self.plan(following, now_utc_ns, is_refused)
+        return self._in_place(now_utc_ns, tuple(refused))
+
+    def _plan_track(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
+    ) -> Plan:
+        plan = self._plan_at(following, self._search.number, now_utc_ns)
+        if plan.slew is None:
+            return plan
+        to = (plan.slew.ra_icrs_deg, plan.slew.dec_icrs_deg)
+        mount = self._config.mount
+        why = flip_refusal(self._site, mount, to, now_utc_ns, self._pier_side)
+        if why is None and is_refused is not None:
+            why = is_refused(plan.slew, self.end_utc_ns(plan))
+        if why is None:
+            self._is_block_told = False
+            return plan
+        refused = () if self._is_block_told else ((plan.slew, why),)
+        self._is_block_told = True
+        return self._in_place(now_utc_ns, refused, why)
+
+    def _plan_lost(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
+    ) -> Plan | None:
+        """Where the orbit of what was lost says; None where it is not waited for there."""
+        if not self._is_waiting or self._guide is None:
+            return None
+        if self._guide.of_lost(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
+            self._is_waiting = False
+            return None
+        if following.candidates and not any(map(self._guide.is_lost_one, following.candidates)):
+            # A stranger is waited for where it was seen.
+            if self._centre is not None:
+                self._search.look_here(self._centre, self._last_mid_utc_ns)
+            return None
+        plan = self._plan_at(following, self._search.number, now_utc_ns)
+        if plan.slew is None or is_refused is None:
+            return plan
+        self._is_waiting = is_refused(plan.slew, self.end_utc_ns(plan)) is None
+        return plan if self._is_waiting else None
+
+    def _in_place(
+        self,
+        now_utc_ns: int,
+        refused: tuple[tuple[SlewCommand, SlewRefusal], ...],
+        blocked: SlewRefusal | None = None,
+    ) -> Plan:
+        t_start_ns = self._earliest_ns(now_utc_ns)
+        return Plan(
+            t_start_utc_ns=t_start_ns,
+            t_mid_utc_ns=self._t_mid_ns(t_start_ns),
+            slew=None,
+            refused=refused,
+            blocked=blocked,
+        )
+
+    def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> Plan:
+        """The exposure of a track, or of the n-th place of a search.
+
+        Where to look depends on when, and when on how far it is: the way is reckoned once, for
+        the direction of the earliest exposure.
+        """
+        earliest_ns = self._earliest_ns(now_utc_ns)
+        first_mid_ns = self._t_mid_ns(earliest_ns)
+        first_guess, _ = self._direction(following, search_number, first_mid_ns)
+        arrival_ns = now_utc_ns + round(self.slew_s(first_guess, now_utc_ns) * NS)
+        t_start_ns = max(earliest_ns, arrival_ns)
+        t_mid_ns = self._t_mid_ns(t_start_ns)
+        direction, reason = self._direction(following, search_number, t_mid_ns)
+        moves = following.track is None or needs_recentre(
+            self._config.search, self._config.optics.field_deg, self._centre, direction
+        )
+        to = following.track_id
+        slew = slew_to(self._frame_id, direction, t_mid_ns, reason, to) if moves else None
+        self._planned = (slew, now_utc_ns)
+        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
+
+    def _earliest_ns(self, now_utc_ns: int) -> int:
+        last = self._last_start_utc_ns
+        if last is None or last > now_utc_ns:
+            return now_utc_ns  # the first one, or somebody has set the clock back
+        cadence_ns = round(self._config.exposure.cadence_s * NS)
+        return max(now_utc_ns, last + cadence_ns)
+
+    def _t_mid_ns(self, t_start_ns: int) -> int:
+        exposure = self._config.exposure
+        return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
+
+    def end_utc_ns(self, plan: Plan) -> int:
+        """When the shutter closes."""
+        return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
+
+    def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
+        """Seconds that a slew from where the telescope looks takes, settling and all."""
+        mount = self._config.mount
+        way_deg = 0.0
+        if self._centre is not None:
+            ra_way_deg = abs(wrap_180(direction[0] - self._centre[0]))
+            way_deg = max(ra_way_deg, abs(direction[1] - self._centre[1]))
+        if self.side_at(direction, t_utc_ns) != self._pier_side:
+            way_deg = FLIP_WAY_DEG
+        return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
+
+    def slew_left_s(self, report: MountReport, to: Direction, sent_utc_ns: int) -> float | None:
+        """Seconds that a slew under way still takes; None for a mount that does not slew.
+
+        ``to``: where the mount was sent, by its own word, at ``sent_utc_ns``.
+        """
+        if not report.is_slewing:
+            return None
+        rate_deg_s = self._config.mount.slew_rate_deg_s
+        way_deg = max(abs(wrap_180(to[0] - report.ra_icrs_deg)), abs(to[1] - report.dec_icrs_deg))
+        if self.side_at(to, report.t_utc_ns) != report.pier_side:
+            gone_s = max((report.t_utc_ns - sent_utc_ns) / NS, 0.0)
+            way_deg = max(way_deg, FLIP_WAY_DEG - rate_deg_s * gone_s)
+        return way_deg / rate_deg_s
+
+    def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
+        """Side of the pier after a slew there."""
+        mount = self._config.mount
+        return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
+
+    def _direction(
+        self, following: Following, search_number: int, t_mid_ns: int
+    ) -> tuple[Direction, str]:
+        config = self._config
+        if following.track is not None:
+            direction, reason = self._of_lead(following.track, t_mid_ns)
+            if config.aim.is_offset:
+                return direction, f"{reason}, offset by hand"
+            return self._among(following, direction, t_mid_ns, reason)
+        if self._is_waiting and not self._search.is_here and self._guide is not None:
+            by_orbit = self._guide.of_lost(t_mid_ns)
+            if by_orbit is not None:
+                return by_orbit, "where its orbit says"
+        return self._search.direction(
+            search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
+        )
+
+    def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
+        """Where the lead will be, or beside it by the operator's offset, and who says so."""
+        by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
+        if by_orbit is not None:
+            return by_orbit, "orbit"
+        config = self._config
+        return follow_direction(track, t_mid_ns, config.filter, config.aim), "prediction"
+
+    def ahead(self, following: Following, planned: Plan | None, now_utc_ns: int) -> Ahead | None:
+        """The exposure after ``planned``; None where nothing is followed. Moves nothing."""
+        if following.track is None:
+            return None
+        config, centre = self._config, self._centre
+        t_start_ns = now_utc_ns
+        if planned is not None:
+            t_start_ns = planned.t_start_utc_ns + round(config.exposure.cadence_s * NS)
+            if planned.slew is not None:
+                centre = (planned.slew.ra_icrs_deg, planned.slew.dec_icrs_deg)
+        t_mid_ns = self._t_mid_ns(t_start_ns)
+        direction, reason = self._direction(following, self._search.number, t_mid_ns)
+        return Ahead(
+            direction=direction,
+            lead=self._of_lead(following.track, t_mid_ns)[0],
+            t_mid_utc_ns=t_mid_ns,
+            reason=reason,
+            is_slew=needs_recentre(config.search, config.optics.field_deg, centre, direction),
+            way_deg=0.0 if centre is None else separation_deg(*centre, *direction),
+        )
+
+    def _among(
+        self, following: Following, lead: Direction, t_mid_ns: int, reason: str
+    ) -> tuple[Direction, str]:
+        """Where to look for all that is followed, the lead being there."""
+        config = self._config
+        policy, tracks = config.aim.policy, [each.track for each in following.tracks]
+        if policy == "lead" or config.filter.preset == "paper" or len(tracks) < 2:
+            return lead, reason
+        direction, inside = group_direction(
+            tracks,
+            lead,
+            t_mid_ns,
+            policy,
+            field_deg=config.optics.field_deg,
+            exposure_s=config.exposure.exposure_s,
+            settings=config.filter,
+        )
+        return direction, f"{reason}, {inside} of {len(tracks)} in the field"
+
+    def command(self, slew: SlewCommand) -> Direction:
+        """What to tell the mount so that it looks where the slew wants."""
+        to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
+        planned, planned_utc_ns = self._planned
+        # The mount chooses its side when it is told, not when it arrives.
+        told_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
+        side = self.side_at(to, told_utc_ns)
+        return command_for(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
+
+    def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
+        """Hour angle and declination of date."""
+        ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
+        return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
+
+    def arrived(self, slew: SlewCommand, report: MountReport, told: Direction) -> bool:
+        """The mount has done the slew, as it was told; True when it has changed the pier's side."""
+        self._commanded = told
+        has_flipped = report.pier_side != self._pier_side
+        self.last_report = report
+        self._pier_side = report.pier_side
+        self._centre = (slew.ra_icrs_deg, slew.dec_icrs_deg)
+        return has_flipped
+
+    def exposed(self, frame: Frame, opened_utc_ns: int) -> str | None:
+        """A frame came; returns what is wrong with its time, None when nothing is."""
+        self._frame_id = frame.frame_id
+        self._last_start_utc_ns = opened_utc_ns
+        self._last_mid_utc_ns = self._t_mid_ns(opened_utc_ns)
+        if frame.t_start_utc_ns is None:
+            return None
+        apart_ns = frame.t_start_utc_ns - opened_utc_ns
+        if abs(apart_ns) > CLOCKS_APART_NS:
+            return (
+                f"the camera's clock is {apart_ns / NS:+.0f} s off this machine's: synchronise"
+                " both, every measurement is wrong by as much"
+            )
+        return None
+
+    def solved(self, solution: Solution) -> None:
+        """The telescope's true direction became known."""
+        self._centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
+        if self._commanded is None:
+            return
+        hour_angle_deg, declination_deg = self._axes(self._commanded, self._last_mid_utc_ns)
+        self._pointing = observed(
+            self._pointing,
+            commanded_ra_deg=self._commanded[0],
+            commanded_dec_deg=self._commanded[1],
+            solved_ra_deg=solution.ra_icrs_deg,
+            solved_dec_deg=solution.dec_icrs_deg,
+            hour_angle_deg=hour_angle_deg,
+            declination_deg=declination_deg,
+            pier_side=self._pier_side,
+        )
+
+    def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
+        """One exposure of a search is done, or a track was lost and is to be looked for here."""
+        is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
+        if after.state == "LOST" and self._centre is not None:
+            self._search.start_where_lost(self._centre, now_utc_ns)
+            self._is_waiting = self._guide is not None
+        elif self._is_waiting:
+            self._is_waiting = after.track is None
+            if after.state != "ACQUIRE":
+                self._search.leave_here()
+        elif after.state == "SEARCH" or is_held:
+            # A false streak in every frame must not hold the search for a night.
+            self._search.count(self._centre, self._last_mid_utc_ns)
+        elif after.state != "ACQUIRE":
+            self._search.leave_here()

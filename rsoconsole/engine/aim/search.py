@@ -1,0 +1,147 @@
+"""Where a search stands: whose turn it is, what it has left out, and the way round."""
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.aim import (
+    SearchBase,
+    field_number,
+    fields_in_round,
+    fixed_direction,
+    search_base,
+    search_base_at,
+    search_direction,
+    search_target,
+)
+from rsoconsole.sky import separation_deg
+
+Direction = tuple[float, float]
+"""Right ascension and declination, ICRS degrees."""
+
+SAME_FIELD = 0.25
+"""Share of the field's height up to which a telescope stands in a field of the search already."""
+
+
+class Search:
+    """The round of a search, counted in exposures.
+
+    ``here`` is a place outside the round: the first look after arming is taken where the
+    telescope stands, and what it shows is waited for there.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._site = config.site.to_site()
+        self._base: SearchBase | None = None
+        self._home: SearchBase | None = None
+        self._here: SearchBase | None = None
+        self._refused: set[int | str] = set()
+        self.number = 0
+        """Exposures of the round so far; it tells the field."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def start(self, direction: Direction, t_utc_ns: int) -> None:
+        """Around where the telescope points, or where the configuration says."""
+        self._home = search_base(self._config.search, self._site, *direction, t_utc_ns)
+        self._refused.clear()
+        self.go_home()
+
+    def go_home(self) -> None:
+        """From the first field again, where it was begun."""
+        self._base, self._here, self.number = self._home, None, 0
+
+    def start_where_lost(self, direction: Direction, t_utc_ns: int) -> None:
+        """Around this direction; a list of targets begins with it."""
+        self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
+        self._here, self.number = None, 0
+
+    def widen_about(self, direction: Direction, t_utc_ns: int) -> None:
+        """Round this direction in a spiral; a later search begins where the first one did."""
+        self._base = search_base_at(self._site, *direction, t_utc_ns, widens=True)
+        self._here, self.number = None, 0
+        self._refused.clear()
+
+    @property
+    def is_spiral(self) -> bool:
+        """Whether it goes round a place in a spiral."""
+        return self._base is not None and self._base.widens
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the next exposure is taken where the telescope stands, outside the round."""
+        return self._here is not None
+
+    def look_here(self, direction: Direction, t_utc_ns: int) -> None:
+        """The next exposure is taken where the telescope stands."""
+        self._here = search_base_at(self._site, *direction, t_utc_ns)
+
+    def leave_here(self) -> bool:
+        """Go on with the round; False when that is where it stands anyway."""
+        was_here, self._here = self._here is not None, None
+        return was_here
+
+    def numbers(self) -> list[int]:
+        """The present number, then the first exposure of every other field of the round."""
+        per_field = self._config.search.frames_per_field
+        visited = self.number // per_field
+        others = range(1, fields_in_round(self._begun(), self._config.search))
+        return [self.number, *((visited + n) * per_field for n in others)]
+
+    def direction(self, number: int, t_utc_ns: int, *, is_waiting: bool) -> tuple[Direction, str]:
+        """Where the n-th exposure looks at an instant, and why; ``is_waiting`` in ACQUIRE."""
+        reason = "wait for a second frame" if is_waiting else "search"
+        if self._here is not None and number == self.number:
+            here = (self._here.hour_angle_deg, self._here.declination_deg)
+            return fixed_direction(self._site, *here, t_utc_ns), reason
+        base, search = self._begun(), self._config.search
+        target = search_target(base, search, number)
+        if target is not None and not is_waiting:
+            reason = f"search: {target.name}"
+        return self._field_direction(number, t_utc_ns), reason
+
+    def is_news(self, number: int) -> bool:
+        """Whether this place's refusal has not been told yet; from now on it has."""
+        place = self._place(number)
+        is_new = place not in self._refused
+        self._refused.add(place)
+        return is_new
+
+    def take(self, number: int) -> None:
+        """The n-th exposure is the next one: whatever was left out before it is passed."""
+        self._refused.discard(self._place(number))
+        if number != self.number:
+            self._here, self.number = None, number
+
+    def count(self, centre: Direction | None, t_utc_ns: int) -> None:
+        """One exposure is done, ``centre`` is where it looked.
+
+        A first look counts only where the telescope stood in the search's own field.
+        """
+        if self._here is None or centre is None:
+            self.number += 1
+            return
+        self._here = None
+        off_deg = separation_deg(*centre, *self._field_direction(self.number, t_utc_ns))
+        if off_deg < SAME_FIELD * min(self._config.optics.field_deg):
+            self.number += 1
+
+    def _field_direction(self, number: int, t_utc_ns: int) -> Direction:
+        return search_direction(
+            self._begun(),
+            self._config.search,
+            self._site,
+            field_deg=self._config.optics.field_deg,
+            exposure_number=number,
+            t_utc_ns=t_utc_ns,
+        )
+
+    def _place(self, number: int) -> int | str:
+        if self._here is not None and number == self.number:
+            return "here"
+        return field_number(self._begun(), self._config.search, number)
+
+    def _begun(self) -> SearchBase:
+        if self._base is None:
+            raise RuntimeError("a search is planned before it was started")
+        return self._base

@@ -1,0 +1,415 @@
+"""Who is in charge: the states of the loop and the passages between them. Pure.
+
+``step(charge, happening)`` gives the next state and what the hands must do for it; the loop
+performs that and writes it down. What frames show passes through ``tracking.follow`` first and
+arrives here as ``Followed``.
+
+    IDLE -> SEARCH <-> ACQUIRE -> TRACK <-> COAST -> LOST -> SEARCH     while autonomy has the mount
+    MANUAL     whenever the operator has it; autonomy waits until it is resumed or armed
+    FAULT      with a reason and a way out
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import singledispatch
+from typing import Any, Literal
+
+from rsoconsole.reasons import Cause
+from rsoconsole.records import LoopState
+from rsoconsole.tracking.association import Following
+
+Action = Literal["abort", "park", "start search", "search home", "forget plate"]
+Holder = Literal["autonomy", "operator", "nobody"]
+
+AUTONOMOUS: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
+FAILURES_IN_A_ROW = 3
+NOTHING_HELD = "nothing is held: there is nothing to resume"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Charge:
+    """Who has the mount, and what the loop follows."""
+
+    following: Following = field(default_factory=lambda: Following(state="IDLE"))
+    kept: Following | None = None
+    """The track that ended by the operator's word, or with a fault: it can be followed again."""
+    is_resumable: bool = False
+    """True where autonomy need not be armed to have the mount again: the operator took it from
+    autonomy, by hand or by disarming; never after STOP."""
+    is_held: bool = False
+    """True while the operator wants no slews: what is followed is coasted and measured."""
+    resumes_when_clear: bool = False
+    """True for a hold that ends by itself when the stars are back."""
+    failures: int = 0
+    """Exposures in a row that an instrument failed."""
+    is_stopped: bool = False
+    """True for a FAULT that a STOP led to: nothing moves the mount but by the operator's word."""
+    was_autonomous: bool = False
+    """True for a FAULT that took the mount from autonomy: nobody else looks after it."""
+
+    @property
+    def state(self) -> LoopState:
+        """The loop's state."""
+        return self.following.state
+
+    @property
+    def is_autonomous(self) -> bool:
+        """Whether autonomy may move the mount."""
+        return self.state in AUTONOMOUS
+
+    @property
+    def is_responsible(self) -> bool:
+        """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
+        return self.is_autonomous or self.was_autonomous
+
+    @property
+    def tracked(self) -> Following | None:
+        """What a track that ends now leaves to be followed again; None where there is nothing.
+
+        Only a track is worth coming back to: what a search had seen is soon out of the field.
+        """
+        return self.following if self.state in ("TRACK", "COAST") else self.kept
+
+    @property
+    def holder(self) -> Holder:
+        """Who has the mount."""
+        if self.is_autonomous:
+            return "autonomy"
+        return "operator" if self.state == "MANUAL" else "nobody"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Armed:
+    """The operator hands the mount to autonomy."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disarmed:
+    """The operator takes it back without moving it."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stopped:
+    """STOP was given; motion has been ended on the way here, if the mount has confirmed it."""
+
+    by: str
+    is_confirmed: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """The operator moves the mount by hand."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """The operator wants no slews for now."""
+
+    by: str
+    until_clear: bool = False
+    """Only as long as the sky is clouded."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resumed:
+    """The operator gives the mount back, or wants a track followed again that was ended."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sought:
+    """The operator wants what was followed to be looked for again, round where it must be."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """A frame was folded into what is followed."""
+
+    after: Following
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marked:
+    """The operator's word on frames that nobody followed makes a track, or takes one back."""
+
+    kept: Following | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failed:
+    """An instrument did not do its part."""
+
+    words: str
+    is_final: bool = False
+    """True when trying again is of no use."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitMet:
+    """The mount's position met a limit; its motion has been ended on the way here."""
+
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockSet:
+    """Somebody has set the machine's clock."""
+
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightEnded:
+    """Dawn, weather or dome: the sky is not for telescopes any more."""
+
+    words: str
+    parks: bool
+    is_dawn: bool = False
+    """A night that has come to its end, and not one that was cut short."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotPointing:
+    """The first frame does not agree with where the mount says it looks."""
+
+    words: str
+
+
+Happening = (
+    Armed
+    | Disarmed
+    | Stopped
+    | Taken
+    | Held
+    | Resumed
+    | Sought
+    | Followed
+    | Marked
+    | Failed
+    | LimitMet
+    | ClockSet
+    | NightEnded
+    | NotPointing
+)
+
+
+BY_OPERATOR = Armed | Disarmed | Stopped | Taken | Held | Resumed
+"""What somebody wants, and what undoes therefore what was wanted before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What a happening leads to."""
+
+    charge: Charge
+    actions: tuple[Action, ...] = ()
+    reason: Cause | None = None
+    """Of the change of state, for the record."""
+    refusal: str | None = None
+    """Why nothing changes, where the operator asked for what cannot be."""
+
+
+def step(charge: Charge, happening: Happening) -> Step:
+    """The next state of the loop, and what must be done for it."""
+    return _step(happening, charge)
+
+
+@singledispatch
+def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
+    raise TypeError(f"nothing is known of a {type(happening).__name__}")
+
+
+@_step.register
+def _(happening: Armed, charge: Charge) -> Step:
+    if charge.is_autonomous:
+        return Step(charge=charge, refusal="it is armed already")
+    armed = Cause(kind="armed", by=happening.by)
+    return _keeping(_enter(charge, "SEARCH", armed, "start search", "forget plate"), charge.kept)
+
+
+@_step.register
+def _(happening: Disarmed, charge: Charge) -> Step:
+    disarmed = _enter(charge, "IDLE", Cause(kind="disarmed", by=happening.by))
+    is_resumable = charge.is_autonomous or charge.is_resumable
+    return _keeping(disarmed, charge.tracked, is_resumable=is_resumable)
+
+
+@_step.register
+def _(happening: Stopped, charge: Charge) -> Step:
+    reason = Cause(kind="STOP", by=happening.by)
+    if happening.is_confirmed:
+        return _keeping(_enter(charge, "IDLE", reason, "abort"), charge.tracked)
+    # Nobody knows whether it stands: no calm state.
+    reason = replace(reason, detail="NOT CONFIRMED by the mount")
+    unsure = _keeping(_enter(charge, "FAULT", reason, "abort"), charge.tracked)
+    return replace(unsure, charge=replace(unsure.charge, is_stopped=True))
+
+
+@_step.register
+def _(happening: Taken, charge: Charge) -> Step:
+    is_given_back = charge.is_resumable and charge.state == "MANUAL"
+    after = Charge(
+        following=charge.following.without_track("MANUAL"),
+        kept=charge.tracked,
+        is_resumable=charge.is_autonomous or is_given_back,
+    )
+    return Step(
+        charge=after, actions=("forget plate",), reason=Cause(kind="moved by hand", by=happening.by)
+    )
+
+
+@_step.register
+def _(happening: Held, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge, refusal="autonomy does not have the mount: nothing to hold")
+    held = replace(charge, is_held=True, resumes_when_clear=happening.until_clear)
+    return Step(charge=held)
+
+
+@_step.register
+def _(happening: Resumed, charge: Charge) -> Step:
+    if charge.is_autonomous and charge.is_held:
+        return Step(charge=replace(charge, is_held=False, resumes_when_clear=False))
+    refusal = _why_not_resumed(charge)
+    if refusal is not None:
+        return Step(charge=charge, refusal=refusal)
+    reason = Cause(kind="resumed", by=happening.by)
+    if charge.kept is None:
+        return _enter(charge, "SEARCH", reason, "start search", "forget plate")
+    # Numbers are given once: a search may have begun other tracks meanwhile.
+    last_track_id = max(charge.kept.last_track_id, charge.following.last_track_id)
+    again = replace(charge.kept, state="COAST", candidates=(), last_track_id=last_track_id)
+    return Step(charge=Charge(following=again), actions=("forget plate",), reason=reason)
+
+
+def _why_not_resumed(charge: Charge) -> str | None:
+    """Why autonomy does not go on with what was followed; None where it may."""
+    if charge.is_autonomous and charge.state not in ("TRACK", "COAST"):
+        return None if charge.kept is not None else NOTHING_HELD
+    if charge.state == "MANUAL":
+        # Else a move by hand would be a way round the checklist.
+        taken = "it was not armed before you took the mount: arm it"
+        return None if charge.is_resumable else taken
+    if charge.kept is None or charge.is_autonomous:
+        return NOTHING_HELD
+    return None if charge.is_resumable else "arm it first: then what was followed can be resumed"
+
+
+@_step.register
+def _(happening: Sought, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge, refusal="autonomy does not have the mount: arm or resume first")
+    if charge.state == "SEARCH":
+        return Step(charge=charge)
+    after = replace(charge, following=charge.following.without_track("SEARCH"), kept=charge.tracked)
+    return Step(charge=after, reason=Cause(kind="looked for again", by=happening.by))
+
+
+@_step.register
+def _(happening: Followed, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        # The mount changed hands while the frame was being reduced.
+        return Step(charge=charge)
+    kept = None if happening.after.state in ("TRACK", "COAST") else charge.kept
+    return Step(charge=replace(charge, following=happening.after, kept=kept, failures=0))
+
+
+@_step.register
+def _(happening: Marked, charge: Charge) -> Step:
+    if charge.is_autonomous:
+        return Step(charge=charge)  # the mount changed hands meanwhile
+    kept, following = happening.kept, charge.following
+    if kept is not None:
+        # Numbers are given once.
+        last_track_id = max(kept.last_track_id, following.last_track_id)
+        following = replace(following, last_track_id=last_track_id)
+    return Step(charge=replace(charge, kept=kept, following=following))
+
+
+@_step.register
+def _(happening: Failed, charge: Charge) -> Step:
+    failures = charge.failures + 1
+    if charge.state == "FAULT":
+        return Step(charge=charge)
+    if happening.is_final or failures >= FAILURES_IN_A_ROW:
+        fault = Cause(kind="instrument", detail=happening.words)
+        return _keeping(_fault(charge, fault, "abort"), charge.tracked)
+    return Step(charge=replace(charge, failures=failures))
+
+
+@_step.register
+def _(happening: LimitMet, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge)
+    failures = charge.failures + 1
+    if failures >= FAILURES_IN_A_ROW:
+        return _fault(charge, Cause(kind="too many limits", detail=happening.words))
+    # What was followed has set, or stands behind the wall: the search goes on where it began.
+    # A hold stays a hold: what the operator has stopped does not go on by itself.
+    after = replace(
+        charge, following=charge.following.without_track("SEARCH"), kept=None, failures=failures
+    )
+    actions: tuple[Action, ...] = ("search home", "forget plate")
+    return Step(
+        charge=after, actions=actions, reason=Cause(kind="limit met", detail=happening.words)
+    )
+
+
+@_step.register
+def _(happening: ClockSet, charge: Charge) -> Step:
+    # A track lives by its times, and those before this are wrong; what was seen is still near.
+    if not charge.is_autonomous:
+        return Step(charge=without_kept(charge))
+    nothing = replace(charge.following.without_track("SEARCH"), dropped=())
+    after = replace(charge, following=nothing, kept=None)
+    actions: tuple[Action, ...] = ("start search", "forget plate")
+    return Step(
+        charge=after, actions=actions, reason=Cause(kind="clock set", step_s=happening.step_s)
+    )
+
+
+@_step.register
+def _(happening: NightEnded, charge: Charge) -> Step:
+    if not charge.is_responsible:
+        return Step(charge=charge)
+    actions: tuple[Action, ...] = ("abort", "park") if happening.parks else ("abort",)
+    return _enter(charge, "IDLE", Cause(kind="night ended", detail=happening.words), *actions)
+
+
+@_step.register
+def _(happening: NotPointing, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge)
+    reason = Cause(kind="not pointing", detail=happening.words)
+    return _keeping(_enter(charge, "IDLE", reason), charge.tracked)
+
+
+def without_kept(charge: Charge) -> Charge:
+    """The same once the track that was kept is too old to be followed again."""
+    is_resumable = charge.is_resumable and charge.state == "MANUAL"
+    return replace(charge, kept=None, is_resumable=is_resumable)
+
+
+def _keeping(entered: Step, kept: Following | None, *, is_resumable: bool = False) -> Step:
+    after = replace(entered.charge, kept=kept, is_resumable=is_resumable and kept is not None)
+    return replace(entered, charge=after)
+
+
+def _fault(charge: Charge, reason: Cause, *actions: Action) -> Step:
+    """A FAULT: whose affair the mount was, it remains."""
+    entered = _enter(charge, "FAULT", reason, *actions)
+    after = replace(entered.charge, was_autonomous=charge.is_autonomous)
+    return replace(entered, charge=after)
+
+
+def _enter(charge: Charge, state: LoopState, reason: Cause, *actions: Action) -> Step:
+    after = Charge(following=charge.following.without_track(state))
+    return Step(charge=after, actions=actions, reason=reason)

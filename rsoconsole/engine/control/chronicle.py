@@ -1,0 +1,131 @@
+"""What the loop puts on record, in order, each with the clock's present."""
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.engine.control.preview import closeup_of, preview_of
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.records import Closeup, Event, Frame, Record, Topic
+
+log = logging.getLogger(__name__)
+
+_LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
+
+
+class Recorder(Protocol):
+    """Where the loop puts what happened; must return at once and never raise."""
+
+    def append(self, record: Record, t_utc_ns: int) -> int:
+        """One record, in order."""
+
+    def save_frame(self, frame: Frame) -> bool:
+        """The pixels as the camera gave them."""
+
+    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """A small uint8 picture."""
+
+    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """A uint8 picture of a piece at full resolution."""
+
+
+class Chronicle:
+    """Writes records, frames and words; safe to use from any thread, never raises for a disk."""
+
+    def __init__(
+        self,
+        record: Recorder,
+        now_utc_ns: Callable[[], int],
+        on_record: Callable[[Record], None] | None = None,
+    ) -> None:
+        """``on_record`` hears every record, on the thread that appends it."""
+        self._record = record
+        self._on_record = on_record
+        self._now_utc_ns = now_utc_ns
+        self._seen_utc_ns = 0
+        self.frame_id = 0
+        """The exposure that what is said belongs to."""
+
+    def append(self, record: Record) -> None:
+        """One record, in order."""
+        self._record.append(record, self.last_utc_ns())
+        if self._on_record is not None:
+            self._on_record(record)
+
+    def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
+        """A line of the log in the operator's words."""
+        self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
+        log.log(_LOG_LEVELS[level], "%s", text)
+
+    def tell(self, records: Iterable[Record]) -> None:
+        """Records in order; words among them also into the program's log."""
+        for record in records:
+            self.append(record)
+            if isinstance(record, Event):
+                log.log(_LOG_LEVELS[record.level], "%s", record.text)
+
+    def keep(
+        self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None
+    ) -> None:
+        """The frame's small pictures, and its pixels where they are wanted.
+
+        ``place_px``: x and y about which a piece of it is kept at full resolution.
+        """
+        if is_wanted:
+            self._record.save_frame(frame)
+        self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
+        if place_px is not None:
+            (x0_px, y0_px), picture = closeup_of(frame.pixels, *place_px)
+            height_px, width_px = picture.shape
+            self.append(
+                Closeup(
+                    frame_id=frame.frame_id,
+                    x0_px=x0_px,
+                    y0_px=y0_px,
+                    width_px=width_px,
+                    height_px=height_px,
+                )
+            )
+            self._record.save_closeup(frame.frame_id, picture)
+
+    def last_utc_ns(self) -> int:
+        """The clock's present; where the clock is gone, the last instant it told."""
+        with contextlib.suppress(RsoconsoleError):
+            self._seen_utc_ns = self._now_utc_ns()
+        return self._seen_utc_ns
+
+
+@contextlib.contextmanager
+def warnings_on_record(chronicle: Chronicle, logger: str) -> Iterator[None]:
+    """Put every warning of a logger and of those below it on record, while this lasts.
+
+    What happens beside the loop (a process that died and was replaced before anybody missed it)
+    has no other way there.
+    """
+    handler = _OnRecord(chronicle)
+    logging.getLogger(logger).addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger(logger).removeHandler(handler)
+
+
+class _OnRecord(logging.Handler):
+    """Writes what it is handed into a chronicle."""
+
+    def __init__(self, chronicle: Chronicle) -> None:
+        super().__init__(logging.WARNING)
+        self._chronicle = chronicle
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line, from any thread."""
+        level: Literal["warning", "alarm"] = (
+            "alarm" if record.levelno >= logging.ERROR else "warning"
+        )
+        # Into the session alone: the log has it already.
+        text, frame_id = record.getMessage(), self._chronicle.frame_id
+        self._chronicle.append(Event(level=level, text=text, frame_id=frame_id))

@@ -1,0 +1,213 @@
+"""What the operator wants, on its way from the socket's threads to the loop."""
+
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from rsoconsole.config import Config
+from rsoconsole.control import IN_ENGINE, Request
+from rsoconsole.engine.aim import Happening, LimitMet, NightEnded, Stopped
+from rsoconsole.instruments import StopResult
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import CommandResult
+from rsoconsole.records import OperatorAction
+
+OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
+
+
+class OvertakenError(ValueError):
+    """STOP came between a command and its being heard."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm:
+    """Something that cut the loop short: an operator's STOP, a limit, the end of the night."""
+
+    happening: Happening
+    result: StopResult | None = None
+    """What the mount answered, where its motion was ended before the loop was told; None where
+    it was not, or where that broke."""
+    dropped: tuple[Request, ...] = ()
+    """Commands that waited when it came: STOP undoes them."""
+
+
+class CommandQueue:
+    """A queue of commands, and the flags that cut everything short.
+
+    The flags are plain attributes: a signal handler may set one at any instant.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: deque[Request] = deque()
+        self._alarms: deque[Alarm] = deque()
+        self._stops_under_way = 0
+        self._stops = 0
+        self._are_under_way = False
+        self._is_executing = False
+        self._cut_by: Happening | None = None
+        """What cut the loop short last."""
+        self._is_shutdown = False
+
+    def put(self, request: Request, on_taken: Callable[[], None] = lambda: None) -> None:
+        """Queue a command for the loop (any thread).
+
+        ``on_taken`` is called before the loop can see it. Raises OvertakenError where STOP has
+        come since it was given: with a stamp before it.
+        """
+        with self._lock:
+            is_late = request.stamp is not None and request.stamp < self._stops
+            if is_late and not request.command.survives_stop:
+                raise OvertakenError(text(OVERTAKEN))
+            on_taken()
+            self._waiting.append(request)
+
+    @property
+    def stops(self) -> int:
+        """How many STOPs there have been; limits and the end of the night do not count."""
+        return self._stops
+
+    def take_all(self) -> tuple[Request, ...]:
+        """All that wait, in order; they count as under way until ``finished`` or put back."""
+        with self._lock:
+            requests = tuple(self._waiting)
+            self._waiting.clear()
+            self._are_under_way = bool(requests)
+        return requests
+
+    def finished(self) -> None:
+        """What was taken last is done, refused or dropped."""
+        self._are_under_way = False
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether nothing waits or is under way that may change what can be asked for."""
+        with self._lock:
+            return not (self._waiting or self._are_under_way or self.is_stopping)
+
+    def stop(self, happening: Happening, abort: Callable[[], StopResult]) -> StopResult:
+        """Raise the flag, then stop the mount, then keep what came of it for the record.
+
+        From the first instant on the loop gives no order to the mount any more.
+        """
+        with self._lock:
+            self._stops_under_way += 1
+            self._stops += isinstance(happening, Stopped)
+            self._cut_by = happening
+            dropped = tuple(r for r in self._waiting if is_undone(r, happening))
+            self._waiting = deque(r for r in self._waiting if r not in dropped)
+        result: StopResult | None = None
+        try:
+            result = abort()
+        finally:
+            # Also where the abort broke: the loop must hear what happened.
+            with self._lock:
+                self._alarms.append(Alarm(happening=happening, result=result, dropped=dropped))
+                self._stops_under_way -= 1
+        return result
+
+    def interrupt(self, happening: Happening) -> None:
+        """Cut the loop short for something that it must act on itself (any thread)."""
+        with self._lock:
+            self._cut_by = happening
+            self._alarms.append(Alarm(happening=happening))
+
+    def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
+        """These were taken and not executed: they wait again, before all others.
+
+        Gives those that do not, since what cut in undoes them, and what came of them.
+        """
+        with self._lock:
+            cut_by = self._cut_by if self.is_stopping else None
+            dropped = tuple(r for r in requests if cut_by is not None and is_undone(r, cut_by))
+            self._waiting.extendleft(r for r in reversed(requests) if r not in dropped)
+            self._are_under_way = False
+        return dropped, OVERTAKEN if cut_by is None else dropped_by(cut_by)
+
+    @contextlib.contextmanager
+    def executing(self) -> Iterator[None]:
+        """While a command is executed no other one cuts it short; STOP and alarms do."""
+        self._is_executing = True
+        try:
+            yield
+        finally:
+            self._is_executing = False
+
+    def take_alarms(self) -> tuple[Alarm, ...]:
+        """What has cut the loop short since last asked, in order."""
+        with self._lock:
+            alarms = tuple(self._alarms)
+            self._alarms.clear()
+        return alarms
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether a stop is under way, or an alarm has not been taken notice of."""
+        return self._stops_under_way > 0 or bool(self._alarms)
+
+    def request_shutdown(self) -> None:
+        """The engine is to end after a safe stop."""
+        self._is_shutdown = True
+
+    @property
+    def is_shutdown(self) -> bool:
+        """Whether the engine is to end."""
+        return self._is_shutdown
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether the loop is to drop what it does and look here."""
+        if self._is_shutdown or self.is_stopping:
+            return True
+        if self._is_executing:
+            return False
+        with self._lock:
+            return any(request.command.is_urgent for request in self._waiting)
+
+
+def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
+    """The command and its outcome for the record."""
+    command = request.command
+    return OperatorAction(
+        verb=command.verb, arguments=command.arguments(), outcome=outcome, by=request.by
+    )
+
+
+def is_undone(request: Request, happening: Happening) -> bool:
+    """Whether what cuts the loop short undoes a command that has not been executed."""
+    if isinstance(happening, Stopped):
+        return not request.command.survives_stop
+    return request.command.moves_mount
+
+
+def dropped_by(happening: Happening) -> CommandResult:
+    """What came of a command that waited and was not executed."""
+    if isinstance(happening, Stopped):
+        return OVERTAKEN
+    is_limit = isinstance(happening, LimitMet)
+    return CommandResult(kind="dropped", dropped_by="limit met" if is_limit else "night ended")
+
+
+def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
+    """What cut the loop short, in the operator's words.
+
+    ``is_stopped_again``: the loop's own stop, which follows every alarm, was confirmed.
+    """
+    happening = alarm.happening
+    if isinstance(happening, LimitMet):
+        return f"limit: {happening.words}; motion and tracking ended"
+    if isinstance(happening, NightEnded):
+        return f"the night ends: {happening.words}; armed again only when asked"
+    result = alarm.result
+    told = ""
+    if result is not None and result.ordered_ms is not None:
+        told = f", ordered in {result.ordered_ms:.0f} ms"
+    if not (is_stopped_again or (result is not None and result.stopped)):
+        return f"STOP was not confirmed by the mount{told}: cut its power"
+    if result is not None and result.stopped:
+        told += f", confirmed in {result.ms:.0f} ms"
+        told += "" if result.ordered_ms is None else f" ({IN_ENGINE})"
+    after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
+    return f"STOP: motion ended{told}; disarmed, {after[config.mount.after_stop]}"

@@ -1,0 +1,130 @@
+"""Takes the exposures of the loop, one after another, and numbers them."""
+
+import time
+from collections.abc import Callable
+from typing import NoReturn
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim import NS, Hands, Interrupted, LimitMet, Plan, Planner
+from rsoconsole.engine.control.chronicle import Chronicle
+from rsoconsole.engine.control.command_queue import CommandQueue
+from rsoconsole.engine.control.frame_times import FrameTimes
+from rsoconsole.engine.control.watch import Watch
+from rsoconsole.instruments import StopResult
+from rsoconsole.instruments.camera import ARRIVED_KEY
+from rsoconsole.pipeline.cycle import taken_record
+from rsoconsole.records import Frame, LoopState
+
+
+class Exposures:
+    """From a plan to a frame on record."""
+
+    def __init__(  # noqa: PLR0917 -- one call, each argument a part of the engine
+        self,
+        hands: Hands,
+        planner: Planner,
+        watch: Watch,
+        chronicle: Chronicle,
+        queue: CommandQueue,
+        config: Config,
+    ) -> None:
+        self.frame_id = 0
+        """Number of the exposure begun last."""
+        self.next_start_utc_ns: int | None = None
+        """When the next exposure is to begin; None while the shutter is open, or nobody knows."""
+        self.open_until_utc_ns: int | None = None
+        """When the shutter closes; None while it is closed."""
+        self.frame_times = FrameTimes()
+        self.on_camera_set: Callable[[float], None] = lambda _step_s: None
+        """Called when the camera's clock turns out to have been set, by so many seconds."""
+        self._hands = hands
+        self._planner = planner
+        self._watch = watch
+        self._chronicle = chronicle
+        self._queue = queue
+        self._config = config
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def take(self, plan: Plan) -> tuple[Frame, float]:
+        """The frame, and how many milliseconds ago its last byte came.
+
+        No exposure begins that sidereal tracking would end behind a limit: tracking is stopped
+        then. Raises Interrupted for that and for whoever wants the loop, InstrumentError when no
+        frame comes.
+        """
+        self.next_start_utc_ns = plan.t_start_utc_ns
+        self._hands.wait_until(plan.t_start_utc_ns)
+        exposure = self._config.exposure
+        opened_ns = self._hands.now_utc_ns()
+        end_ns = opened_ns + round((exposure.start_latency_s + exposure.exposure_s) * NS)
+        ahead = self._watch.limit_before(end_ns)
+        if ahead is not None:
+            self.end_at_limit(f"before the end of this exposure: {ahead.text}")
+        self.frame_id += 1
+        self._chronicle.frame_id = self.frame_id
+        self.open_until_utc_ns, self.next_start_utc_ns = end_ns, None
+        try:
+            frame = self._hands.expose(opened_ns, self.frame_id)
+        finally:
+            self.open_until_utc_ns = None
+        self._expect_believable(frame, opened_ns)
+        arrived_s = frame.header.get(ARRIVED_KEY)
+        read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
+        self._chronicle.append(taken_record(frame, plan.blocked))
+        for text in self._hands.instruments.camera.take_messages():
+            self._chronicle.say("info", f"camera: {text}")
+        clocks_apart = self._planner.exposed(frame, opened_ns)
+        if clocks_apart is not None:
+            self._chronicle.say("warning", clocks_apart)
+        return frame, read_ms
+
+    def _expect_believable(self, frame: Frame, opened_ns: int) -> None:
+        """Raises Interrupted for a frame whose time does not go with those before it."""
+        if frame.t_start_utc_ns is None:
+            return
+        found = self.frame_times.judge(frame.t_start_utc_ns, opened_ns)
+        if found.is_set:
+            self.on_camera_set(found.off_s)
+        if not found.is_believed:
+            words = f"frame {frame.frame_id} is not followed: by the camera's clock it began"
+            self._chronicle.say(
+                "alarm", f"{words} {found.off_s:+.1f} s from when it was ordered", "clock"
+            )
+            raise Interrupted
+
+    def pass_readout_time(self, frame: Frame) -> None:
+        """Read-out costs virtual time, not the wall's: fewer pixels their part of it."""
+        optics, share = self._config.optics, 1.0
+        if frame.camera is not None:
+            share = frame.width_px * frame.height_px / (optics.width_px * optics.height_px)
+        self._pass(min(share, 1.0) * self._config.exposure.readout_s)
+
+    def pass_processing_time(self) -> None:
+        """Processing costs virtual time, not the wall's: stopwatches stand still."""
+        self._pass(self._config.indi.simulated_latency_s)
+
+    def _pass(self, pause_s: float) -> None:
+        if self._hands.instruments.clock.is_simulated:
+            self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
+
+    def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
+        """The frame's small pictures, and its pixels where the configuration wants them."""
+        wanted = self._config.session.keep_frames
+        is_wanted = wanted in {"all", "last"} or (
+            wanted == "detected" and state in ("ACQUIRE", "TRACK")
+        )
+        self._chronicle.keep(frame, is_wanted=is_wanted, place_px=place_px)
+
+    def end_at_limit(self, words: str) -> NoReturn:
+        """End motion and tracking for a limit. Raises Interrupted: the loop is to hear of it."""
+        self._queue.stop(LimitMet(words=words), self._end_tracking)
+        raise Interrupted
+
+    def _end_tracking(self) -> StopResult:
+        mount = self._hands.instruments.mount
+        result = mount.abort()
+        mount.set_tracking(False)
+        return result

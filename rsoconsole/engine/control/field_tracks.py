@@ -1,0 +1,102 @@
+"""The tracks of the field at one instant, and the next aim because of them. Pure."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from rsoconsole.config import Config
+from rsoconsole.control import NextAim, TrackNow
+from rsoconsole.engine.aim import Ahead
+from rsoconsole.pipeline.aim import tracks_inside
+from rsoconsole.pipeline.cycle import Shown
+from rsoconsole.records import Measurement
+from rsoconsole.tracking.association import Following, Tracked
+from rsoconsole.tracking.initiation import ON_TRIAL
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AimAhead:
+    """The aim of the next exposure but one, and which tracks are then in its field."""
+
+    aim: NextAim
+    inside: frozenset[int]
+    """By track id."""
+
+
+def aim_ahead(ahead: Ahead | None, following: Following, config: Config) -> AimAhead | None:
+    """What the planner looks ahead to, as it is told; None where nothing is followed."""
+    if ahead is None:
+        return None
+    states = [each.track for each in following.tracks]
+    inside = tracks_inside(
+        states,
+        ahead.lead,
+        ahead.direction,
+        ahead.t_mid_utc_ns,
+        field_deg=config.optics.field_deg,
+        exposure_s=config.exposure.exposure_s,
+        settings=config.filter,
+    )
+    ra_icrs_deg, dec_icrs_deg = ahead.direction
+    aim = NextAim(
+        ra_icrs_deg=ra_icrs_deg % 360.0,
+        dec_icrs_deg=dec_icrs_deg,
+        t_utc_ns=ahead.t_mid_utc_ns,
+        policy="lead" if config.filter.preset == "paper" else config.aim.policy,
+        reason=ahead.reason,
+        moves_arcmin=60.0 * ahead.way_deg if ahead.is_slew else None,
+    )
+    known = zip(states, inside, strict=True)
+    return AimAhead(aim=aim, inside=frozenset(t.track_id for t, is_in in known if is_in))
+
+
+def tracks_now(
+    following: Following,
+    names: Mapping[int, str],
+    shown_of: Callable[[int], Shown],
+    now_utc_ns: int,
+    ahead: AimAhead | None,
+) -> tuple[TrackNow, ...]:
+    """All tracks by their numbers.
+
+    ``names``: of identified ones, by track id. ``shown_of``: what one of the last frames showed,
+    ValueError for others.
+    """
+    return tuple(
+        replace(
+            _now(each, shown_of, now_utc_ns),
+            name=names.get(each.track.track_id),
+            is_in_next_field=None if ahead is None else each.track.track_id in ahead.inside,
+        )
+        for each in sorted(following.tracks, key=lambda one: one.track.track_id)
+    )
+
+
+def _now(each: Tracked, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
+    track, taken = each.track, each.taken
+    is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
+    residual = None if track.misses else track.innovation_arcsec
+    return TrackNow(
+        track_id=track.track_id,
+        is_lead=track.is_lead,
+        state="COAST" if track.misses else "trial" if is_on_trial else "TRACK",
+        misses=track.misses,
+        is_kept=each.is_kept,
+        age_s=max(now_utc_ns - each.since_utc_ns, 0) / NS_PER_S if each.since_utc_ns else None,
+        residual_east_arcsec=None if residual is None else residual[0],
+        residual_north_arcsec=None if residual is None else residual[1],
+        nis=None if track.misses else track.nis,
+        snr=None if taken is None else _snr_of(taken, shown_of),
+    )
+
+
+def _snr_of(taken: Measurement, shown_of: Callable[[int], Shown]) -> float | None:
+    """Of the streak that was measured; None where its light was not, or its frame is long past."""
+    try:
+        found = shown_of(taken.frame_id).detections
+    except ValueError:
+        return None
+    streaks = (*found.detections, *(each.detection for each in found.rejected))
+    at = (taken.x_px, taken.y_px)
+    return next((s.snr or None for s in streaks if (s.x_px, s.y_px) == at), None)

@@ -1,0 +1,145 @@
+"""Exposure and cadence for the rate of what is followed, within configured bounds.
+
+A streak of a few pixels has no direction, and one as long as the frame is cut as often as not; what
+crosses half the field between two exposures is lost where one prediction fails. Where the settings
+of the night lead there, others are taken until the track ends, on record. What the operator sets
+meanwhile stands.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import Config, OpticsConfig
+from rsoconsole.engine.control.tunables import change_record, changed
+from rsoconsole.records import ParameterChange, TrackState
+from rsoconsole.tracking.filters import sky_rate_arcsec_s
+
+SHORTEST_PX = 40.0
+"""A streak of so many pixels has a direction of a degree or two."""
+LONGEST_SHARE = 1.0 / 3.0
+"""Of the frame's shorter side."""
+_INSIDE = 1.25
+"""By how much inside these lengths a new exposure aims: the next rate is another one."""
+_WORTH_CHANGING = 0.2
+FARTHEST_FIELDS = 0.5
+"""Of the shorter side of the field, which it may cross from one exposure to the next."""
+EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What suits a rate."""
+
+    exposure_s: float
+    cadence_s: float
+
+
+def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
+    """Exposure and cadence for a rate on the sky; the configured ones where they will do."""
+    exposure, optics = config.exposure, config.optics
+    pixels_s = max(rate_arcsec_s / optics.scale_arcsec_px, 1e-6)
+    longest_px = LONGEST_SHARE * min(optics.width_px, optics.height_px)
+    exposure_s = exposure.exposure_s
+    if pixels_s * exposure_s > longest_px:
+        exposure_s = longest_px / _INSIDE / pixels_s
+    elif pixels_s * exposure_s < SHORTEST_PX <= pixels_s * exposure.longest_s:
+        # Where no exposure makes a streak of it a longer one would only collect more sky.
+        exposure_s = _INSIDE * SHORTEST_PX / pixels_s
+    if exposure_s != exposure.exposure_s:
+        shortest_s = min(exposure.shortest_s, exposure.exposure_s)
+        longest_s = max(exposure.longest_s, exposure.exposure_s)
+        exposure_s = min(max(_rounded(exposure_s), shortest_s), longest_s)
+    return Wanted(exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config))
+
+
+def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float:
+    exposure, mount = config.exposure, config.mount
+    # What an exposure of this length needs beside itself, at the least.
+    beside_s = exposure.start_latency_s + exposure.readout_s + mount.settle_s + 1.0
+    cadence_s = exposure.cadence_s
+    if exposure_s > exposure.exposure_s:
+        cadence_s += exposure_s - exposure.exposure_s
+    crossed_s = FARTHEST_FIELDS * _field_arcsec(config.optics) / max(rate_arcsec_s, 1e-6)
+    if crossed_s < cadence_s:
+        cadence_s = min(cadence_s, max(crossed_s, exposure_s + beside_s))
+    return cadence_s if cadence_s == exposure.cadence_s else round(cadence_s, 1)
+
+
+def _field_arcsec(optics: OpticsConfig) -> float:
+    return 3600.0 * min(optics.field_deg)
+
+
+def _rounded(value_s: float) -> float:
+    """To two digits: what an operator would have chosen."""
+    return float(np.format_float_positional(value_s, precision=2, fractional=False))
+
+
+class Pace:
+    """Sets both while a track lasts, and sets them back."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, float] = {}
+        self._own: dict[str, float] = {}
+        self._is_left_alone = False
+        """The operator has set one of them since the track began."""
+
+    def after(
+        self, config: Config, track: TrackState | None
+    ) -> tuple[Config, tuple[ParameterChange, ...]]:
+        """The configuration for the next exposure, and what changes in it.
+
+        ``track``: as the last frame left it; None where nothing is followed.
+        """
+        for name, value in list(self._own.items()):
+            if _value(config, name) != value:
+                self._is_left_alone = True
+                self._before.pop(name)
+                self._own.pop(name)
+        if track is None or not _may_change(config):
+            self._is_left_alone = False
+            return self._changed_to(config, dict(self._before), "the end of the track")
+        if self._is_left_alone or track.innovations < 1:
+            return config, ()
+        base = config
+        for name, value in self._before.items():
+            base = changed(base, name, value)
+        east, north = sky_rate_arcsec_s(track)
+        rate = float(np.hypot(east, north))
+        found = wanted(rate, base)
+        values = {EXPOSURE: found.exposure_s, CADENCE: found.cadence_s}
+        apart = {
+            name: value
+            for name, value in values.items()
+            if value == _value(base, name)
+            or abs(value / _value(config, name) - 1.0) > _WORTH_CHANGING
+        }
+        return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
+
+    def _changed_to(
+        self, config: Config, values: dict[str, float], by: str
+    ) -> tuple[Config, tuple[ParameterChange, ...]]:
+        changes = []
+        for name, value in values.items():
+            if value == _value(config, name):
+                continue
+            after = changed(config, name, value)
+            changes.append(change_record(config, after, name, by))
+            if self._before.setdefault(name, _value(config, name)) == value:
+                self._before.pop(name)
+                self._own.pop(name, None)
+            else:
+                self._own[name] = value
+            config = after
+        return config, tuple(changes)
+
+
+def _may_change(config: Config) -> bool:
+    """The paper's night has one exposure, and a dark that cannot be scaled fits one only."""
+    is_dark_fixed = bool(config.calibration.darks) and config.calibration.bias is None
+    return config.exposure.automatic and config.filter.preset != "paper" and not is_dark_fixed
+
+
+def _value(config: Config, name: str) -> float:
+    section, _, key = name.partition(".")
+    return float(getattr(getattr(config, section), key))

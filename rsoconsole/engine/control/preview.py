@@ -1,0 +1,105 @@
+"""Two small pictures a frame: all of it, and what matters in it at full resolution."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.pipeline.frame import Reduction
+from rsoconsole.records import Frame, PixelArray, Solution, Wcs
+from rsoconsole.sky import sky_to_pixel
+from rsoconsole.tracking.association import Following
+
+LONG_SIDE_PX = 466
+STEPS = 0xF8
+"""Of 256: a third of the noise's sigma each, a third of the disk."""
+CLOSEUP_PX = (256, 192)
+"""Columns and rows of a close-up: a geostationary streak of 10 s, and sky about it."""
+
+
+def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
+    """Area-averaged to at most 466 px and stretched by asinh about the median; (h, w) uint8."""
+    import cv2
+
+    height, width = pixels.shape
+    shrink = max(1.0, max(height, width) / LONG_SIDE_PX)
+    size = (max(1, round(width / shrink)), max(1, round(height / shrink)))
+    return _stretched(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA))
+
+
+def place_of_interest(reduction: Reduction, following: Following) -> tuple[float, float] | None:
+    """Where in a frame (x, y, px) its close-up belongs; None where nothing speaks for any place.
+
+    On what is followed, else where it was expected, else on the most confident candidate.
+    """
+    found, taken, track = reduction.detections, following.taken, following.track
+    if taken is not None and taken.frame_id == found.frame_id:
+        return taken.x_px, taken.y_px
+    if track is not None and isinstance(reduction.solution, Solution):
+        x_px, y_px = (
+            float(v) for v in sky_to_pixel(reduction.solution.wcs, track.x[0], track.x[2])
+        )
+        if 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px:
+            return x_px, y_px
+    candidates = [*found.detections, *(each.detection for each in found.rejected)]
+    best = max(candidates, key=lambda d: d.confidence, default=None)
+    return None if best is None else (best.x_px, best.y_px)
+
+
+class PlacesOfInterest:
+    """The same, also for a frame without stars: by the plate of the last one that had some."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Wcs, float, float] | None = None
+        """Its plate, and where the mount said that it pointed then, degrees."""
+
+    def of(
+        self, frame: Frame, reduction: Reduction, following: Following
+    ) -> tuple[float, float] | None:
+        """Where in a frame (x, y, px) its close-up belongs; None: nothing speaks for any place."""
+        ra, dec, solution = (
+            *(frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg),
+            reduction.solution,
+        )
+        if isinstance(solution, Solution):
+            self._last = None if ra is None or dec is None else (solution.wcs, ra, dec)
+            return place_of_interest(reduction, following)
+        track = following.track
+        if track is None or self._last is None or ra is None or dec is None:
+            return place_of_interest(reduction, following)
+        wcs, ra_then, dec_then = self._last
+        moved = replace(
+            wcs,
+            crval_ra_deg=(wcs.crval_ra_deg + ra - ra_then) % 360.0,
+            crval_dec_deg=wcs.crval_dec_deg + dec - dec_then,
+        )
+        x_px, y_px = (float(v) for v in sky_to_pixel(moved, track.x[0], track.x[2]))
+        found = reduction.detections
+        is_within = 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px
+        return (x_px, y_px) if is_within else place_of_interest(reduction, following)
+
+
+def closeup_of(
+    pixels: PixelArray, x_px: float, y_px: float
+) -> tuple[tuple[int, int], npt.NDArray[np.uint8]]:
+    """A piece of the frame about a place, unbinned: ((first column, first row), (h, w) uint8).
+
+    At the frame's edge it is moved inwards; of a smaller frame it is all.
+    """
+    height, width = pixels.shape
+    columns, rows = min(CLOSEUP_PX[0], width), min(CLOSEUP_PX[1], height)
+    x0 = int(min(max(round(x_px - columns / 2.0), 0), width - columns))
+    y0 = int(min(max(round(y_px - rows / 2.0), 0), height - rows))
+    return (x0, y0), _stretched(pixels[y0 : y0 + rows, x0 : x0 + columns])
+
+
+def _stretched(pixels: PixelArray) -> npt.NDArray[np.uint8]:
+    """By asinh about the median, from 2 sigma below it to 55 above."""
+    small = pixels.astype(np.float32)
+    sample = small[::4, ::4]
+    median = float(np.median(sample))
+    noise = 1.4826 * float(np.median(np.abs(sample - median))) or 1.0
+    stretched = np.arcsinh((small - median) / (2.0 * noise))
+    low, high = -1.0, 4.0
+    codes = np.clip((stretched - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    return np.asarray(codes & np.uint8(STEPS))

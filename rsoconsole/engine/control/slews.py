@@ -1,0 +1,155 @@
+"""The loop's slews: planned, held against the limits, ordered, and finished."""
+
+from dataclasses import replace
+
+from rsoconsole.engine.aim import FAR_OFF_DEG, POLL_NS, Hands, Plan, Planner, StoppedElsewhere
+from rsoconsole.engine.control.chronicle import Chronicle
+from rsoconsole.engine.control.watch import Watch
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments import MountReport
+from rsoconsole.pipeline.aim import slew_to
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import SlewCommand
+from rsoconsole.sky import separation_deg
+from rsoconsole.sky.limits import LimitName, Pose
+from rsoconsole.tracking.association import Following
+
+
+class NowhereError(RsoconsoleError):
+    """Every place of the search is refused."""
+
+    def __init__(self, words: str, *, is_dawn: bool) -> None:
+        super().__init__(words)
+        self.is_dawn = is_dawn
+        """Until the end of an exposure the Sun will be too high."""
+
+
+class Slews:
+    """Knows the planner, the limits and the hands, so that the loop need not."""
+
+    def __init__(self, hands: Hands, planner: Planner, watch: Watch, chronicle: Chronicle) -> None:
+        self._hands = hands
+        self._planner = planner
+        self._watch = watch
+        self._chronicle = chronicle
+        self._told: tuple[SlewCommand, tuple[float, float]] | None = None
+        """The slew ordered last, and what the mount was told for it."""
+
+    def order_next(self, following: Following, *, is_held: bool) -> Plan:
+        """Where and when the next exposure is; the mount is on its way when this returns.
+
+        Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
+        has moved the mount, Interrupted instead of moving.
+        """
+        self._expect_mount_where_left(self._hands.mount_report())
+        plan = self._planner.plan(following, self._hands.now_utc_ns(), self._refusal_of)
+        for _, why in plan.refused:
+            self._chronicle.say("warning", f"slew refused: {text(why)}")
+        if plan.slew is None:
+            if plan.refused and following.track is None:
+                # Twilight is everywhere at once; a wall may be in the way before it is asked for.
+                dawn = next((w for _, w in plan.refused if w.kind == "twilight"), None)
+                raise NowhereError(text(dawn or plan.refused[0][1]), is_dawn=dawn is not None)
+            return plan
+        if is_held:
+            return replace(plan, slew=None)
+        self._order(plan.slew)
+        return plan
+
+    def order(self, plan: Plan, *, t_until_utc_ns: int) -> SlewRefusal | None:
+        """Send the mount where a plan wants it until an instant, or say why not.
+
+        Raises StoppedElsewhere when somebody else has moved the mount, Interrupted instead of
+        moving.
+        """
+        if plan.slew is None:
+            return None
+        self._expect_mount_where_left(self._hands.mount_report())
+        refused = self._refusal_of(plan.slew, t_until_utc_ns)
+        if refused is None:
+            self._order(plan.slew)
+        return refused
+
+    def _order(self, slew: SlewCommand) -> None:
+        self._planner.last_report = None  # until it has arrived nobody knows where it is
+        to = self._planner.command(slew)
+        self._hands.order_slew(*to)
+        self._told = slew, to
+        self._chronicle.append(slew)
+
+    def finish(
+        self,
+        plan: Plan,
+        *,
+        is_held: bool,
+        poll_ns: int = POLL_NS,
+        settle_s: float | None = None,
+    ) -> bool:
+        """Wait until the mount is where the plan wants it; True when the last plate is void.
+
+        ``settle_s``: after its arrival; None for as long as configured.
+
+        Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when
+        it does not arrive.
+        """
+        if plan.slew is not None:
+            # A frame that came since may have taught another pointing offset.
+            slew, told = plan.slew, self._told
+            to = told[1] if told is not None and told[0] == slew else self._planner.command(slew)
+            report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns, settle_s=settle_s)
+            return self._planner.arrived(slew, report, to)
+        report = self._hands.mount_report()
+        if report.is_slewing:
+            # A hold came while the loop's own slew was under way, or somebody set the clock.
+            rested = self._hands.wait_for_rest()
+            if not is_held:
+                self._expect_mount_where_left(rested)
+            self._planner.moved_by_hand(rested)
+            return True
+        self._expect_mount_where_left(report)
+        return False
+
+    def _expect_mount_where_left(self, report: MountReport) -> None:
+        known = self._planner.last_report
+        if known is None or report.is_slewing:
+            return
+        off_deg = separation_deg(
+            report.ra_icrs_deg, report.dec_icrs_deg, known.ra_icrs_deg, known.dec_icrs_deg
+        )
+        if off_deg > FAR_OFF_DEG:
+            raise StoppedElsewhere(f"the mount stands {off_deg:.1f} deg from where it was left")
+
+    def refuse_direction(
+        self, direction: tuple[float, float], now_utc_ns: int
+    ) -> SlewRefusal | None:
+        """Why the telescope must not look there now; None when it may."""
+        command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
+        return self.refusal(command, now_utc_ns, now_utc_ns)
+
+    def refusal(
+        self,
+        to_icrs_deg: tuple[float, float],
+        t_aim_utc_ns: int,
+        t_until_utc_ns: int,
+        lifted: frozenset[LimitName] = frozenset(),
+    ) -> SlewRefusal | None:
+        """Why the mount must not go there; the same limits for the loop and for the operator."""
+        start = self._hands.mount_report()
+        refusal = self._watch.limits.refuse_slew(
+            Pose(
+                t_utc_ns=self._hands.now_utc_ns(),
+                ra_icrs_deg=start.ra_icrs_deg,
+                dec_icrs_deg=start.dec_icrs_deg,
+                pier_side=start.pier_side,
+            ),
+            *to_icrs_deg,
+            t_aim_utc_ns=t_aim_utc_ns,
+            t_until_utc_ns=t_until_utc_ns,
+            lifted=self._watch.lifted_limits() | lifted,
+        )
+        return None if refusal is None else refusal.reason
+
+    def _refusal_of(self, slew: SlewCommand, t_until_utc_ns: int) -> SlewRefusal | None:
+        """Why the limits forbid a slew of the loop; None when they do not."""
+        return self.refusal(self._planner.command(slew), slew.t_aim_utc_ns, t_until_utc_ns)

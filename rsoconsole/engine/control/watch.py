@@ -1,0 +1,305 @@
+"""Looks at the mount once a second, whoever moves it, and ends what must not go on.
+
+On a real telescope a thread of its own looks, so that a loop that waits for a solver or a camera
+cannot keep it from looking. Under simulation time passes only while the loop waits, so the loop
+itself looks at every step of a wait. The watch acts first and tells the loop afterwards.
+"""
+
+import contextlib
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim import LimitMet, NightEnd, NightEnded, lasting_overrides, night_end
+from rsoconsole.engine.control.command_queue import CommandQueue
+from rsoconsole.engine.machine import notify
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments import Instruments, MountReport, StopResult
+from rsoconsole.records import Event
+from rsoconsole.sky import separation_deg
+from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+
+log = logging.getLogger(__name__)
+
+NS = 1_000_000_000
+EVERY_S = 1.0
+SILENCE_S = 5.0
+"""How long a mount's report is waited for."""
+AHEAD_S = 6 * 3600.0
+FORECAST_HOLDS_NS = 300 * NS
+MOVED_DEG = 0.05
+STOOD_STILL_S = 5.0
+LOOP_SILENCE_S = 180.0
+"""No camera, solver or mount keeps the loop waiting for so long, as long as their own time limits
+are the usual ones: beyond it, the loop hangs."""
+LIFTS: dict[str, LimitName] = {"sun": "twilight"}
+"""Which limit an override of the arming checklist lifts."""
+ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")
+
+
+class Watch:
+    """One look is ``look()``; ``run()`` looks at 1 Hz until told to end."""
+
+    def __init__(
+        self,
+        instruments: Instruments,
+        config: Config,
+        queue: CommandQueue,
+        say: Callable[[Event], None],
+    ) -> None:
+        """``say``: puts a line on the record, from any thread."""
+        self._instruments = instruments
+        self._config = config
+        self._queue = queue
+        self._say = say
+        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
+        self._lifted: frozenset[str] = frozenset()
+        self._is_responsible = False
+        self._lock = threading.Lock()
+        """Over the two above, which the loop sets and the watch's thread thins out."""
+        self._told: dict[str, str] = {}
+        self._forecast_of: MountReport | None = None
+        self.last_report: MountReport | None = None
+        """What the mount said at the last look."""
+        self.is_blind = False
+        """The mount did not answer at the last look."""
+        self._last_pose: Pose | None = None
+        self._next: tuple[int, Refusal] | None = None
+        self._end = threading.Event()
+        self._loop_heard_s = time.monotonic()
+
+    @property
+    def limits(self) -> Limits:
+        """The limits that every slew and every position is held against."""
+        return self._limits
+
+    @property
+    def next_limit(self) -> tuple[int, Refusal] | None:
+        """When sidereal tracking meets a limit, and which; None when none is near."""
+        return self._next
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
+
+    @property
+    def lifted(self) -> frozenset[str]:
+        """Checks that the operator has overridden by name, as long as their reason stands."""
+        return self._lifted
+
+    def take_charge(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
+        """Whether the mount is autonomy's affair, so that the end of the night concerns it.
+
+        ``lifted``: checks that are overridden by name from now on; None: those that were.
+        """
+        with self._lock:
+            self._is_responsible = is_responsible
+            if lifted is not None:
+                self._lifted = lifted
+
+    def lifted_limits(self) -> frozenset[LimitName]:
+        """Limits that an override of the checklist has lifted."""
+        return frozenset(LIFTS[name] for name in self._lifted if name in LIFTS)
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[None]:
+        """A thread that looks at 1 Hz; none under simulation, where the loop looks itself."""
+        if self._instruments.clock.is_simulated:
+            yield
+            return
+        thread = threading.Thread(target=self._run, daemon=True, name="watch")
+        thread.start()
+        try:
+            yield
+        finally:
+            self._end.set()
+            thread.join(SILENCE_S + 1.0)
+
+    def _run(self) -> None:
+        looked_s = time.monotonic()
+        while not self._end.wait(EVERY_S):
+            if time.monotonic() - looked_s > STOOD_STILL_S:
+                # Nothing ran, this watch no more than the loop: that is no loop that hangs.
+                self._loop_heard_s = time.monotonic()
+            self.look()
+            looked_s = time.monotonic()
+
+    def hear_loop(self) -> None:
+        """The loop is alive: it says so at every step of a wait."""
+        self._loop_heard_s = time.monotonic()
+        if self._instruments.clock.is_simulated:
+            self.look()
+
+    def look(self) -> None:
+        """One look at mount, sky and weather; never raises."""
+        try:
+            self._look_at_the_loop()
+            now_ns = self._instruments.clock.now_utc_ns()
+            self._look_at_the_sky(now_ns)
+            self._look_at_the_mount(now_ns)
+            self._told.pop("watch", None)
+            self.is_blind = False
+        except RsoconsoleError as error:
+            self.is_blind = True
+            self._tell_once("watch", "alarm", f"nobody can tell where the mount is: {error}")
+        except Exception:
+            # A fault of the watch must be loud, and must not end the watching.
+            log.exception("the watch broke")
+            self._tell_once("watch", "alarm", "the watch over the limits broke: see the log")
+
+    def is_loop_alive(self) -> bool:
+        """Whether the loop has said so of late; from any thread."""
+        silent_s = time.monotonic() - self._loop_heard_s
+        frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
+        return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
+
+    def _look_at_the_loop(self) -> None:
+        if self.is_loop_alive():
+            notify("WATCHDOG=1")
+            self._told.pop("loop", None)
+            return
+        words = "the loop hangs: frames have ended, the limits are still watched; restart it"
+        self._tell_once("loop", "alarm", words)
+
+    def limit_before(self, t_utc_ns: int) -> Refusal | None:
+        """The limit that tracking on meets before an instant; None when none."""
+        if self._next is None or self._next[0] > t_utc_ns:
+            return None
+        return self._next[1]
+
+    def refusal(self, report: MountReport, before: Pose | None = None) -> Refusal | None:
+        """The limit that forbids how the mount moves; None also where it stands or is parked.
+
+        ``before``: where it was at the look before this one.
+        """
+        if report.is_parked or not (report.is_slewing or report.is_tracking):
+            return None
+        return self._limits.refuse_pose(
+            _pose_of(report),
+            is_slewing=report.is_slewing,
+            lifted=self.lifted_limits(),
+            before=before,
+        )
+
+    def night_end(self) -> NightEnd | None:
+        """Why it is no night for telescopes at this moment; None where it is one."""
+        guard = self._instruments.guard
+        sky = None if guard is None else guard.look()
+        now_ns = self._instruments.clock.now_utc_ns()
+        return night_end(self._config, now_ns, sky, self._lifted)
+
+    def _look_at_the_mount(self, now_ns: int) -> None:
+        mount = self._instruments.mount
+        not_before = now_ns if self._instruments.clock.is_simulated else None
+        report = self.last_report = mount.report(not_before, SILENCE_S)
+        if report.is_parked:
+            self._next = self._forecast_of = self._last_pose = None
+            self._told.pop("limit", None)
+            mount.keep(self._config.mount.lease_s, None)
+            return
+        pose = _pose_of(report)
+        before, self._last_pose = self._last_pose, pose
+        if not (report.is_slewing or report.is_tracking):
+            self._look_at_a_standing_mount(pose)
+            mount.keep(self._config.mount.lease_s, None)
+            return
+        refusal = self.refusal(report, before)
+        if refusal is not None:
+            self._end_motion(report, refusal)
+            return
+        self._told.pop("limit", None)
+        self._look_ahead(report, pose)
+        mount.keep(self._config.mount.lease_s, None if self._next is None else self._next[0])
+
+    def _look_at_a_standing_mount(self, pose: Pose) -> None:
+        """Nothing moves that could be stopped; but the Sun may come to where it looks."""
+        self._next = self._forecast_of = None
+        self._told.pop("limit", None)
+        refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
+        if refusal is None:
+            self._told.pop("Sun", None)
+        else:
+            words = f"the telescope stands {refusal.text}: cover it, or park it"
+            self._tell_once("Sun", "alarm", words, is_same=True)
+
+    def _end_motion(self, report: MountReport, refusal: Refusal) -> None:
+        def abort() -> StopResult:
+            mount = self._instruments.mount
+            result = mount.abort()
+            if report.is_tracking and not report.is_slewing:
+                with contextlib.suppress(RsoconsoleError):
+                    mount.set_tracking(False)
+            return result
+
+        if self._told.get("limit") == refusal.limit and not report.is_slewing:
+            # Told before: it has started to track again without having been moved away.
+            with contextlib.suppress(RsoconsoleError):
+                abort()
+            return
+        self._told["limit"] = refusal.limit
+        self._queue.stop(LimitMet(words=refusal.text), abort)
+
+    def _look_ahead(self, report: MountReport, pose: Pose) -> None:
+        if report.is_slewing:
+            self._next = self._forecast_of = None
+            return
+        last = self._forecast_of
+        if (
+            last is not None
+            and last.pier_side == report.pier_side
+            and 0 <= report.t_utc_ns - last.t_utc_ns < FORECAST_HOLDS_NS
+            and separation_deg(
+                last.ra_icrs_deg, last.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
+            )
+            < MOVED_DEG
+        ):
+            return
+        self._next = self._limits.next_limit(pose, AHEAD_S, lifted=self.lifted_limits())
+        self._forecast_of = report
+
+    def _look_at_the_sky(self, now_ns: int) -> None:
+        guard = self._instruments.guard
+        sky = None if guard is None else guard.look()
+        if sky is not None and sky.weather == "warning" and "weather" not in self._lifted:
+            self._tell_once("weather", "warning", f"the weather station warns: {sky.detail}")
+        else:
+            self._told.pop("weather", None)
+        with self._lock:
+            self._lifted = lasting_overrides(self._config, now_ns, sky, self._lifted)
+            end = night_end(self._config, now_ns, sky, self._lifted)
+            is_ours = end is not None and self._is_responsible
+            if is_ours:
+                self._is_responsible = False
+        if end is None:
+            self._told.pop("night", None)
+        elif is_ours:
+            self._queue.interrupt(
+                NightEnded(
+                    words=end.detail,
+                    parks=self._config.mount.park_at_end,
+                    is_dawn=end.cause == "dawn",
+                )
+            )
+        elif end.cause != "dawn":
+            self._tell_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
+
+    def _tell_once(self, about: str, level: str, text: str, *, is_same: bool = False) -> None:
+        """Say it unless it was said; ``is_same``: also where only its figures have changed."""
+        told = self._told.get(about)
+        if told == text or (is_same and told is not None):
+            return
+        self._told[about] = text
+        assert level in ("warning", "alarm")
+        self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
+
+
+def _pose_of(report: MountReport) -> Pose:
+    return Pose(
+        t_utc_ns=report.t_utc_ns,
+        ra_icrs_deg=report.ra_icrs_deg,
+        dec_icrs_deg=report.dec_icrs_deg,
+        pier_side=report.pier_side,
+    )

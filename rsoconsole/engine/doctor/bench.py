@@ -1,0 +1,225 @@
+"""How fast this machine is: a frame through the product's own stages, until the time is up."""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import TypeAlias
+
+from rsoconsole.config import Config
+from rsoconsole.durable_files import write_durably
+from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
+from rsoconsole.errors import SessionError
+from rsoconsole.instruments.frames import frame_from_bytes
+from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.pipeline.cycle import Cycle
+from rsoconsole.pipeline.frame import FrameReducer, PlateFinder, Reduction
+from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.session.files import compress_frame
+from rsoconsole.tracking.association import Following
+from rsoconsole.vision.detector import ConfidenceCurve, Network
+from rsoconsole.vision.frame import threads_for
+
+BUDGET_S = 22.0
+"""For the rounds; drawing, loading and the first round come on top."""
+MOST_ROUNDS = 25
+SPARE_BYTES = 500_000_000
+"""The disk is left alone below this."""
+STAGES: Mapping[str, str] = {
+    "read": "FITS bytes to pixels",
+    "pattern": "offsets of rows and columns",
+    "background": "sky and noise, and the bins of map and stars",
+    "map": "what the network sees",
+    "stars": "beside map and network where there is a second thread",
+    "network": "proposes streaks",
+    "fit": "measures them",
+    "class": "says what they are",
+    "solve": "in full, by the solver's process",
+    "refit": "the last plate moved onto the stars, while nothing jumps",
+    "filter": "measurement and track",
+    "total": "last byte to the slew command, solved in full",
+    "total refit": "the same while following",
+    "compress": "the frame without loss, beside the loop",
+    "disk": "written to session.root and waited for",
+    "read back": "the compressed frame to pixels",
+}
+"""Every stage and what it is."""
+Times: TypeAlias = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchStage:
+    """One stage's times over the rounds."""
+
+    stage: str
+    median_ms: float
+    least_ms: float
+    largest_ms: float
+    repeats: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchResult:
+    """What was measured."""
+
+    stages: tuple[BenchStage, ...]
+    """In the order of ``STAGES``; what could not be measured is missing."""
+    threads: int
+    width_px: int
+    height_px: int
+    detections: int
+    compressed_bytes: int
+    notes: tuple[str, ...]
+    """What did not go as on a night, in words."""
+
+    def median_ms(self, stage: str) -> float | None:
+        """Of one stage; None where it was not measured."""
+        return next((each.median_ms for each in self.stages if each.stage == stage), None)
+
+
+def measure(
+    config: Config,
+    fits: bytes,
+    *,
+    tell: Callable[[str], None] = lambda _: None,
+    budget_s: float = BUDGET_S,
+    most_rounds: int = MOST_ROUNDS,
+) -> BenchResult:
+    """Put a frame, as a camera gives it, through every stage again and again.
+
+    At least once, however slow the machine is. ``tell`` is called with each step in words.
+    Raises FrameError, ModelError or SolverError as the engine would, SessionError where nothing
+    can be written.
+    """
+    tell("loading network, star index and catalogue")
+    network = Network.load(config.detector.model, config.detector.threads)
+    curve = ConfidenceCurve.from_card(network.card)
+    with (
+        PlateSolver(config.solver.index_dirs) as solver,
+        _scratch_folder(nearest_existing(config.session.root)) as scratch,
+    ):
+        finder = PlateFinder(solver, config)
+        bench = _Bench(Cycle(FrameReducer(network, curve, finder, config), config), scratch)
+        rounds: list[Times] = []
+        began_s = time.monotonic()
+        while len(rounds) < most_rounds:
+            round_began_s = time.monotonic()
+            rounds.append(bench.round(fits))
+            now_s = time.monotonic()
+            tell(f"round {len(rounds)}: {now_s - round_began_s:.1f} s")
+            if now_s - began_s + (now_s - round_began_s) > budget_s:
+                break
+    # The first round loads what the others find loaded.
+    counted = rounds[1:] if len(rounds) > 2 else rounds
+    return BenchResult(
+        stages=tuple(_stages(counted)),
+        threads=threads_for(config.detector.threads),
+        width_px=bench.size_px[0],
+        height_px=bench.size_px[1],
+        detections=bench.detections,
+        compressed_bytes=bench.compressed_bytes,
+        notes=tuple(dict.fromkeys(bench.notes)),
+    )
+
+
+class _Bench:
+    """One machine's stages, and what came of them last."""
+
+    def __init__(self, cycle: Cycle, scratch: Path) -> None:
+        self._cycle = cycle
+        self._scratch = scratch
+        self.size_px = 0, 0
+        self.detections = 0
+        self.compressed_bytes = 0
+        self.notes: list[str] = []
+
+    def round(self, fits: bytes) -> Times:
+        """Every stage once; those of the detector twice, and their mean is what counts."""
+        times: Times = {}
+        self._cycle.forget_plate()
+        first, frame = self._look(fits, times, "total")
+        second, _ = self._look(fits, times, "total refit")
+        for name in first:
+            times[name] = 0.5 * (first[name] + second[name])
+        self._record(frame, times)
+        return times
+
+    def _look(self, fits: bytes, times: Times, total: str) -> tuple[Times, Frame]:
+        """Last byte to what is followed; what the plate took goes under its own name."""
+        own: Times = {}
+        began_s = time.perf_counter()
+        frame = frame_from_bytes(fits, 1, "bench.fits")
+        own["read"] = (time.perf_counter() - began_s) * 1e3
+        reduction = self._cycle.run(frame, Following()).reduction
+        spent_ms = times[total] = (time.perf_counter() - began_s) * 1e3
+        own |= reduction.detections.stage_ms
+        reduce_ms = sum(reduction.stage_ms.values())
+        own["filter"] = max(spent_ms - own["read"] - reduce_ms, 0.0)
+        self._plate(reduction, times)
+        self.size_px = frame.width_px, frame.height_px
+        self.detections = len(reduction.detections.detections)
+        if not self.detections:
+            self.notes.append("the streak was not detected: following takes a little longer")
+        return own, frame
+
+    def _plate(self, reduction: Reduction, times: Times) -> None:
+        solution = reduction.solution
+        if isinstance(solution, Solution):
+            name = "solve" if solution.path == "full" else "refit"
+            times[name] = reduction.stage_ms["solve"]
+        elif isinstance(solution, NotSolved):
+            self.notes.append(f"not solved: {solution.reason}")
+
+    def _record(self, frame: Frame, times: Times) -> None:
+        with _timed(times, "compress"):
+            content = compress_frame(frame)
+        self.compressed_bytes = len(content)
+        with _timed(times, "read back"):
+            frame_from_bytes(content, 1, "bench.fits")
+        try:
+            if free_bytes(self._scratch) < SPARE_BYTES:
+                self.notes.append("the disk is nearly full: writing was not measured")
+                return
+            path = self._scratch / "frame.fits"
+            with _timed(times, "disk"):
+                write_durably(path, content)
+            path.unlink()
+        except OSError as error:
+            self.notes.append(f"the disk was not measured: {error.strerror or error}")
+
+
+@contextmanager
+def _scratch_folder(place: Path) -> Iterator[Path]:
+    """A folder on the disk that is recorded to, gone afterwards."""
+    try:
+        folder = tempfile.TemporaryDirectory(dir=place, prefix=".bench-")
+    except OSError as error:
+        raise SessionError(
+            f"nothing can be written in {place} ({error.strerror or error}): give yourself the "
+            "right to, or set session.root"
+        ) from error
+    with folder as name:
+        yield Path(name)
+
+
+def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
+    for name in STAGES:
+        times_ms = [each[name] for each in rounds if name in each]
+        if times_ms:
+            yield BenchStage(
+                stage=name,
+                median_ms=median(times_ms),
+                least_ms=min(times_ms),
+                largest_ms=max(times_ms),
+                repeats=len(times_ms),
+            )
+
+
+@contextmanager
+def _timed(times: Times, stage: str) -> Iterator[None]:
+    began_s = time.perf_counter()
+    yield
+    times[stage] = (time.perf_counter() - began_s) * 1e3

@@ -1,0 +1,416 @@
+"""Is this machine ready for a night? One check for each thing that has ended nights before.
+
+No check raises, none changes anything, and each says what to do when it is not well.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsoconsole import setup_check
+from rsoconsole.config import Config, IndiConfig, SiteConfig
+from rsoconsole.engine.doctor import (
+    doctor_calibration,
+    doctor_indi,
+    doctor_machine,
+    doctor_shutter,
+    doctor_system,
+)
+from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook
+from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.indi_port import indi_port_option
+from rsoconsole.instruments.observatory import missing_protocol, utc_now_ns
+from rsoconsole.records import Site
+from rsoconsole.sky import NS_PER_DAY, separation_deg
+
+if TYPE_CHECKING:
+    from rsoconsole.instruments.solver import IndexFile
+    from rsoconsole.orbit.elements import CatalogueEntry
+
+KM_PER_DEG = 111.19
+STALE_DAYS = 14.0
+"""By then a satellite that is kept in its slot may be a tenth of a degree off."""
+SITE_KM = 1.0
+"""0.01 deg of sky, which the engine demands of the mount too."""
+_LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
+_LIBRARIES_OF_PROCESSES = ("PyIndi", "indipydriver", "indipyserver", "textual", "plotext")
+_RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
+_IMPORT_ALL = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    print(json.dumps([name, "it ends the process"]), flush=True)
+    try:
+        importlib.import_module(name)
+        fault = None
+    except BaseException as error:
+        fault = f"{type(error).__name__}: {error}"
+    print(json.dumps([name, fault]), flush=True)
+"""
+
+
+def run_checks(config: Config) -> Iterator[Check]:
+    """Every check, one after another, as each is done."""
+    checks: tuple[tuple[str, Callable[[Config], Check]], ...] = (
+        ("system", lambda _: check_system()),
+        ("python", check_libraries),
+        ("network", check_network),
+        ("camera", check_camera),
+        ("calibration", doctor_calibration.check_calibration),
+        ("index files", check_index_files),
+        ("catalogue", check_catalogue),
+        ("site", check_site),
+        ("INDI server", check_indi_server),
+        ("mount site", check_mount_site),
+        ("clock", lambda _: check_clock()),
+        ("shutter", doctor_shutter.check_shutter),
+        ("time source", lambda _: doctor_machine.check_time_source()),
+        ("temperature", lambda _: doctor_machine.check_temperature()),
+        ("power", lambda _: doctor_machine.check_power()),
+        ("disk", check_disk),
+        ("recording medium", doctor_machine.check_medium),
+        ("sessions folder", check_sessions_folder),
+        ("terminal", lambda _: check_terminal()),
+    )
+    for name, check in checks:
+        try:
+            yield check(config)
+        except Exception as error:  # the doctor's own fault must not hide the other checks
+            fault = f"the check itself failed: {type(error).__name__}: {error}"
+            yield Check(check=name, ok=None, detail=fault, remedy="reinstall rsoconsole")
+
+
+def check_system() -> Check:
+    """The system is one that everything is published for, and can install it once more."""
+    machine = setup_check.read_machine(Path(sys.prefix))
+    python = ".".join(map(str, machine.python))
+    detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
+    found = setup_check.faults(machine)
+    if not found:
+        return Check(check="system", ok=True, detail=detail)
+    # It runs, so only the next installation would fail.
+    return Check(
+        check="system",
+        ok=None,
+        detail=f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
+        remedy=setup_check.APT_LINE,
+    )
+
+
+def check_libraries(_config: Config) -> Check:
+    """Every library loads here, tried in a process that may crash."""
+    names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    faults: dict[str, str | None] = {}
+    for line in done.stdout.splitlines():
+        if line.startswith("["):
+            name, fault = json.loads(line)
+            faults[name] = fault
+    broken = {n: faults.get(n, "not tried") for n in names if faults.get(n, "not tried")}
+    if any(runtime not in broken for runtime in _RUNTIMES):
+        broken = {name: fault for name, fault in broken.items() if name not in _RUNTIMES}
+    version = ".".join(str(part) for part in sys.version_info[:3])
+    if broken:
+        what = "; ".join(f"{name}: {fault}" for name, fault in broken.items())
+        return Check(
+            check="python",
+            ok=False,
+            detail=f"Python {version}; {what}",
+            remedy=f"'{setup_check.APT_LINE}', and install again with the README's first command",
+        )
+    return Check(check="python", ok=True, detail=f"Python {version}, every library loads")
+
+
+def check_network(config: Config) -> Check:
+    """The detector's network is there, is the one its card describes, and runs here."""
+    from rsoconsole.vision.detector import Network
+
+    try:
+        network = Network.load(config.detector.model, config.detector.threads)
+    except (RsoconsoleError, FileNotFoundError) as error:
+        remedy = "reinstall rsoconsole, or name another network in detector.model"
+        return Check(check="network", ok=False, detail=str(error), remedy=remedy)
+    return Check(check="network", ok=True, detail=network.version)
+
+
+def check_camera(config: Config) -> Check:
+    """Scale, exposure and size are those for which the detector's confidence is calibrated."""
+    from rsoconsole.vision.detector import is_usable_scale, range_cautions
+
+    optics, exposure_s = config.optics, config.exposure.exposure_s
+    told = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
+    if not told:
+        detail = (
+            f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
+            f" {exposure_s:g} s"
+        )
+        return Check(check="camera", ok=True, detail=detail)
+    settings = {
+        "scale": "optics.focal_length_mm and optics.pixel_um",
+        "exposure": "exposure.exposure_s",
+        "size": "optics.width_px and optics.height_px",
+    }
+    return Check(
+        check="camera",
+        ok=None if is_usable_scale(optics.scale_arcsec_px) else False,
+        detail="; ".join(told.values()),
+        remedy=f"if that is not so, correct {', '.join(settings[about] for about in told)}",
+    )
+
+
+def check_index_files(config: Config) -> Check:
+    """There is an index file of every scale that the configured field needs."""
+    from rsoconsole.instruments.solver import config_search_dirs, list_index_files, needed_scales
+
+    name = "index files"
+    try:
+        scales = needed_scales(config.optics.field_deg)
+        files = list_index_files(config_search_dirs(config.solver))
+    except (RsoconsoleError, FileNotFoundError) as error:
+        return Check(check=name, ok=False, detail=str(error), remedy="'rsoconsole index install'")
+    width_deg, height_deg = config.optics.field_deg
+    field = f"a field of {width_deg:.2f} x {height_deg:.2f} deg"
+    usable = [file for file in files if file.is_healthy and file.scale in scales]
+    missing = sorted(set(scales) - {file.scale for file in usable})
+    faulty = [f"{file.path}: {file.fault}" for file in files if not file.is_healthy]
+    if missing:
+        return Check(
+            check=name,
+            ok=False,
+            detail="; ".join([f"{field} lacks scale {', '.join(map(str, missing))}", *faulty]),
+            remedy="'rsoconsole index install' gets them",
+        )
+    has_whole_sky = {file.scale for file in usable if file.is_whole_sky} >= set(scales)
+    reach = "the whole sky" if has_whole_sky else _reach(usable)
+    return Check(
+        check=name,
+        ok=True,
+        detail="; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
+        remedy="" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
+    )
+
+
+def check_catalogue(config: Config) -> Check:
+    """The element files can be read, and are fresh enough to name geostationary satellites."""
+    from rsoconsole.pipeline.orbits import read_catalogue
+
+    name, files = "catalogue", config.catalogue.tle_files
+    fetch = (
+        "fetch fresh ones ('rsoconsole catalogue add celestrak:geo' once, then 'rsoconsole"
+        " catalogue update')"
+    )
+    if not files:
+        return Check(
+            check=name,
+            ok=True,
+            detail="no element files: what is followed gets no name",
+            remedy=f"{fetch}, or name files in catalogue.tle_files",
+        )
+    try:
+        entries = read_catalogue(files)
+    except RsoconsoleError as error:
+        return Check(check=name, ok=False, detail=str(error), remedy=f"{fetch}, or mend the path")
+    now_utc_ns = utc_now_ns()
+    newest = {each.norad_id: each.epoch_utc_ns for each in sorted(entries, key=_epoch)}
+    ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
+    middle_days = ages_days[len(ages_days) // 2]
+    is_fresh = middle_days <= STALE_DAYS
+    return Check(
+        check=name,
+        ok=True if is_fresh else None,
+        detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
+        remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
+    )
+
+
+def _epoch(entry: "CatalogueEntry") -> int:
+    return entry.epoch_utc_ns
+
+
+def check_site(config: Config) -> Check:
+    """The site has been set: the default one is the paper's, far from most telescopes."""
+    site, papers = config.site, SiteConfig()
+    place = f"{_place(site.to_site())}, {site.elevation_m:.0f} m"
+    is_papers = site.latitude_deg == papers.latitude_deg
+    is_papers = is_papers and site.longitude_deg == papers.longitude_deg
+    if config.indi.simulated or not is_papers:
+        return Check(check="site", ok=True, detail=place)
+    return Check(
+        check="site",
+        ok=None,
+        detail=f"{place}: still the default, {papers.name}. Is it really yours?",
+        remedy="set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
+    )
+
+
+def check_indi_server(config: Config) -> Check:
+    """The INDI server answers and has the configured mount and camera."""
+    indi, others = config.indi, config.instruments
+    address = f"{indi.host}:{indi.port}"
+    settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
+    # Of another protocol: their package says whether they are there.
+    settings |= {name: None for name in ("mount", "camera") if getattr(others, name) != "indi"}
+    wanted = {device for device in settings.values() if device is not None}
+    if missing_words := missing_protocol(config):
+        return Check(check="INDI server", ok=False, detail=missing_words)
+    if not wanted:
+        detail = f"not used: mount by {others.mount}, camera by {others.camera}"
+        return Check(check="INDI server", ok=True, detail=detail)
+    try:
+        found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
+    except OSError as error:
+        return Check(
+            check="INDI server",
+            ok=False,
+            detail=f"nothing answers at {address}: {error}",
+            remedy=f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
+            " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
+        )
+    if missing := wanted - found:
+        names = [f"indi.{name}" for name, device in settings.items() if device in missing]
+        return Check(
+            check="INDI server",
+            ok=False,
+            detail=f"{address} answers but has no {' and no '.join(sorted(missing))}"
+            + (f" (it has: {', '.join(sorted(found))})" if found else " nor any other device yet"),
+            remedy=f"start the driver, or set {' and '.join(names)} to its device's name",
+        )
+    there = ", ".join(device for device in settings.values() if device is not None)
+    return Check(check="INDI server", ok=True, detail=f"{address}: {there}")
+
+
+def check_mount_site(config: Config) -> Check:
+    """The mount believes to stand where the configuration says: its limits depend on it."""
+    name, indi = "mount site", config.indi
+    if config.instruments.mount != "indi":
+        detail = f"a mount by {config.instruments.mount} is asked when it is armed"
+        return Check(check=name, ok=None, detail=detail)
+    try:
+        told = doctor_indi.told_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
+    except InstrumentError as error:
+        return Check(check=name, ok=None, detail=str(error))
+    if told is None:
+        detail = f"{indi.mount} does not tell it: is its driver connected to the mount?"
+        return Check(check=name, ok=None, detail=detail)
+    own = config.site.to_site()
+    apart_km = KM_PER_DEG * separation_deg(
+        own.longitude_deg, own.latitude_deg, told.longitude_deg, told.latitude_deg
+    )
+    detail = f"{indi.mount} says {_place(told)}, {apart_km:.1f} km from the configured site"
+    if apart_km <= SITE_KM:
+        return Check(check=name, ok=True, detail=detail)
+    told_by = (
+        f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
+    )
+    remedy = (
+        "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
+        f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{told_by}'"
+    )
+    return Check(check=name, ok=False, detail=detail, remedy=remedy)
+
+
+def _indi_options(indi: IndiConfig) -> str:
+    """What indi_setprop must be given to reach the configured server; nothing for the usual one."""
+    host = "" if indi.host in {"127.0.0.1", "localhost"} else f" -h {indi.host}"
+    return host + indi_port_option(indi.port)
+
+
+def check_clock() -> Check:
+    """The system's clock is synchronised: a second is 15 arcsec of sky."""
+    clock = doctor_system.read_clock()
+    if clock.is_synchronised is None:
+        return Check(
+            check="clock",
+            ok=None,
+            detail="this system does not tell whether its clock is synchronised",
+            remedy="compare it with a time server or a GPS receiver",
+        )
+    parts = ["synchronised" if clock.is_synchronised else "not synchronised"]
+    if clock.offset_s is not None:
+        parts.append(f"offset {clock.offset_s * 1e3:+.3f} ms")
+    if clock.max_error_s is not None and clock.is_synchronised:
+        parts.append(f"error at most {clock.max_error_s * 1e3:.0f} ms")
+    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    return Check(
+        check="clock",
+        ok=clock.is_synchronised,
+        detail=", ".join(parts),
+        remedy="" if clock.is_synchronised else remedy,
+    )
+
+
+def check_disk(config: Config) -> Check:
+    """The disk has room for the coming night; told before it runs short."""
+    now_utc_ns = utc_now_ns()
+    free_bytes = doctor_system.free_bytes(config.session.root)
+    outlook = disk_outlook(config, free_bytes, now_utc_ns)
+    detail = (
+        f"{free_bytes / 1e9:.0f} GB free; the coming night of {outlook.dark_s / 3600:.1f} h takes "
+        f"up to {outlook.bytes_a_night / 1e9:.1f} GB: room for {outlook.nights:.1f} nights"
+    )
+    is_enough = outlook.nights >= 1.0
+    if outlook.warning is None:
+        return Check(check="disk", ok=True, detail=detail)
+    remedy = DISK_REMEDY
+    return Check(
+        check="disk",
+        ok=is_enough,
+        detail=f"{detail}; soon: {remedy}" if is_enough else detail,
+        remedy=remedy,
+    )
+
+
+def check_sessions_folder(config: Config) -> Check:
+    """Sessions can be written where they are to be kept."""
+    root = config.session.root
+    fault = doctor_system.write_fault(root)
+    if fault is None:
+        return Check(check="sessions folder", ok=True, detail=str(root))
+    remedy = "give yourself the right to write there, or set session.root"
+    return Check(check="sessions folder", ok=False, detail=f"{root}: {fault}", remedy=remedy)
+
+
+def check_terminal() -> Check:
+    """The terminal is large enough and knows UTF-8 and colours."""
+    found = doctor_system.read_terminal()
+    if found is None:
+        return Check(
+            check="terminal", ok=None, detail="there is none here: only the console needs one"
+        )
+    faults = []
+    if found.columns < 80 or found.rows < 24:
+        faults.append("make it at least 80 x 24")
+    if not found.is_utf8:
+        faults.append("set LANG to a UTF-8 locale, e.g. C.UTF-8")
+    if found.colours < 16:
+        faults.append("set TERM to one with colours, e.g. xterm-256color")
+    encoding = "UTF-8" if found.is_utf8 else "not UTF-8"
+    return Check(
+        check="terminal",
+        ok=not faults,
+        detail=f"{found.columns} x {found.rows}, {found.colours} colours, {encoding}",
+        remedy="; ".join(faults),
+    )
+
+
+def _reach(files: Sequence["IndexFile"]) -> str:
+    """Declinations that the files of every scale have in common."""
+    scales = {file.scale for file in files}
+    south_deg = max(min(f.dec_deg[0] for f in files if f.scale == s) for s in scales)
+    north_deg = min(max(f.dec_deg[1] for f in files if f.scale == s) for s in scales)
+    return f"declination {south_deg:+.0f} to {north_deg:+.0f} deg"
+
+
+def _place(site: Site) -> str:
+    north = "N" if site.latitude_deg >= 0 else "S"
+    east = "E" if site.longitude_deg >= 0 else "W"
+    return f"{abs(site.latitude_deg):.3f} {north} {abs(site.longitude_deg):.3f} {east}"

@@ -1,0 +1,106 @@
+"""The doctor's look at the machine itself: its heat, power and time, and its disk's kind."""
+
+from rsoconsole.config import Config
+from rsoconsole.engine.doctor import doctor_system
+from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.machine import (
+    HEAT_REMEDY,
+    POWER_REMEDY,
+    MachineReading,
+    Medium,
+    TimeSource,
+    disk_outlook,
+    medium_of,
+    read_machine,
+    read_time_source,
+    troubles_of,
+)
+from rsoconsole.instruments.observatory import utc_now_ns
+
+WORN_PERCENT = 80
+_NOT_TOLD = {
+    True: "this kernel does not tell it",
+    False: "not a Raspberry Pi: this machine does not tell it",
+}
+
+
+def check_temperature(reading: MachineReading | None = None) -> Check:
+    """The processor is cool enough to run at its full speed."""
+    name, found = "temperature", read_machine() if reading is None else reading
+    if found.cpu_temperature_c is None:
+        return Check(check=name, ok=True, detail="this machine does not tell it")
+    parts = [f"{found.cpu_temperature_c:.0f} °C"]
+    if found.cpu_frequency_mhz is not None and found.cpu_frequency_max_mhz is not None:
+        parts.append(
+            f"{found.cpu_frequency_mhz:.0f} of {found.cpu_frequency_max_mhz:.0f} MHz at the moment"
+        )
+    troubles = [each for each in troubles_of(found) if each.name == "hot"]
+    if troubles:
+        return Check(
+            check=name,
+            ok=False,
+            detail=", ".join([troubles[0].words, *parts[1:]]),
+            remedy=HEAT_REMEDY,
+        )
+    return Check(check=name, ok=True, detail=", ".join(parts))
+
+
+def check_power(reading: MachineReading | None = None) -> Check:
+    """The supply is strong enough, and nothing slows the processor down."""
+    name, found = "power", read_machine() if reading is None else reading
+    if found.is_under_voltage is None and found.is_throttled is None:
+        return Check(check=name, ok=True, detail=_NOT_TOLD[found.is_pi])
+    troubles = [each for each in troubles_of(found) if each.name in {"power", "throttled"}]
+    if troubles:
+        return Check(
+            check=name,
+            ok=False,
+            detail="; ".join(each.words for each in troubles),
+            remedy=troubles[0].remedy,
+        )
+    if found.has_been_under_voltage:
+        words = "well now, but it has been too weak before: under-voltage spoils cards and frames"
+        return Check(check=name, ok=None, detail=words, remedy=POWER_REMEDY)
+    if found.has_been_throttled:
+        words = "well now, but the processor has been slowed down before"
+        return Check(check=name, ok=None, detail=words, remedy=HEAT_REMEDY)
+    words = "no under-voltage" if found.is_throttled is None else "no under-voltage, not throttled"
+    return Check(check=name, ok=True, detail=words)
+
+
+def check_medium(config: Config, medium: Medium | None = None) -> Check:
+    """The nights are written to something that bears it: a card wears out, and is slow."""
+    name, root = "recording medium", config.session.root
+    found = medium_of(root) if medium is None else medium
+    now_utc_ns = utc_now_ns()
+    need = disk_outlook(config, doctor_system.free_bytes(root), now_utc_ns).bytes_a_night
+    device = f" {found.device}" if found.device else ""
+    parts = [f"{found.kind}{device}", f"a night writes up to {need / 1e6:.0f} MB"]
+    if found.life_used_percent is not None:
+        parts.append(f"{found.life_used_percent} % of its life used")
+    detail = ", ".join(parts)
+    if found.kind in {"SD card", "eMMC"}:
+        remedy = (
+            "set session.root to a folder on a USB disk: nights wear a card out, and what it loses "
+            "is the operating system too"
+        )
+        is_worn = (found.life_used_percent or 0) >= WORN_PERCENT
+        return Check(check=name, ok=False if is_worn else None, detail=detail, remedy=remedy)
+    if found.kind == "memory":
+        remedy = "set session.root to a disk: what lies in memory is gone with the power"
+        return Check(check=name, ok=False, detail=detail, remedy=remedy)
+    return Check(check=name, ok=True, detail=detail)
+
+
+def check_time_source(source: TimeSource | None = None) -> Check:
+    """Somebody sets this machine's clock; without a real-time clock each power cut unsets it."""
+    name, found = "time source", read_time_source() if source is None else source
+    kept = f"real-time clock {found.rtc}" if found.rtc else "no real-time clock"
+    said = found.detail if found.kind == "unknown" else f"{found.kind}: {found.detail}"
+    detail = f"{said}; {kept}"
+    if found.kind in {"GPS", "NTP"}:
+        return Check(check=name, ok=True, detail=detail)
+    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    if not found.rtc:
+        remedy += "; until it is reached after each start the time is wrong"
+    return Check(check=name, ok=None, detail=detail, remedy=remedy)

@@ -1,0 +1,91 @@
+"""How the leaps have the camera expose, and how the night has its own way back afterwards."""
+
+import logging
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.engine.control import Chronicle, change_record, changed
+from rsoconsole.engine.leaps.awaiting import LeapControl
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import Instruments
+from rsoconsole.pipeline.leaps import binning_for
+
+log = logging.getLogger(__name__)
+
+_EXPOSURE = "exposure.exposure_s"
+_WORTH_CHANGING = 0.15
+
+
+class LeapCamera:
+    """Sets exposure and binning, on record, and gives the night's own back."""
+
+    def __init__(
+        self, control: LeapControl, instruments: Instruments, chronicle: Chronicle
+    ) -> None:
+        self._control, self._camera, self._chronicle = control, instruments.camera, chronicle
+        self.binning = 1
+        """Pixels joined on each axis of those that are configured."""
+        self._asked = 1
+        """What was asked for last; the camera may have refused it."""
+        self._before_s: float | None = None
+        """The night's own exposure, where the leaps have set another."""
+        self._set_s = 0.0
+        """That one."""
+
+    def begin(self) -> bool:
+        """Join pixels as is set; True where the camera reads out in another mode from now on.
+
+        A camera that cannot is said once, and used as it is.
+        """
+        config = self._control.config
+        wanted = config.leap.binning or binning_for(config)
+        if wanted == self._asked:
+            return False
+        self._asked, before = wanted, self.binning
+        try:
+            self.binning = self._camera.set_binning(wanted)
+        except InstrumentError as error:
+            self._chronicle.say("warning", f"leaps without binning: {error}")
+        if self.binning != before:
+            self._chronicle.say("info", f"the camera is binned {self.binning} x {self.binning}")
+        return self.binning != before
+
+    def expose_for(self, exposure_s: float) -> None:
+        """Set the exposure, on record, where another one is wanted."""
+        config = self._control.config
+        wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
+        if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
+            return
+        if self._before_s is None:
+            self._before_s = config.exposure.exposure_s
+        self._set(wanted_s, "the leaps")
+
+    def give_back(self) -> None:
+        """The night exposes as it did before the leaps."""
+        own_s, self._before_s = self._before_s, None
+        if own_s is not None:
+            self._set(own_s, "the end of the leaps")
+        was_asked, self._asked = self._asked, 1
+        if was_asked == 1:
+            return
+        try:
+            self.binning = self._camera.set_binning(1)
+        except InstrumentError as error:
+            # STOP and disarming wait for no camera.
+            log.warning("the camera stays binned: %s", error)
+            words = f"the camera stays binned {self.binning} x {self.binning}: {error}"
+            self._chronicle.say("warning", words)
+
+    def configured(self, before: Config) -> None:
+        """What the operator sets meanwhile holds where the leaps end."""
+        wanted_s = self._control.config.exposure.exposure_s
+        if self._before_s is not None and wanted_s not in (before.exposure.exposure_s, self._set_s):
+            self._before_s = wanted_s
+
+    def _set(self, exposure_s: float, by: str) -> None:
+        config = self._control.config
+        self._set_s = exposure_s
+        after = changed(config, _EXPOSURE, exposure_s)
+        self._chronicle.append(change_record(config, after, _EXPOSURE, by))
+        self._control.configure(after)

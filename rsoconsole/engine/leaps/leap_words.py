@@ -1,0 +1,105 @@
+"""What the log says of leaps, in the operator's words. Pure."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from rsoconsole.engine.leaps.leap_times import LeapParts
+from rsoconsole.orbit.low import ExpectedPass, LeapTrack, LowOrbit, passes_above
+from rsoconsole.orbit.motion import elements_of
+from rsoconsole.pipeline.leaps import Awaited, Came, FrameStreak, Leap, PassPlan
+from rsoconsole.records import Site
+from rsoconsole.sky import EARTH_RADIUS_KM, NS_PER_DAY, NS_PER_S, utc_ns_to_iso
+
+SEARCHED_NS = NS_PER_DAY
+
+
+def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
+    """A first streak: how fast, in which sense; of one that was waited for how late."""
+    speed = track.best.streaks[0].speed_arcsec_s
+    if awaited is None or found is None:
+        sure = 100.0 * track.best.probability
+        return f"a low satellite, {speed:.0f} arcsec/s: leaps ahead of it (this sense {sure:.0f} %)"
+    late = "late" if found.late_s >= 0.0 else "early"
+    return (
+        f"{awaited.name} comes {abs(found.late_s):.2f} s {late},"
+        f" {found.across_arcmin:+.1f} arcmin across, {speed:.0f} arcsec/s: leaps ahead of it"
+    )
+
+
+def awaited_words(awaited: Awaited) -> str:
+    """Which pass is waited for, and how long."""
+    stare = awaited.stare
+    either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
+    return (
+        f"waits for {awaited.name}, which comes by at"
+        f" {utc_ns_to_iso(stare.t_through_utc_ns, 0)} +- {either_s:.0f} s"
+    )
+
+
+def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+    """One that was met: its number, how far off, how well the orbit fits."""
+    best, number = track.best, len(track.best.streaks) - 1
+    words = f"leap {number} met: {seen.detection.length_px:.0f} px"
+    if leap is not None:
+        slew = f"slew {leap.slew_s:.1f} s"
+        words += f", {slew}, {100 * leap.within:.0f} % sure of it"
+    orbit = best.orbit
+    if orbit is not None:
+        across = orbit.residuals_arcsec[..., 1]
+        words += f"; across {np.sqrt(np.mean(across**2)):.1f} arcsec rms"
+    return words
+
+
+def pass_words(plan: PassPlan) -> str:
+    """A whole pass before its first leap."""
+    words = f"up to {len(plan.leaps)} leaps"
+    if plan.flips:
+        words += f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
+    end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
+    return f"{words}; then: {end}"
+
+
+def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
+    """What came of it, and what a leap took."""
+    streaks = track.best.streaks
+    span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
+    words = f"{len(streaks)} streaks in {span_s:.0f} s"
+    if not parts:
+        return words
+
+    def mean(of: Callable[[LeapParts], float]) -> float:
+        return float(np.median([of(each) for each in parts]))
+
+    return (
+        f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
+        f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
+        f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
+        f" {mean(lambda each: each.exposure_s):.2f}, read-out"
+        f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
+    )
+
+
+def next_pass_of(
+    orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
+) -> ExpectedPass | None:
+    """When it comes again within a day; None where it does not."""
+    later = passes_above(
+        orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
+    )
+    return next(iter(later), None)
+
+
+def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
+    """Its orbit, and when it comes again with what that is worth."""
+    found = elements_of(orbit.r_km, orbit.v_km_s)
+    yield (
+        f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
+        f" i {found.i_deg:.2f} deg{', taken to be nearly round' if orbit.believes_round else ''}"
+    )
+    if later is not None:
+        yield (
+            f"its next pass: {utc_ns_to_iso(later.rise_utc_ns, 0)} +- {later.sigma_s:.1f} s,"
+            f" {60 * later.sigma_across_deg:.1f} arcmin across,"
+            f" up to {later.top_altitude_deg:.0f} deg"
+        )

@@ -1,0 +1,387 @@
+"""Stares where low satellites come by, and leaps ahead of one until it sets.
+
+The telescope exposes where it looks, one frame after another. A streak fast enough to be of a low
+orbit begins a track (`orbit.leap_track`); from then on each exposure is where and when that says.
+Once the orbit is known so well that one frame more changes nothing, the next slew is ordered as the
+shutter closes, and the camera reads out on the way; else as soon as a look at the middle of the
+frame has shown the streak. What the frames show is measured and recorded as ever, whole; here is
+only where the next one is.
+"""
+
+import time
+from collections.abc import Callable
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim import NS, Plan
+from rsoconsole.engine.leaps.awaiting import Awaiting, LeapControl
+from rsoconsole.engine.leaps.leap_camera import LeapCamera
+from rsoconsole.engine.leaps.leap_log import LeapLog
+from rsoconsole.engine.leaps.leap_times import LeapTimes
+from rsoconsole.engine.leaps.leap_words import begun_words, leap_words
+from rsoconsole.engine.leaps.staring import Staring
+from rsoconsole.engine.operator import Parts
+from rsoconsole.instruments import MountReport
+from rsoconsole.orbit.low import LeapTrack, Timing, begin, unseen, updated
+from rsoconsole.pipeline.frame import Glance, Reduction, shutter_mid_utc_ns
+from rsoconsole.pipeline.leaps import (
+    FrameStreak,
+    Leap,
+    NoLeap,
+    Telescope,
+    came,
+    is_dark,
+    next_leap,
+    streaks_of,
+    timing_of,
+)
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import Frame, LeapOrder, LeapResult, Solution
+from rsoconsole.sky.limits import Pose
+
+LEAP_POLL_NS = NS // 10
+"""How often a mount that leaps is asked whether it has arrived."""
+_AHEAD_S, _STEP_S = 150.0, 3.0
+"""How far a track's path is looked at for the next leap: a flip of the mount fits in."""
+SURE_STREAKS = 3
+"""So many tell an orbit well enough to go ahead of a frame that has not come yet."""
+SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
+"""Of both ends in the next field, and of the track's sense."""
+_GLANCE_NS = NS // 10
+"""What a look at the middle of a frame costs in the simulated observatory."""
+
+
+LookAt = Callable[[Frame, float], Glance | None]
+"""At the middle of a frame, so many pixels about its centre."""
+
+
+class Leaping:
+    """Knows what is leapt after, and where and when it is met next."""
+
+    def __init__(self, control: LeapControl, parts: Parts, look_at: LookAt) -> None:
+        self._control = control
+        self._hands, self._planner, self._slews = parts.hands, parts.planner, parts.slews
+        self._chronicle = parts.chronicle
+        self._site = control.config.site.to_site()
+        self._look_at = look_at
+        self.track: LeapTrack | None = None
+        """What is leapt after; None while it stares."""
+        self._leap: Leap | None = None
+        """The one under way."""
+        self._misses = 0
+        self._next: Leap | None = None
+        """Found while the shutter is open, to be ordered when it closes."""
+        self._order_by: LeapOrder = "by the frame"
+        """What the order of the one under way waited for."""
+        self._early: tuple[Plan, Leap, LeapOrder] | None = None
+        """The one after that under way, whose slew is ordered already."""
+        self._stage_ms: dict[str, float] = {}
+        """Of the look at the last frame's middle, and of what was ordered by it."""
+        self._exposing = (0, 0)
+        """The frame under way, and when its exposure was ordered."""
+        self.times = LeapTimes(lambda: control.config, parts.hands, parts.watch)
+        self._camera = LeapCamera(control, parts.hands.instruments, parts.chronicle)
+        self._awaiting = Awaiting(control, parts)
+        self._staring = Staring(control, parts, self.times, self._camera, self._awaiting)
+        self._log = LeapLog(control, parts.hands, parts.chronicle, self.times)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the telescope stares and leaps at all."""
+        return self._control.config.leap.enabled
+
+    def forget(self) -> None:
+        """Autonomy has lost the mount: it stares where it then points, with its own exposure."""
+        if self.track is not None:
+            self._log.cut_off(self.track)
+        self.track = self._leap = None
+        self.drop_early()
+        self.times.forget_slew()
+        self._staring.forget()
+        self._awaiting.forget()
+        self._misses = 0
+        self._camera.give_back()
+
+    def forget_times(self) -> None:
+        """Time has lost its meaning, and with it every orbit."""
+        self.forget()
+        self.times.forget_camera()
+        self._awaiting.forget_orbit()
+
+    def drop_early(self) -> None:
+        """What was ordered ahead of a frame leads nowhere any more."""
+        self._next = self._early = None
+
+    def configure(self, before: Config) -> None:
+        """Take new tunables: ended leaps leave the night its own exposure, and forget."""
+        after = self._control.config
+        if before.leap.pass_norad != after.leap.pass_norad:
+            self._awaiting.forget_elements()
+        self._camera.configured(before)
+        self.times.configured(before)
+        if before.leap.enabled and not after.leap.enabled:
+            self.forget()
+
+    def telescope(self) -> Telescope:
+        """What it can do, as learned so far."""
+        return self.times.telescope(self._camera.binning)
+
+    # --- an exposure of a leap
+
+    def opened(self, frame_id: int, opened_utc_ns: int) -> None:
+        """The exposure under way was ordered: where the next one is, is found meanwhile."""
+        self._exposing, self._next = (frame_id, opened_utc_ns), None
+        leap, track = self._leap, self.track
+        closed_s = self.times.closed_after_s(self._control.config.exposure.exposure_s)
+        if leap is None or track is None or closed_s is None or not self._is_sure(track):
+            return
+        t_close_ns = opened_utc_ns + round(closed_s * NS)
+        pose = self._planner.pose(t_close_ns)
+        if pose is None:
+            return
+        found = self._likeliest_leap(track, pose, t_close_ns)
+        if isinstance(found, Leap) and found.within >= SURE_WITHIN:
+            self._next = found
+
+    def closed(self) -> MountReport | None:
+        """The shutter should have closed: the mount goes on where one frame changes nothing.
+
+        Where it looked until then; None where it stays. Raises what ``Slews.order`` does.
+        """
+        found, self._next = self._next, None
+        if found is None or not self._may_order():
+            return None
+        self._hands.wait_until(found.t_order_utc_ns)
+        looked = self._hands.mount_report()
+        return looked if self._order_early(found, waited_for_frame=False) else None
+
+    def read_out(self, frame: Frame) -> None:
+        """A frame has come: what that took is learned, and a look at its middle may be enough.
+
+        Raises what ``Slews.order`` does.
+        """
+        self.times.read_out(frame, self._exposing[1])
+        leap, track = self._leap, self.track
+        if self._early is not None or leap is None or track is None or not self._may_order():
+            return
+        began_s = time.perf_counter()
+        reach_px = leap.reach_px(self.telescope().terms)
+        seen = None if self._misses else self._look_at(frame, reach_px)
+        self._stage_ms["glance"] = (time.perf_counter() - began_s) * 1e3
+        if seen is None:
+            return
+        if self._hands.instruments.clock.is_simulated:
+            self._hands.wait_until(self._hands.now_utc_ns() + _GLANCE_NS)
+        began_s = time.perf_counter()
+        exposure = self._control.config.exposure
+        for each in streaks_of(seen.detections, seen.solution, frame, exposure):
+            after = updated(track, each.ends) if each.ends.is_whole else None
+            now_ns = self._hands.now_utc_ns()
+            pose = self._planner.pose(now_ns)
+            if after is None or pose is None:
+                continue
+            found = self._likeliest_leap(after, pose, now_ns)
+            if isinstance(found, Leap) and self._order_early(found, waited_for_frame=True):
+                self._stage_ms["ahead"] = (time.perf_counter() - began_s) * 1e3
+            return
+
+    def take_stage_ms(self) -> dict[str, float]:
+        """What the look at the last frame's middle took, and the order by it; told once."""
+        taken, self._stage_ms = self._stage_ms, {}
+        return taken
+
+    def _is_sure(self, track: LeapTrack) -> bool:
+        best, leap = track.best, self._control.config.leap
+        return (
+            leap.at_close
+            and self._misses == 0
+            and best.orbit is not None
+            and len(best.streaks) >= SURE_STREAKS
+            and best.probability >= SURE_PROBABILITY
+        )
+
+    def _may_order(self) -> bool:
+        return self.is_on and self._control.may_move
+
+    def _order_early(self, found: Leap, *, waited_for_frame: bool) -> bool:
+        now_ns = self._hands.now_utc_ns()
+        pose = self._planner.pose(now_ns)
+        if pose is None or not isinstance(plan := self._order(found, pose, now_ns), Plan):
+            return False  # the whole frame says how it goes on
+        if waited_for_frame:
+            self.times.examined(now_ns)
+        if self._leap is not None:
+            self._log.took(self._leap, waited_for_frame=waited_for_frame)
+        self._early = plan, found, "by a look" if waited_for_frame else "at close"
+        return True
+
+    # --- what a frame shows
+
+    def saw(self, frame: Frame, reduction: Reduction) -> None:
+        """Follow what is leapt after through one more frame, or begin with what it shows."""
+        if not self.is_on:
+            return
+        leap, self._leap = self._leap, None
+        if self._early is None:
+            self.times.examined(self._hands.now_utc_ns())
+            if leap is not None:
+                self._log.took(leap, waited_for_frame=True)
+        solution = reduction.solution
+        if not isinstance(solution, Solution):
+            if self.track is not None:
+                self._note_leap(leap, "not solved")
+                self._miss("the frame is not solved")
+            return
+        exposure = self._control.config.exposure
+        found = streaks_of(reduction.detections, solution, frame, exposure)
+        if self.track is None:
+            self._begin(found, timing_of(frame, exposure), frame.frame_id)
+            return
+        for each in found:
+            after = updated(self.track, each.ends)
+            if after is not None:
+                self._note_leap(leap, "met", each)
+                self.track, self._misses = after, 0
+                self._chronicle.say("info", leap_words(after, each, leap))
+                return
+        self._note_leap(leap, "another streak" if found else "not in the frame")
+        centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
+        t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+        if t_mid_ns is not None:
+            if orbit is not None and is_dark(orbit, t_mid_ns):
+                self._end("it has gone into the Earth's shadow")
+                return
+            radius_deg = min(self._control.config.optics.field_deg) / 2.0
+            self.track = unseen(self.track, t_mid_ns, centre, radius_deg)
+        self._miss("it is not in the frame" if not found else "no streak of the frame is its")
+
+    def _note_leap(
+        self, leap: Leap | None, result: LeapResult, streak: FrameStreak | None = None
+    ) -> None:
+        assert self.track is not None
+        if leap is not None:
+            self._log.came(
+                leap,
+                self._order_by,
+                result,
+                frame_id=self._exposing[0],
+                before=self.track,
+                streak=streak,
+            )
+
+    def _begin(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> None:
+        config = self._control.config
+        for each in found:
+            ends = each.ends
+            if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
+                continue
+            awaited = self._awaiting.awaited
+            known = None if awaited is None else came(awaited, self._site, ends)
+            if awaited is not None and known is None:
+                self._chronicle.say("info", f"a low satellite that is not {awaited.name}")
+                continue
+            ends = ends if known is None else known[1]
+            track = begin(self._site, ends, timing, is_turned=known is not None)
+            if track is None:
+                continue
+            self.track, self._misses = track, 0
+            self._log.begin(frame_id, "" if awaited is None else awaited.name)
+            self._chronicle.say("info", begun_words(track, awaited, known and known[0]))
+            return
+
+    def record(self) -> None:
+        """What nobody waits for: the last leap, and how the whole pass would go."""
+        self._log.record()
+        if self.track is None or self._leap is None:
+            return
+        start = self._planner.pose(self._leap.t_order_utc_ns)
+        if start is not None:
+            self._log.plan(self.track, self._leap, start, self.telescope(), SURE_STREAKS)
+
+    def _miss(self, why: str) -> None:
+        self._misses += 1
+        most = self._control.config.leap.most_misses
+        self._chronicle.say("info", f"leap missed ({self._misses} of {most}): {why}")
+        if self._misses >= most:
+            self._end("given up")
+
+    def _end(self, why: str) -> None:
+        """What was leapt after is done with: what is known of it goes into the log."""
+        track, self.track, self._misses = self.track, None, 0
+        if track is None:
+            return
+        self._awaiting.over(track.best.orbit)
+        self._log.end(track, why)
+
+    # --- where the next one is
+
+    def order_next(self, *, is_held: bool) -> Plan:
+        """The next exposure; the mount is on its way when this returns.
+
+        Raises what ``Slews.order`` does.
+        """
+        now_ns = self._hands.now_utc_ns()
+        early, self._early = self._early, None
+        pose = self._planner.pose(now_ns)
+        if is_held or pose is None:
+            self._leap = None
+            return self._staring.in_place(now_ns)
+        if self._camera.begin():
+            self.times.forget_camera()
+        if early is not None:
+            # Also where that is over by this frame: a mount on its way arrives first.
+            plan, leap, self._order_by = early
+            self._camera.expose_for(leap.exposure_s)
+            self._leap = None if self.track is None else leap
+            return plan
+        if self.track is not None:
+            plan_ahead = self._leap_from(self.track, pose, now_ns)
+            if plan_ahead is not None:
+                return plan_ahead
+        self._leap = None
+        return self._staring.next_plan(pose, now_ns)
+
+    def _leap_from(self, track: LeapTrack, pose: Pose, now_ns: int) -> Plan | None:
+        """A leap; None where there is none any more."""
+        found = self._likeliest_leap(track, pose, now_ns)
+        if isinstance(found, NoLeap):
+            words = found.kind if found.refusal is None else found.refusal.text
+            self._end(words)
+            return None
+        ordered = self._order(found, pose, now_ns)
+        if not isinstance(ordered, Plan):
+            self._end(text(ordered))
+            return None
+        self._camera.expose_for(found.exposure_s)
+        self._leap, self._order_by = found, "by the frame"
+        return ordered
+
+    def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:
+        """Its slew is under way; or why it is refused. Raises what ``Slews.order`` does."""
+        direction = found.place.direction_deg
+        plan = self._planner.to_place(
+            direction,
+            found.t_expose_utc_ns,
+            "leap",
+            now_ns,
+            t_mid_utc_ns=found.t_mid_utc_ns,
+            frame_id=self._exposing[0],
+        )
+        refused = self._slews.order(plan, t_until_utc_ns=found.t_close_utc_ns)
+        if refused is not None:
+            return refused
+        self.times.ordered(self.telescope().limits.travel_deg(pose, *direction), now_ns)
+        return plan
+
+    def _likeliest_leap(self, track: LeapTrack, pose: Pose, now_ns: int) -> Leap | NoLeap:
+        """After the likeliest sense that can be met; where none can, why not the likeliest."""
+        why: NoLeap | None = None
+        for number in range(len(track.hypotheses)):
+            path = track.path(now_ns, _AHEAD_S, number, step_s=_STEP_S)
+            found: Leap | NoLeap = NoLeap(kind="it sets")
+            if path is not None:
+                found = next_leap(path, pose, now_ns, self.telescope())
+            if isinstance(found, Leap):
+                return found
+            why = why or found
+        return why or NoLeap(kind="it sets")

@@ -1,0 +1,2 @@
+from .interruptions import TimeTrouble as TimeTrouble
+from .loop import Engine as Engine

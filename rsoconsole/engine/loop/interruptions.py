@@ -1,0 +1,218 @@
+"""What nobody ordered: time that is set, runs wrong or stood still; a slew ended by its own watch.
+
+Each is said with its figures, and the night goes on by itself once it is known how things stand.
+"""
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from rsoconsole.engine.aim import ClockSet
+from rsoconsole.engine.operator import ByHand, Control, Parts
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import LEAST_STEP_S, ClockFault, MountReport, SlewEnd
+from rsoconsole.records import Topic
+from rsoconsole.sky import icrs_to_altaz
+
+NS = 1_000_000_000
+SETTLED_NS = NS
+"""Where this program stood still the mount's own process, too, has just begun to look again."""
+GIVEN_UP = "what was under way is given up"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeTrouble:
+    """The last fault of the clock, for the health panel."""
+
+    t_utc_ns: int
+    text: str
+
+
+class Interruptions:
+    """Hears of them, tells them, and looks at the mount before the loop goes on."""
+
+    def __init__(
+        self,
+        control: Control,
+        parts: Parts,
+        by_hand: ByHand,
+        *,
+        forget: Callable[[], None],
+        forget_camera: Callable[[], None],
+        end_at_limit: Callable[[str], None],
+    ) -> None:
+        """``forget``: drop what lives by times that are wrong; ``forget_camera``: how far the
+        camera's clock was from this machine's; ``end_at_limit``: stop there."""
+        self._control, self._by_hand = control, by_hand
+        self._hands, self._planner, self._watch = parts.hands, parts.planner, parts.watch
+        self._chronicle = parts.chronicle
+        self._forget, self._forget_camera = forget, forget_camera
+        self._end_at_limit = end_at_limit
+        self._must_look = False
+        self.trouble: TimeTrouble | None = None
+        """What happened to the clock last."""
+
+    # -- time -----------------------------------------------------------------------------------
+
+    def hear(self, fault: ClockFault) -> None:
+        """Something went wrong with time; the loop drops what it was at."""
+        match fault.kind:
+            case "set" | "leap second":
+                self._clock_set(fault)
+            case "runs wrong":
+                self._note(f"runs {fault.rate:.2f} times as fast as it should")
+                self._say(
+                    "alarm",
+                    f"this machine's clock runs {fault.rate:.2f} times as fast as it should: no"
+                    " frame is taken until it runs right; look at its time service, or at the host"
+                    " of a virtual machine",
+                )
+                self._forget_own_times()
+            case "runs right":
+                self._note(f"ran wrong, {fault.seconds:+.1f} s in all")
+                self._runs_right(fault)
+            case "slept" | "stood still":
+                self._stood_still(fault)
+
+    def _runs_right(self, fault: ClockFault) -> None:
+        """It is believed again; where it has been shifted meanwhile, that is a clock set."""
+        is_shifted = abs(fault.seconds) > LEAST_STEP_S
+        self._say(
+            "warning",
+            f"this machine's clock runs right again, {fault.seconds:+.1f} s from where it was:"
+            " times on record in between are off by up to that"
+            + (f", and {GIVEN_UP}" if is_shifted else ""),
+        )
+        if is_shifted:
+            self._forget_own_times()
+            self._control.happen(ClockSet(step_s=fault.seconds))
+
+    def camera_set(self, step_s: float) -> None:
+        """The camera's clock was set: the track lives by times that others do not continue."""
+        self._forget()  # what is known of the camera's clock is of the new time already
+        self._note(f"camera's set by {step_s:+.1f} s")
+        self._say(
+            "alarm",
+            f"the camera's clock was set by {step_s:+.1f} s: {GIVEN_UP}; synchronise it with this"
+            " machine's",
+        )
+        self._control.happen(ClockSet(step_s=step_s))
+
+    def _forget_own_times(self) -> None:
+        self._forget()
+        self._forget_camera()
+
+    def _clock_set(self, fault: ClockFault) -> None:
+        self._forget_own_times()
+        if fault.kind == "leap second":
+            self._note(f"leap second, {fault.seconds:+.0f} s")
+            words = (
+                f"a leap second has come ({fault.seconds:+.0f} s): {GIVEN_UP}, because two times"
+                " across it are not as far apart as they look; both are right"
+            )
+        else:
+            self._note(f"set by {fault.seconds:+.1f} s")
+            words = (
+                f"a time service or somebody has set the clock by {fault.seconds:+.1f} s:"
+                f" {GIVEN_UP}, and times on record before this are off by as much"
+            )
+        self._say("alarm", words + self._mount_clock())
+        self._control.happen(ClockSet(step_s=fault.seconds))
+
+    def _mount_clock(self) -> str:
+        """What the mount's own clock says to it, where it tells the time."""
+        off_s = None
+        with contextlib.suppress(InstrumentError):
+            off_s = self._hands.instruments.mount.utc_offset_s()
+        return "" if off_s is None else f"; the mount's own clock is {off_s:+.0f} s off this one"
+
+    def _stood_still(self, fault: ClockFault) -> None:
+        who = "this machine slept" if fault.kind == "slept" else "this program stood still"
+        took = f"for {fault.seconds:.0f} s"
+        self._note(f"{'slept' if fault.kind == 'slept' else 'stood still'} {took}")
+        self._say(
+            "alarm",
+            f"{who} {took} and watched nothing: an exposure under way is given up, what is followed"
+            " is coasted, and the mount is looked at before it goes on",
+        )
+        self._must_look = True
+
+    # -- the mount ------------------------------------------------------------------------------
+
+    def look_at_mount(self) -> None:
+        """After it was left alone: say how it stands, and end what is beyond a limit.
+
+        Nothing where it was not left alone. Raises Interrupted, also where a limit was met, and
+        InstrumentError where the mount that somebody has is silent.
+        """
+        if not self._must_look:
+            return
+        self._hands.wait_until(self._hands.now_utc_ns() + SETTLED_NS)
+        try:
+            report = self._hands.mount_report()
+        except InstrumentError as error:
+            if self._control.charge.holder != "nobody":
+                raise
+            # Nobody has the mount: that it is off is no fault of a night.
+            self._must_look = False
+            self._say("alarm", f"nobody can tell how the mount stands: {error}")
+            return
+        self._must_look = False
+        ended = self._hands.instruments.mount.take_slew_end()
+        if ended is not None:
+            self._say("alarm", ended_words(ended), "")
+        self._go_on_from(report)
+
+    def goes_on_after(self) -> bool:
+        """The mount is not where the loop sent it; whether its own process did that.
+
+        Then it is said, and autonomy goes on from where the mount stands.
+        """
+        ended = self._hands.instruments.mount.take_slew_end()
+        if ended is None:
+            return False
+        self._must_look = False
+        self._say("alarm", ended_words(ended), "")
+        self._go_on_from(self._hands.wait_for_rest())
+        return True
+
+    def _go_on_from(self, report: MountReport) -> None:
+        """Raises Interrupted where the mount is beyond a limit: it has been stopped then."""
+        if not report.is_slewing:
+            self._planner.moved_by_hand(report)
+        how = "slews" if report.is_slewing else "tracks" if report.is_tracking else "stands still"
+        if report.is_parked:
+            self._say("info", "the mount is parked: nothing else has become of it")
+            return
+        refusal = self._watch.refusal(report)
+        if refusal is not None:
+            self._end_at_limit(f"after nobody watched the mount: {refusal.text}")
+            return
+        site = self._control.config.site.to_site()
+        alt_deg, az_deg = icrs_to_altaz(
+            site, report.ra_icrs_deg, report.dec_icrs_deg, report.t_utc_ns
+        )
+        where = f"the mount {how} at altitude {alt_deg:.0f}, azimuth {az_deg:.0f} deg"
+        goes_on = "autonomy goes on" if self._control.charge.is_autonomous else "as it was left"
+        if self._by_hand.move is not None and not report.is_slewing:
+            self._by_hand.move = None
+            goes_on = "the move by hand has ended there: ask for it again"
+        within = ", within its limits" if report.is_slewing or report.is_tracking else ""
+        self._say("info", f"{where}{within}: {goes_on}")
+
+    def _note(self, text: str) -> None:
+        self.trouble = TimeTrouble(t_utc_ns=self._hands.now_utc_ns(), text=text)
+
+    def _say(
+        self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "clock"
+    ) -> None:
+        self._chronicle.say(level, text, topic)
+
+
+def ended_words(ended: SlewEnd) -> str:
+    """What the mount's own process did, and why."""
+    return (
+        "the mount's own process has ended the slew, because the engine had not renewed its lease"
+        f" for {ended.unwatched_s:.0f} s ({ended.lease_s:g} s are allowed)"
+    )

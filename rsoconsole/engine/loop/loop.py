@@ -1,0 +1,518 @@
+"""The loop: plan, slew, expose, reduce, follow, record; again. Decisions are made elsewhere."""
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from rsoconsole.config import Config
+from rsoconsole.control import Status
+from rsoconsole.engine.aim import (
+    BY_OPERATOR,
+    NS,
+    Armed,
+    Charge,
+    ClockSet,
+    Disarmed,
+    Failed,
+    Followed,
+    Guide,
+    Hands,
+    Happening,
+    Interrupted,
+    LimitMet,
+    Marked,
+    NightEnded,
+    NotPointing,
+    Planner,
+    Resumed,
+    Step,
+    StoppedElsewhere,
+    Taken,
+    step,
+    without_kept,
+)
+from rsoconsole.engine.control import (
+    Chronicle,
+    CommandQueue,
+    Exposures,
+    Faults,
+    KeptTrack,
+    NowhereError,
+    Parking,
+    Recorder,
+    Slews,
+    Watch,
+    action_record,
+    kept_name,
+    tracks_now,
+)
+from rsoconsole.engine.leaps import Leaping
+from rsoconsole.engine.loop.command_turn import CommandTurn
+from rsoconsole.engine.loop.frame_turn import CLEAR_FRAMES, FrameTurn
+from rsoconsole.engine.loop.interruptions import Interruptions
+from rsoconsole.engine.loop.status import status_of
+from rsoconsole.engine.operator import (
+    ByHand,
+    HandMove,
+    Modes,
+    Parts,
+    PixelsOf,
+    Seeking,
+    Settings,
+    Verdicts,
+    joined,
+)
+from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.pipeline.cycle import Cycle
+from rsoconsole.pipeline.frame import FrameReducer, Reduction
+from rsoconsole.pipeline.orbits import Orbits, Past
+from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
+from rsoconsole.records import Miss, StateChange, TrackState
+from rsoconsole.tracking.association import Following
+
+log = logging.getLogger(__name__)
+
+IDLE_TICK_NS = NS
+ENGINE_ENDS = CommandResult(kind="dropped", dropped_by="engine ended")
+
+
+class _RunFailed(Exception):  # noqa: N818 -- carried from the loop to its own end
+    """A run of a given number of frames met a fault that it cannot pass."""
+
+
+class Engine:
+    """Holds the state between cycles; every decision in it is made by a pure function."""
+
+    def __init__(
+        self,
+        *,
+        config: Config,
+        hands: Hands,
+        reducer: FrameReducer,
+        record: Recorder,
+        queue: CommandQueue,
+        on_cycle: Callable[["Engine", Reduction], None] | None = None,
+        pixels_of: PixelsOf = lambda _frame_id: None,
+        past: Past | None = None,
+    ) -> None:
+        """``pixels_of``: those of one of the last frames, where they are kept.
+
+        ``past``: what no catalogue knew on earlier nights.
+        """
+        self.config = config
+        self.charge = Charge()
+        self.hands = hands
+        self.orbits = Orbits(config, past)
+        self.guide = Guide(self.orbits.online, config)
+        self.planner = Planner(config, self.guide)
+        self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)
+        self.watch = Watch(hands.instruments, config, queue, self.chronicle.append)
+        self._parking = Parking(hands, self.chronicle)
+        self.slews = Slews(hands, self.planner, self.watch, self.chronicle)
+        self._exposures = Exposures(hands, self.planner, self.watch, self.chronicle, queue, config)
+        self.cycle = Cycle(reducer, config)
+        """What makes a track of frames, and knows the last ones."""
+        self._queue = queue
+        self._kept = KeptTrack()
+        self._faults = Faults()
+        self._gave_up: str | None = None
+        """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
+        self._has_dawned = False
+        """The night is over, and the mount has not been asked for since."""
+        parts = Parts(
+            hands=hands,
+            planner=self.planner,
+            slews=self.slews,
+            watch=self.watch,
+            guide=self.guide,
+            chronicle=self.chronicle,
+        )
+        self.leaping = Leaping(self, parts, self.cycle.glance)
+        """Stares and leaps, where that is configured."""
+        hands.on_opened, hands.on_closed = self.leaping.opened, self.leaping.closed
+        self.by_hand = ByHand(self, parts)
+        self.frames = FrameTurn(
+            self,
+            parts,
+            exposures=self._exposures,
+            cycle=self.cycle,
+            orbits=self.orbits,
+            leaping=self.leaping,
+            by_hand=self.by_hand,
+            faults=self._faults,
+            forgive=self._forgive,
+            on_cycle=lambda reduction: on_cycle(self, reduction) if on_cycle else None,
+        )
+        """Each exposure's way through the loop."""
+        self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
+        self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
+        self.handlers = joined(
+            (
+                Modes(self).handlers,
+                self.by_hand.handlers,
+                Settings(self, self.frames.temporary, self.chronicle).handlers,
+                self.verdicts.handlers,
+                self.seeking.handlers,
+            )
+        )
+        """How each command of the operator is checked and done."""
+        self.commands = CommandTurn(
+            self,
+            hands,
+            queue,
+            self.chronicle,
+            self._faults,
+            handlers=self.handlers,
+            on_executed=self.frames.look_ahead,
+        )
+        """What waits in the queue, and what cuts a wait short."""
+        hands.on_tick = self.watch.hear_loop
+        self.interruptions = Interruptions(
+            self,
+            parts,
+            self.by_hand,
+            forget=self._forget_times,
+            forget_camera=self._exposures.frame_times.forget,
+            end_at_limit=self._exposures.end_at_limit,
+        )
+        """What nobody ordered: faults of the clock, slews ended by the mount's own process."""
+        hands.on_clock_fault = self.interruptions.hear
+        self._exposures.on_camera_set = self.interruptions.camera_set
+
+    @property
+    def frame_id(self) -> int:
+        """The exposure begun last."""
+        return self._exposures.frame_id
+
+    @property
+    def following(self) -> Following:
+        """What is followed."""
+        return self.charge.following
+
+    @property
+    def last_track(self) -> TrackState | None:
+        """What was followed last this night."""
+        return self.frames.last_track
+
+    @property
+    def may_move(self) -> bool:
+        """Whether autonomy has the mount and nobody holds it."""
+        return self.charge.is_autonomous and not self.charge.is_held
+
+    @property
+    def hand_move(self) -> HandMove | None:
+        """Where the operator has sent the mount, until it is there."""
+        return self.by_hand.move
+
+    def status(self) -> Status:
+        """A snapshot, from any thread."""
+        clock = self.hands.instruments.clock
+        charge, now_ns = self.charge, self.chronicle.last_utc_ns()
+        ahead = self.frames.ahead if charge.is_autonomous and charge.following.tracks else None
+        return status_of(
+            charge,
+            self.watch,
+            frame_id=self.frame_id,
+            now_utc_ns=now_ns,
+            faults=self._faults.words,
+            exposing_until_utc_ns=self._exposures.open_until_utc_ns,
+            next_start_utc_ns=self._exposures.next_start_utc_ns,
+            names=self.orbits.names,
+            kept_until_utc_ns=self._kept.until_utc_ns,
+            slew_left_s=self._slew_left_s(),
+            markable_frames=self.verdicts.frame_ids,
+            simulated_speed=clock.speed if clock.is_simulated else None,
+            tracks=tracks_now(
+                charge.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
+            ),
+            next_aim=None if ahead is None else ahead.aim,
+            orbits=self.orbits,
+        )
+
+    def _slew_left_s(self) -> float | None:
+        report, sent = self.watch.last_report, self.hands.sent
+        if report is None or sent is None:
+            return None
+        return self.planner.slew_left_s(report, *sent)
+
+    def wake(self) -> None:
+        """Cut a wait short (any thread)."""
+        self.hands.instruments.clock.wake()
+
+    def arm(self, by: str = "operator", lifted: frozenset[str] = frozenset()) -> None:
+        """Hand the mount to autonomy: search from where the telescope points.
+
+        ``lifted``: checks of the arming list that are overridden by name. Raises ValueError when
+        it is armed already.
+        """
+        report = self.hands.mount_report()
+        if report.is_parked:
+            self.hands.instruments.mount.unpark()
+        # Lifted before it is armed: the watch may look in between.
+        before = self.watch.lifted
+        self.watch.take_charge(self.charge.is_responsible, lifted)
+        try:
+            self.happen(Armed(by=by))
+        except ValueError:
+            self.watch.take_charge(self.charge.is_responsible, before)
+            raise
+        self._faults.clear()
+        if lifted:
+            self.chronicle.say(
+                "warning", f"armed without these checks: {', '.join(sorted(lifted))}"
+            )
+
+    def resume(self, by: str) -> None:
+        """Give the mount back to autonomy, or follow again what was ended.
+
+        Raises ValueError where there is nothing to resume, where the mount is parked, and where
+        dome, weather or daylight would take it away again.
+        """
+        was_autonomous = self.charge.is_autonomous
+        report = self.hands.mount_report()
+        if report.is_parked and not was_autonomous:
+            raise ValueError("the mount is parked: unpark it first")
+        self.expect_night()
+        self.happen(Resumed(by=by))
+        if not was_autonomous:
+            self.planner.moved_by_hand(report)
+
+    def expect_night(self) -> None:
+        """Raises ValueError where autonomy would get the mount and it is no night for it."""
+        end = None if self.charge.is_autonomous else self.watch.night_end()
+        if end is not None:
+            raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")
+
+    def expect_cloud(self) -> None:
+        """Raises ValueError where the stars are there: a hold until they are back would be none."""
+        stars = self.cycle.star_count
+        if stars is not None and self.frames.clear_frames >= CLEAR_FRAMES:
+            raise ValueError(f"no cloud now: {stars} stars; a plain hold lasts until you resume")
+
+    def run(self, frames: int | None = None) -> None:
+        """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
+
+        Raises InstrumentError when a run of ``frames`` cannot be finished, or when a simulated
+        observatory is gone: no time passes without it.
+        """
+        with self.watch.running():
+            while not self._queue.is_shutdown and not self._is_over(frames):
+                try:
+                    self.commands.heed_alarms()
+                    self.commands.execute_waiting()
+                    self._one_turn(is_bounded=frames is not None)
+                except Interrupted:
+                    continue
+                except StoppedElsewhere as stopped:
+                    self._not_where_left(str(stopped))
+                except _RunFailed as error:
+                    raise InstrumentError(f"the run ended {error}") from error
+                except NowhereError as error:
+                    if self.planner.leave_spiral():
+                        self.chronicle.say("warning", f"nothing left to look at there: {error}")
+                    elif error.is_dawn:
+                        parks = self.config.mount.park_at_end
+                        self.happen(NightEnded(words=f"{error}", parks=parks, is_dawn=True))
+                    else:
+                        self._on_failure(f"nowhere to search: {error}", is_final=True)
+                except RsoconsoleError as error:
+                    self._on_failure(str(error))
+                except Exception as error:  # the telescope must not be left to itself
+                    log.exception("the loop broke")
+                    self._on_failure(f"the loop broke ({error}): see the log", is_final=True)
+            self._end()
+
+    def _is_over(self, frames: int | None) -> bool:
+        """Whether a run of so many frames has come to its end."""
+        if frames is None:
+            return False
+        return self.frame_id >= frames or (self._has_dawned and not self._parking.is_wanted)
+
+    def _one_turn(self, *, is_bounded: bool) -> None:
+        if self._kept.is_over(self.hands.now_utc_ns()):
+            before = self.charge
+            self._enter(without_kept(before), None)
+            self._note_given_up(before)
+        self.interruptions.look_at_mount()
+        is_at_work = self.charge.is_autonomous or self.charge.state == "MANUAL"
+        if is_at_work and not self.hands.instruments.clock.is_steady:
+            # What is measured now has no time.
+            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+        elif self.charge.is_autonomous:
+            self.frames.one_exposure()
+        elif self.charge.state == "MANUAL":
+            self.frames.one_look()
+        else:
+            if is_bounded and self.charge.state == "FAULT":
+                fault = ("see the session's log", *self._faults.words)[-1]
+                raise _RunFailed(f"in FAULT: {fault}")
+            self._parking.see_to_it()
+            self._see_whether_over()
+            if is_bounded and self._gave_up is not None and not self._parking.is_wanted:
+                raise _RunFailed(f"early: {self._gave_up}")
+            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+
+    def _see_whether_over(self) -> None:
+        """A fault whose cause was the mount's silence is over once the mount answers again."""
+        stopped = self._faults.take_stop(self.watch)
+        if stopped is not None:
+            # Given once more: nobody knows what the mount has done meanwhile.
+            self.chronicle.say("info", "the mount answers again and stands: STOP is over")
+            self.happen(replace(stopped, is_confirmed=True))
+        elif self._faults.is_over(self.charge, self.watch):
+            self._faults.clear()
+            self.chronicle.say("info", "the mount answers again: arming goes on")
+
+    def _not_where_left(self, words: str) -> None:
+        """The mount's own process did that, or somebody else: autonomy waits for those."""
+        try:
+            if self.interruptions.goes_on_after():
+                return
+        except Interrupted:
+            return
+        except InstrumentError as error:
+            self._on_failure(str(error))
+            return
+        self.chronicle.say("alarm", f"{words}: somebody else did that, autonomy waits for 'resume'")
+        self.happen(Taken(by="somebody else"))
+
+    def _end(self) -> None:
+        if self._queue.is_shutdown:
+            result = self.hands.instruments.mount.abort()
+            with contextlib.suppress(Interrupted):
+                self.commands.heed_alarms()
+            for request in self._queue.take_all():
+                is_done = request.command.survives_stop
+                self.chronicle.append(action_record(request, DONE if is_done else ENGINE_ENDS))
+            if not result.stopped:
+                self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
+            self._enter(Charge(), Cause(kind="engine ended"))
+            if result.stopped:
+                self.chronicle.say("info", "the engine ends, the mount stands", "engine ended")
+
+    def happen(self, happening: Happening) -> Step:
+        """Pass through one step: do what it asks, and put the change on record.
+
+        Raises ValueError with the reason where the step refuses.
+        """
+        before = self.charge
+        result = step(before, happening)
+        if result.refusal is not None:
+            raise ValueError(result.refusal)
+        self._enter(result.charge, result.reason)
+        if not isinstance(happening, Followed | Marked):
+            self._forget_since(before)
+            self._note_given_up(before)
+        if isinstance(happening, LimitMet | BY_OPERATOR):
+            self.by_hand.move = None
+        if isinstance(happening, BY_OPERATOR):
+            self._parking.forget()
+        self._note_giving_up(happening)
+        self._note_end_of_fault(before, happening)
+        if not self.charge.is_autonomous:
+            self.frames.end_autonomy()
+        for action in result.actions:
+            if action == "abort":
+                self.hands.instruments.mount.abort()
+            elif action == "park":
+                self._parking.want()
+            elif action == "start search":
+                # Who set the clock has not turned the telescope: a cloud ends no night for that.
+                self.frames.begin_search(checks_pointing=not isinstance(happening, ClockSet))
+            elif action == "search home":
+                self.planner.go_home()
+            else:
+                self.cycle.forget_plate()
+        return result
+
+    def _note_end_of_fault(self, before: Charge, happening: Happening) -> None:
+        """The operator, or a STOP that is confirmed at last, has ended it."""
+        is_ended = isinstance(happening, BY_OPERATOR) or before.state != "IDLE"
+        if (self.charge.state == "IDLE" and is_ended) or (
+            before.state == "FAULT" != self.charge.state
+        ):
+            self._faults.clear()
+
+    def _forget_since(self, before: Charge) -> None:
+        """Something from outside: words on frames before it lead nowhere, nor does the plan."""
+        if self.charge.following is not before.following:
+            self.cycle.folds.forget()
+        if self.charge.state != before.state:
+            self.cycle.hand.forget()
+        self.frames.forget_plan()
+
+    def _note_given_up(self, before: Charge) -> None:
+        """A kept track is worth nothing any more, and no change of state says so."""
+        given_up = before.kept
+        if given_up is None or self.charge.kept is not None or self.charge.state != before.state:
+            return
+        words = f"{kept_name(given_up, self.orbits.names)} can no longer be followed again"
+        self.chronicle.say("info", words, "kept")
+
+    def _note_giving_up(self, happening: Happening) -> None:
+        if self.charge.state != "IDLE":
+            self._gave_up, self._has_dawned = None, False
+        elif isinstance(happening, NightEnded) and happening.is_dawn:
+            self._has_dawned = True
+        elif isinstance(happening, NotPointing | NightEnded):
+            self._gave_up = happening.words
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables; in force from the next cycle."""
+        before, self.config = self.config, config
+        whole = (self.hands, self.cycle, self.planner, self.orbits, self.guide, self.watch)
+        for part in (*whole, self._exposures):
+            part.configure(config)
+        self.leaping.configure(before)
+
+    def _forget_times(self) -> None:
+        """What lives by times that are wrong."""
+        self.frames.last_track = None
+        self.orbits.forget()
+        self.leaping.forget_times()
+
+    def park(self, by: str) -> None:
+        """Disarm and send the mount to its park position, again and again until it is there."""
+        self.happen(Disarmed(by=by))
+        # What was followed before is gone back to only after the checklist.
+        self._enter(replace(self.charge, is_resumable=False), None)
+        self._parking.want()
+
+    def _forgive(self) -> None:
+        """An exposure came through: what failed before is over."""
+        self.charge = replace(self.charge, failures=0)
+        self._faults.clear()
+
+    def _on_failure(self, words: str, *, is_final: bool = False) -> None:
+        if self.charge.state == "FAULT":
+            if self.hands.instruments.clock.is_simulated:
+                raise InstrumentError(words)
+            time.sleep(1.0)  # whatever is broken passes no time by itself
+            return
+        if self._faults.add(words):  # said once, however often it fails
+            self.chronicle.say("alarm", words)
+        reason = Missed(kind="instrument", detail=words)
+        tracks = [each.track.track_id for each in self.following.tracks]
+        for track_id in tracks or (None,):
+            self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
+        self.happen(Failed(words=words, is_final=is_final))
+
+    def _enter(self, charge: Charge, reason: Cause | None) -> None:
+        before, self.charge = self.charge.state, charge
+        # What was overridden stands as long as the mount can be given back without a checklist.
+        over = charge.state in ("IDLE", "FAULT") and not charge.is_resumable
+        self._kept.see(charge, self.config.filter, self.chronicle.last_utc_ns())
+        self.watch.take_charge(charge.is_responsible, frozenset() if over else None)
+        # Without a reason it is the fold's own passage, which is on record already.
+        if before != charge.state and reason is not None:
+            self.chronicle.append(
+                StateChange(
+                    frame_id=self.frame_id,
+                    before=before,
+                    after=charge.state,
+                    reason=reason,
+                    kept_track_id=0 if charge.kept is None else charge.kept.track_id,
+                )
+            )

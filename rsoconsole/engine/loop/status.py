@@ -1,0 +1,76 @@
+"""The engine at one instant, for scripts, tmux and consoles."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from rsoconsole.control import NextAim, Status, TrackNow, pairs_now, unseen_now
+from rsoconsole.engine.aim import Charge
+from rsoconsole.engine.control import Watch, kept_name
+from rsoconsole.pipeline.orbits import Orbits
+
+
+def status_of(
+    charge: Charge,
+    watch: Watch,
+    *,
+    frame_id: int,
+    now_utc_ns: int,
+    faults: tuple[str, ...],
+    exposing_until_utc_ns: int | None = None,
+    next_start_utc_ns: int | None = None,
+    names: Mapping[int, str] = MappingProxyType({}),
+    kept_until_utc_ns: int | None = None,
+    slew_left_s: float | None = None,
+    simulated_speed: float | None = None,
+    markable_frames: tuple[int, ...] | None = None,
+    tracks: tuple[TrackNow, ...] = (),
+    next_aim: NextAim | None = None,
+    orbits: Orbits | None = None,
+) -> Status:
+    """A snapshot; every part of it is read once, so that any thread may ask.
+
+    ``names``: of identified tracks, by track id; ``orbits``: knows the field as a whole.
+    """
+    last_pairs = () if orbits is None or not charge.following.tracks else orbits.pairs.last
+    expected = None if orbits is None else orbits.expected
+    track = charge.following.track
+    limit = watch.next_limit
+    report = watch.last_report
+    ahead = None
+    if limit is not None:
+        ahead = f"{limit[1].limit} in {(limit[0] - now_utc_ns) / 60e9:.0f} min"
+    return Status(
+        state=charge.state,
+        holder=charge.holder,
+        is_held=charge.is_held,
+        resumes_when_clear=charge.resumes_when_clear,
+        frame_id=frame_id,
+        target=names.get(charge.following.track_id or 0),
+        kept=kept_name(charge.kept, names),
+        kept_until_utc_ns=None if charge.kept is None else kept_until_utc_ns,
+        is_resumable=charge.is_resumable or (charge.is_autonomous and charge.kept is not None),
+        ra_icrs_deg=None if track is None else track.x[0] % 360.0,
+        dec_icrs_deg=None if track is None else track.x[2],
+        t_utc_ns=None if track is None else track.t_utc_ns,
+        mount_ra_icrs_deg=None if report is None else report.ra_icrs_deg,
+        mount_dec_icrs_deg=None if report is None else report.dec_icrs_deg,
+        mount_t_utc_ns=None if report is None else report.t_utc_ns,
+        slew_left_s=slew_left_s,
+        is_parked=None if report is None else report.is_parked,
+        now_utc_ns=now_utc_ns,
+        simulated_speed=simulated_speed,
+        markable_frames=markable_frames,
+        tracks=tracks,
+        next_aim=next_aim,
+        pairs=pairs_now(last_pairs),
+        unseen=unseen_now(None if expected is None else expected.last),
+        uncatalogued=() if expected is None else expected.uncatalogued,
+        next_limit=ahead,
+        lifted=tuple(sorted(watch.lifted)),
+        faults=faults,
+        is_slewing=None if report is None else report.is_slewing,
+        is_tracking=None if report is None else report.is_tracking,
+        pier_side=None if report is None else report.pier_side,
+        exposing_until_utc_ns=exposing_until_utc_ns,
+        next_start_utc_ns=next_start_utc_ns,
+    )

@@ -1,0 +1,87 @@
+"""Which machine this is, in words for a report; never called what it does not say it is."""
+
+import os
+import platform
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.engine.machine import machine
+from rsoconsole.engine.machine.machine import board_model, text_of
+from rsoconsole.vision.frame import available_cores
+
+_ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """A machine as a figure measured on it must name it."""
+
+    model: str
+    """The board by its device tree, else the processor by its own name."""
+    cores: int
+    """That this process may use."""
+    architecture: str
+    python: str
+    system: str
+    is_emulated: bool
+    """Its processor is another machine's program; False also where that cannot be told."""
+
+    @property
+    def words(self) -> str:
+        """In one line."""
+        cores = f"{self.cores} core{'s' if self.cores > 1 else ''}"
+        emulated = " (EMULATED: not the speed of a real one)" if self.is_emulated else ""
+        return (
+            f"{self.model}{emulated}, {cores}, {self.architecture}, "
+            f"Python {self.python}, {self.system}"
+        )
+
+
+def identity(root: Path | None = None, architecture: str | None = None) -> Identity:
+    """This machine; ``root`` and ``architecture`` are put in its place by tests."""
+    place = machine.ROOT if root is None else root
+    kind = platform.machine() if architecture is None else architecture
+    cpu = _cpu_facts(text_of(place / "proc/cpuinfo") or "")
+    board = board_model(place)
+    return Identity(
+        model=board or cpu.get("Model") or cpu.get("model name") or f"unnamed {kind} processor",
+        cores=available_cores(),
+        architecture=kind,
+        python=".".join(str(part) for part in sys.version_info[:3]),
+        system=_system(place),
+        is_emulated=_is_emulated(kind, cpu, place),
+    )
+
+
+def load_share() -> float:
+    """Work that waits for or has a core, as a share of the cores, over the last minute."""
+    return os.getloadavg()[0] / available_cores()
+
+
+def _cpu_facts(text: str) -> dict[str, str]:
+    """The first processor's lines, and the last of those that stand once."""
+    facts: dict[str, str] = {}
+    for line in text.splitlines():
+        name, mark, value = line.partition(":")
+        if mark and value.strip():
+            facts.setdefault(name.strip(), value.strip())
+    return facts
+
+
+def _system(root: Path) -> str:
+    for line in (text_of(root / "etc/os-release") or "").splitlines():
+        name, _, value = line.partition("=")
+        if name == "PRETTY_NAME":
+            return value.strip('"')
+    return f"{platform.system()} {platform.release()}"
+
+
+def _is_emulated(architecture: str, cpu: dict[str, str], root: Path) -> bool:
+    """Signs of QEMU: a PC's processor under an ARM program, QEMU's own, or its handler."""
+    if architecture not in _ARM:
+        return cpu.get("model name", "").startswith("QEMU Virtual CPU")
+    is_pc = "vendor_id" in cpu or "cpu family" in cpu
+    is_qemus_own = cpu.get("CPU implementer") in {"0x00", "0x0"}
+    handler = text_of(root / f"proc/sys/fs/binfmt_misc/qemu-{architecture}") or ""
+    return is_pc or is_qemus_own or handler.startswith("enabled")

@@ -1,0 +1,90 @@
+"""Where this machine's time comes from: a GPS receiver, a time server, or nowhere."""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from rsoconsole.engine.machine import machine
+from rsoconsole.engine.machine.machine import text_of
+
+TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
+TIMEOUT_S = 3.0
+_CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
+"""Reference clocks, as chrony and gpsd name them."""
+_LEAP_UNSET = "Not synchronised"
+Ask = Callable[[Sequence[str]], str | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeSource:
+    """Who sets this machine's clock."""
+
+    kind: TimeSourceKind
+    """none: a time service runs and reaches nobody, or is off; unknown: none is asked."""
+    detail: str
+    rtc: str | None
+    """The real-time clock that goes on without power; None where there is none."""
+
+
+def read_time_source(ask: Ask | None = None, root: Path | None = None) -> TimeSource:
+    """What chrony says, else what systemd says. Asks programs; raises nothing."""
+    put = run_program if ask is None else ask
+    clock = text_of((machine.ROOT if root is None else root) / "sys/class/rtc/rtc0/name")
+    chrony = put(("chronyc", "-c", "tracking"))
+    found = None if chrony is None else _by_chrony(chrony)
+    if found is None:
+        found = _by_systemd(put(("timedatectl", "show")), put(("timedatectl", "show-timesync")))
+    return TimeSource(kind=found[0], detail=found[1], rtc=clock)
+
+
+def run_program(words: Sequence[str]) -> str | None:
+    """What a program says; None where it is not there, fails or takes too long."""
+    program = shutil.which(words[0])
+    if program is None:
+        return None
+    try:
+        done = subprocess.run(
+            (program, *words[1:]), capture_output=True, text=True, timeout=TIMEOUT_S, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout
+
+
+def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
+    """By the comma-separated line of ``chronyc -c tracking``; None where it is none."""
+    fields = line.strip().split(",")
+    if len(fields) < 14:
+        return None
+    name, stratum, leap = fields[1] or fields[0], fields[2], fields[13]
+    if leap == _LEAP_UNSET:
+        return "none", "chrony reaches no source"
+    if stratum == "1" and _CLOCKS.search(name):
+        return "GPS", f"chrony by {name}"
+    return "NTP", f"chrony by {name}, stratum {stratum}"
+
+
+def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
+    """By what ``timedatectl`` knows of the clock and of its own time service."""
+    told = _pairs(clock)
+    server = _pairs(service).get("ServerName", "")
+    is_set = told.get("NTPSynchronized") == "yes"
+    if is_set:
+        return (
+            "NTP",
+            f"systemd-timesyncd by {server}" if server else "a time service of this system",
+        )
+    if told.get("NTP") == "yes":
+        return "none", f"systemd-timesyncd has not reached {server or 'a time server'} yet"
+    if told.get("NTP") == "no":
+        return "none", "no time service runs"
+    return "unknown", "this system does not tell"
+
+
+def _pairs(text: str | None) -> dict[str, str]:
+    rows = (line.partition("=") for line in (text or "").splitlines())
+    return {name: value for name, mark, value in rows if mark}

@@ -1,0 +1,320 @@
+"""What must be well before the engine may move a telescope, asked of the world and then judged.
+
+Each check bears the one word by which an operator overrides it: somebody who knows better may,
+but by name, and it is logged.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim import darkness_words, dome_fault, sun_fault, weather_fault
+from rsoconsole.engine.doctor import Check, ClockReading, doctor, doctor_system
+from rsoconsole.engine.machine import DISK_REMEDY, bytes_until_dawn
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments import Instruments, MountReport, SiteCheck, SkyReport
+from rsoconsole.pipeline.frame import day_of, shutter_words
+from rsoconsole.records import NotSolved, Solution
+from rsoconsole.sky import separation_deg
+from rsoconsole.tracking import CLIP_ARCSEC
+
+Answer = TypeVar("Answer")
+
+CHECKS = (
+    *("clock", "site", "time", "sun", "unparked", "weather", "dome"),
+    *("disk", "network", "index", "pointing"),
+)
+"""Every name there is, in the order in which they are told; "pointing" is judged on its own."""
+CLOCK_OFFSET_S = 0.1
+"""1.5 arcsec of sky."""
+MOUNT_TIME_S = 30.0
+"""Many a mount tells its time in whole seconds and late; a wrong zone or day shows all the same."""
+POINTING_DEG = CLIP_ARCSEC / 3600.0
+"""As far as the loop's own pointing offset reaches: beyond it no slew would find its place."""
+MOUNT_ANSWER_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmingCheck:
+    """One thing that must be well, and how it was found."""
+
+    name: str
+    """The word by which an operator overrides it; one of ``CHECKS``."""
+    ok: bool
+    detail: str
+    """With the figure."""
+    remedy: str = ""
+    """What to do; empty when all is well."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmingFacts:
+    """What the world said of itself at one instant; a question without an answer is None."""
+
+    now_utc_ns: int
+    is_simulated: bool
+    clock: ClockReading
+    site: SiteCheck | None
+    report: MountReport | None
+    mount_fault: str
+    """Why the mount did not answer; empty when it did."""
+    mount_utc_offset_s: float | None
+    """The mount's clock minus the engine's; None when it does not tell."""
+    sky: SkyReport | None
+    free_bytes: int | None
+    disk_fault: str
+    """Why nothing can be written; empty when it can."""
+    network: Check
+    index: Check
+
+
+def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
+    """Ask clock, mount, guard and disk; never raises, and quick while the mount answers."""
+    mount = instruments.mount
+    report, mount_fault = _ask(lambda: mount.report(timeout_s=MOUNT_ANSWER_S))
+    site: SiteCheck | None = None
+    utc_offset_s: float | None = None
+    if not mount_fault:  # a dead mount is waited for once, not three times
+        site, mount_fault = _ask(lambda: mount.check_site(config.site.to_site()))
+        utc_offset_s, _ = _ask(mount.utc_offset_s)
+    sky, _ = (None, "") if instruments.guard is None else _ask(instruments.guard.look)
+    free_bytes, disk_fault = _ask(lambda: doctor_system.free_bytes(session_folder))
+    write_fault, _ = _ask(lambda: doctor_system.write_fault(session_folder))
+    clock, _ = _ask(doctor_system.read_clock)
+    return ArmingFacts(
+        now_utc_ns=instruments.clock.now_utc_ns(),
+        is_simulated=instruments.clock.is_simulated,
+        clock=clock or ClockReading(is_synchronised=None),
+        site=site,
+        report=report,
+        mount_fault=mount_fault,
+        mount_utc_offset_s=utc_offset_s,
+        sky=sky,
+        free_bytes=free_bytes,
+        disk_fault=disk_fault or write_fault or "",
+        network=_verdict(doctor.check_network, config),
+        index=_verdict(doctor.check_index_files, config),
+    )
+
+
+def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]:
+    """Every check but "pointing", which needs a frame. Pure."""
+    return (
+        _clock(facts, config),
+        _site(facts),
+        _time(facts),
+        _sun(facts, config),
+        _unparked(facts),
+        _weather(facts, config),
+        _dome(facts, config),
+        _disk(facts, config),
+        _of_doctor("network", facts.network),
+        _of_doctor("index", facts.index),
+    )
+
+
+def pointing_check(
+    solution: Solution | NotSolved | None, report: MountReport | None, config: Config
+) -> ArmingCheck:
+    """A solved frame shows the stars of where the mount says it looks. Pure.
+
+    ``report`` is of the time of the exposure; None stands for a mount that did not tell.
+    """
+    name = "pointing"
+    if solution is None:
+        return ArmingCheck(
+            name=name,
+            ok=False,
+            detail="no frame has been taken yet",
+            remedy="look at the camera: its driver, its cable, its power",
+        )
+    if isinstance(solution, NotSolved):
+        return ArmingCheck(
+            name=name,
+            ok=False,
+            detail=f"frame {solution.frame_id} is not solved: {solution.reason}",
+            remedy="lens cap, focus, cloud? Check optics.focal_length_mm and pixel_um, and "
+            f"that the mount is aligned to within solver.radius_deg = {config.solver.radius_deg:g}",
+        )
+    if report is None:
+        return ArmingCheck(
+            name=name,
+            ok=False,
+            detail="the mount does not say where it looks",
+            remedy="look at the mount's driver, its cable, its power",
+        )
+    apart_deg = separation_deg(
+        solution.ra_icrs_deg, solution.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
+    )
+    detail = (
+        f"pointing offset {60 * apart_deg:.1f} arcmin: the stars lie beside where the mount says"
+    )
+    if apart_deg <= POINTING_DEG:
+        return ArmingCheck(name=name, ok=True, detail=detail)
+    return ArmingCheck(
+        name=name,
+        ok=False,
+        detail=f"{detail}, {60 * POINTING_DEG:.0f} at most",
+        remedy="align the mount with its own tools (its sync, its hand controller)",
+    )
+
+
+def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
+    """Why the engine is not armed, in one line; None when every failed check is overridden."""
+    failed = [check for check in checks if not check.ok and check.name not in overridden]
+    if not failed:
+        return None
+    told = "; ".join(
+        f"{check.name}: {check.detail}" + (f" -> {check.remedy}" if check.remedy else "")
+        for check in failed
+    )
+    options = " ".join(f"--override {check.name}" for check in failed)
+    return f"not armed. {told}. If you answer for it: {options}"
+
+
+def _clock(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    """The machine's clock; with it what is known of the shutter, if anything was measured."""
+    found = _machine_clock(facts)
+    if not config.exposure.calibrated:
+        return found
+    shutter = shutter_words(config.exposure, day_of(facts.now_utc_ns))
+    return replace(found, detail=f"{found.detail}; {shutter}")
+
+
+def _machine_clock(facts: ArmingFacts) -> ArmingCheck:
+    name, clock = "clock", facts.clock
+    if facts.is_simulated:
+        return ArmingCheck(name=name, ok=True, detail="the simulated observatory's own")
+    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    if clock.is_synchronised is None:
+        detail = "this system does not tell whether its clock is synchronised"
+        return ArmingCheck(name=name, ok=False, detail=detail, remedy=remedy)
+    if not clock.is_synchronised:
+        return ArmingCheck(name=name, ok=False, detail="not synchronised", remedy=remedy)
+    if clock.offset_s is None:
+        return ArmingCheck(name=name, ok=True, detail="synchronised")
+    detail = f"synchronised, {clock.offset_s * 1e3:+.1f} ms to be corrected"
+    if abs(clock.offset_s) <= CLOCK_OFFSET_S:
+        return ArmingCheck(name=name, ok=True, detail=detail)
+    return ArmingCheck(name=name, ok=False, detail=detail, remedy="wait until it has settled")
+
+
+def _site(facts: ArmingFacts) -> ArmingCheck:
+    if facts.site is None:
+        return _mount_is_dumb("site", facts)
+    if facts.site.is_consistent:
+        return ArmingCheck(name="site", ok=True, detail=facts.site.detail)
+    distance_km = facts.site.distance_km
+    detail = (
+        facts.site.detail
+        if distance_km is None
+        else f"the mount believes to stand {distance_km:.0f} km from the configured site"
+    )
+    remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
+    return ArmingCheck(name="site", ok=False, detail=detail, remedy=remedy)
+
+
+def _time(facts: ArmingFacts) -> ArmingCheck:
+    if facts.report is None:
+        return _mount_is_dumb("time", facts)
+    offset_s = facts.mount_utc_offset_s
+    if offset_s is None:
+        return ArmingCheck(name="time", ok=True, detail="the mount does not tell its time")
+    detail = f"the mount's clock is {offset_s:+.1f} s from this machine's"
+    if abs(offset_s) <= MOUNT_TIME_S:
+        return ArmingCheck(name="time", ok=True, detail=detail)
+    return ArmingCheck(
+        name="time",
+        ok=False,
+        detail=f"{detail}, {MOUNT_TIME_S:.0f} s at most",
+        remedy="set the mount's UTC time, or the hand controller's zone and summer time",
+    )
+
+
+def _sun(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    fault = sun_fault(config, facts.now_utc_ns)
+    when = darkness_words(config, facts.now_utc_ns)
+    if fault:
+        return ArmingCheck(name="sun", ok=False, detail=fault, remedy=when)
+    return ArmingCheck(name="sun", ok=True, detail=when)
+
+
+def _unparked(facts: ArmingFacts) -> ArmingCheck:
+    if facts.report is None:
+        return _mount_is_dumb("unparked", facts)
+    if facts.report.is_parked:
+        return ArmingCheck(
+            name="unparked", ok=False, detail="the mount is parked", remedy="'rsoconsole unpark'"
+        )
+    return ArmingCheck(name="unparked", ok=True, detail="the mount is not parked")
+
+
+def _weather(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    if config.indi.weather is None:
+        return ArmingCheck(name="weather", ok=True, detail="no station is configured")
+    fault = weather_fault(config, facts.sky)
+    if fault:
+        remedy = "wait until it clears; for a silent station look at its driver and indi.weather"
+        return ArmingCheck(name="weather", ok=False, detail=fault, remedy=remedy)
+    word = facts.sky.weather if facts.sky else None
+    return ArmingCheck(name="weather", ok=True, detail=f"{config.indi.weather} says {word}")
+
+
+def _dome(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    if config.indi.dome is None:
+        return ArmingCheck(name="dome", ok=True, detail="none is configured")
+    fault = dome_fault(config, facts.sky)
+    if fault:
+        return ArmingCheck(name="dome", ok=False, detail=fault, remedy="open its shutter")
+    return ArmingCheck(name="dome", ok=True, detail=f"{config.indi.dome} is open")
+
+
+def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    if facts.disk_fault or facts.free_bytes is None:
+        return ArmingCheck(
+            name="disk",
+            ok=False,
+            detail=f"the session cannot be written: {facts.disk_fault or 'its disk is unknown'}",
+            remedy="give yourself the right to write there, or set session.root",
+        )
+    need_bytes, dark_s = bytes_until_dawn(config, facts.now_utc_ns)
+    detail = (
+        f"{facts.free_bytes / 1e9:.1f} GB free, {dark_s / 3600:.1f} h of dark take up to "
+        f"{need_bytes / 1e9:.1f} GB"
+    )
+    if facts.free_bytes >= need_bytes:
+        return ArmingCheck(name="disk", ok=True, detail=detail)
+    return ArmingCheck(name="disk", ok=False, detail=detail, remedy=DISK_REMEDY)
+
+
+def _of_doctor(name: str, found: Check) -> ArmingCheck:
+    is_well = found.ok is True
+    return ArmingCheck(
+        name=name, ok=is_well, detail=found.detail, remedy="" if is_well else found.remedy
+    )
+
+
+def _mount_is_dumb(name: str, facts: ArmingFacts) -> ArmingCheck:
+    return ArmingCheck(
+        name=name,
+        ok=False,
+        detail=f"the mount does not answer: {facts.mount_fault or 'no reason given'}",
+        remedy="look at its driver, its cable, its power",
+    )
+
+
+def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
+    """(answer, "") or (None, why there is none)."""
+    try:
+        return question(), ""
+    except RsoconsoleError as error:
+        return None, str(error)
+    except Exception as error:  # a driver's or the system's own fault is a failed check
+        return None, f"{type(error).__name__}: {error}"
+
+
+def _verdict(check: Callable[[Config], Check], config: Config) -> Check:
+    found, fault = _ask(lambda: check(config))
+    return found or Check(check="", ok=None, detail=fault, remedy="reinstall rsoconsole")

@@ -1,0 +1,188 @@
+"""The mount by the operator's hand: go to, nudge, track, unpark, and what a move would do."""
+
+import math
+from dataclasses import dataclass
+
+from rsoconsole.control import Beside, Goto, MovePreview, Nudge, Preview, Track, Unpark
+from rsoconsole.engine.aim import NS, Guide, Hands, Planner, Taken
+from rsoconsole.engine.control import LIFTS, Chronicle, Slews, Watch, changed
+from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.pipeline.aim import follow_direction, slew_to
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import CommandResult, done
+from rsoconsole.sky import icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
+from rsoconsole.sky.limits import Pose
+
+Direction = tuple[float, float]
+Move = Goto | Nudge
+"""Commands that send the telescope somewhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandMove:
+    """A move by hand under way, ICRS degrees."""
+
+    direction: Direction
+    """Where the telescope is to look."""
+    command: Direction
+    """What the mount was told for that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What of the engine a move by hand needs."""
+
+    hands: Hands
+    planner: Planner
+    slews: Slews
+    watch: Watch
+    guide: Guide
+    chronicle: Chronicle
+
+
+class ByHand:
+    """Moves the mount within its limits and remembers where it was sent."""
+
+    def __init__(self, control: Control, parts: Parts) -> None:
+        self._control = control
+        self._hands = parts.hands
+        self._planner = parts.planner
+        self._slews = parts.slews
+        self._watch = parts.watch
+        self._guide = parts.guide
+        self._chronicle = parts.chronicle
+        self.move: HandMove | None = None
+        """Where the operator has sent the mount, until it is there."""
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {
+            Goto: Handler(check=self._check_move, execute=self._move),
+            Nudge: Handler(check=self._check_move, execute=self._move),
+            Track: Handler(expect=self._expect_free, execute=self._track),
+            Unpark: Handler(expect=self._expect_parked, execute=self._unpark),
+        }
+
+    def preview(self, preview: Preview) -> MovePreview:
+        """What a move would do: target, way, time and limits; nothing moves.
+
+        Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
+        """
+        direction = self._wanted(preview.move)
+        now_ns = self._hands.now_utc_ns()
+        site = self._control.config.site.to_site()
+        here = self._looks_at()
+        report = self._hands.mount_report()
+        alt_deg, az_deg = icrs_to_altaz(site, *direction, now_ns)
+        ra_date_deg, dec_date_deg = icrs_to_jnow(*direction, now_ns)
+        pose = Pose(
+            t_utc_ns=now_ns, ra_icrs_deg=direction[0], dec_icrs_deg=direction[1], pier_side=None
+        )
+        margins = self._watch.limits.margins_deg(pose)
+        override = () if isinstance(preview.move, Beside) else preview.move.override
+        return MovePreview(
+            ra_icrs_deg=direction[0],
+            dec_icrs_deg=direction[1],
+            ra_date_deg=ra_date_deg,
+            dec_date_deg=dec_date_deg,
+            alt_deg=alt_deg,
+            az_deg=az_deg,
+            way_deg=separation_deg(*here, *direction),
+            slew_s=self._planner.slew_s(direction, now_ns),
+            pier_side=report.pier_side,
+            pier_side_after=self._planner.side_at(direction, now_ns),
+            margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
+            refused=self._refusal(direction, override),
+        )
+
+    def _check_move(self, command: Move, _by: str) -> Accepted:
+        direction = self._wanted(command)
+        refused = self._refusal(direction, command.override)
+        if refused is not None:
+            raise ValueError(refused)
+        data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
+        return Accepted(message="on its way; you have the mount", data=data)
+
+    def _move(self, command: Move, by: str) -> CommandResult:
+        direction = self._wanted(command)
+        refused = self._refusal(direction, command.override)
+        if refused is not None:
+            raise ValueError(refused)
+        if self._hands.mount_report().is_slewing:
+            # Some drivers take no new target while they move.
+            self._hands.instruments.mount.abort()
+            self._hands.wait_for_rest()
+        told = self._command(direction)
+        self._hands.order_slew(*told)
+        self._control.happen(Taken(by=by))
+        self.move = HandMove(direction=direction, command=told)
+        now_ns = self._hands.now_utc_ns()
+        reason = f"{command.verb} by {by}"
+        self._chronicle.append(slew_to(self._control.frame_id, direction, now_ns, reason))
+        return done("on its way")
+
+    def _expect_free(self, _command: Track, _by: str) -> None:
+        if self._control.charge.is_autonomous:
+            raise ValueError("autonomy has the mount: disarm it first")
+        if self._hands.mount_report().is_parked:
+            raise ValueError("the mount is parked: unpark it first")
+
+    def _track(self, command: Track, by: str) -> CommandResult:
+        """Sidereal tracking on or off."""
+        self._expect_free(command, by)
+        self._hands.instruments.mount.set_tracking(command.is_on)
+        return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
+
+    def _expect_parked(self, _command: Unpark, _by: str) -> None:
+        if not self._hands.mount_report().is_parked:
+            raise ValueError("the mount is not parked")
+
+    def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
+        self._hands.instruments.mount.unpark()
+        return done("the mount is not parked any more")
+
+    def _wanted(self, move: Move | Beside) -> Direction:
+        """Where that leads the telescope, ICRS degrees."""
+        if isinstance(move, Goto):
+            return float(wrap_360(move.ra_icrs_deg)), move.dec_icrs_deg
+        if isinstance(move, Beside):
+            return self._beside(move)
+        ra_deg, dec_deg = self._looks_at()
+        dec_after_deg = min(max(dec_deg + move.north_arcmin / 60.0, -90.0), 90.0)
+        cos_dec = max(math.cos(math.radians(dec_after_deg)), 1e-3)
+        return float(wrap_360(ra_deg + move.east_arcmin / 60.0 / cos_dec)), dec_after_deg
+
+    def _beside(self, move: Beside) -> Direction:
+        """Beside what is followed, as it is at this moment."""
+        track = self._control.following.track
+        if track is None:
+            raise ValueError("nothing is followed: there is no prediction to look beside")
+        config = self._control.config
+        for name, value in move.settings().items():
+            config = changed(config, name, value)
+        now_ns = self._hands.now_utc_ns()
+        by_orbit = self._guide.of_track(now_ns, config.aim)
+        return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
+
+    def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:
+        """Why this move cannot be: a parked mount, a limit; None when it can."""
+        if self._hands.mount_report().is_parked:
+            return "the mount is parked: unpark it first"
+        now_ns = self._hands.now_utc_ns()
+        exposure = self._control.config.exposure
+        until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)
+        lifted = frozenset(LIFTS[name] for name in override if name in LIFTS)
+        refusal = self._slews.refusal(self._command(direction), now_ns, until_ns, lifted)
+        return None if refusal is None else text(refusal)
+
+    def _looks_at(self) -> Direction:
+        """Where the telescope looks; on its way: where it will look, so that nudges add up."""
+        move = self.move
+        if move is not None:
+            return move.direction
+        return self._planner.looking_at(self._hands.mount_report())
+
+    def _command(self, direction: Direction) -> Direction:
+        now_ns = self._hands.now_utc_ns()
+        return self._planner.command(slew_to(self._control.frame_id, direction, now_ns, "by hand"))

@@ -1,0 +1,366 @@
+"""What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
+
+Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
+again; while nobody follows, two of them make a track that is kept. Nothing here moves the mount.
+The loop's own thread executes them, the wire's only checks.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol
+
+from rsoconsole.config import Config
+from rsoconsole.control import (
+    Accept,
+    BeginMark,
+    Choose,
+    Decision,
+    Drop,
+    Keep,
+    MarkByHand,
+    Reject,
+    TakeBack,
+)
+from rsoconsole.engine.aim import Followed, Marked
+from rsoconsole.engine.control import Chronicle
+from rsoconsole.engine.operator.hand_marks import (
+    automatic_of,
+    better_known,
+    by_hand_result,
+    detection_of,
+    figure,
+    marked_ruling,
+    measured,
+    refined_as,
+    result_of,
+    sigma_arcsec,
+    with_figures,
+)
+from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
+from rsoconsole.engine.operator.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
+from rsoconsole.pipeline.cycle import Cycle, Shown
+from rsoconsole.pipeline.frame import refined_mark
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import BelowTau, Cause, CommandResult
+from rsoconsole.records import (
+    Detection,
+    Measurement,
+    PixelArray,
+    Ruling,
+    StateChange,
+    measurement_id_of,
+)
+from rsoconsole.tracking.association import Following
+
+NEAR_PX = 25.0
+"""A candidate so far from where the operator points is not meant."""
+MOST_MARKED = 2
+"""Frames whose pixels are kept while somebody marks in them: one of a large camera is 120 MB."""
+PixelsOf = Callable[[int], PixelArray | None]
+"""The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
+
+
+class Frames(Protocol):
+    """The last frames on which something may be said; each raises ValueError where nothing can."""
+
+    def shown(self, frame_id: int) -> Shown:
+        """What a frame showed."""
+
+    def newest(self) -> Shown:
+        """The last one."""
+
+    def taken(self, frame_id: int) -> Measurement | None:
+        """What the track has of a frame."""
+
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+
+    def said_last(self) -> int | None:
+        """The newest frame that a word was said on."""
+
+    def hold(self, frame_id: int) -> None:
+        """Keep a frame to be ruled on."""
+
+    def let_go(self, frame_id: int) -> None:
+        """It need not be kept any more."""
+
+
+class Verdicts:
+    """Takes the operator's word on a frame, and has what it changes followed again."""
+
+    def __init__(
+        self,
+        control: Control,
+        cycle: Cycle,
+        chronicle: Chronicle,
+        pixels_of: PixelsOf = lambda _frame_id: None,
+    ) -> None:
+        self._control = control
+        self._cycle = cycle
+        self._chronicle = chronicle
+        self._pixels_of = pixels_of
+        self._marked_pixels: Mapping[int, PixelArray] = {}
+        """Of the frames in which somebody is marking, where the session would let them go."""
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        handler = Handler(check=self._check, execute=self._rule)
+        mark = Handler(check=self._check_mark, execute=self._rule)
+        verdicts = (Choose, Accept, Reject, TakeBack, Drop, Keep)
+        return {MarkByHand: mark, **dict.fromkeys(verdicts, handler)}
+
+    @property
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+        return self._frames.frame_ids()
+
+    @property
+    def _frames(self) -> Frames:
+        """Those that are followed, or while nobody follows those that are looked at."""
+        is_autonomous = self._control.charge.is_autonomous
+        return self._cycle.folds if is_autonomous else self._cycle.hand
+
+    def begin_mark(self, begun: BeginMark) -> int:
+        """Keep a frame in which somebody begins to mark, or leave that off (any thread).
+
+        Its number. Raises ValueError where no mark can be made in it any more.
+        """
+        frames = self._frames
+        shown = frames.newest() if begun.frame_id is None else frames.shown(begun.frame_id)
+        frame_id = shown.taken.frame_id
+        others = {n: pixels for n, pixels in self._marked_pixels.items() if n != frame_id}
+        if not begun.is_on:
+            frames.let_go(frame_id)
+            self._marked_pixels = others
+            return frame_id
+        frames.hold(frame_id)
+        try:
+            frames.shown(frame_id)
+        except ValueError:  # a newer one has taken its place at this very moment
+            frames.let_go(frame_id)
+            raise
+        if self._control.config.session.keep_frames == "last":
+            pixels = self._pixels_of(frame_id)
+            kept = list(others.items())[1 - MOST_MARKED :]
+            self._marked_pixels = dict(kept) if pixels is None else {**dict(kept), frame_id: pixels}
+        return frame_id
+
+    def _check(self, decision: Decision, by: str) -> Accepted:
+        """Refused at once where it can be seen that it must be."""
+        ruling = self._ruling(decision, by)
+        # The frame it was said of: another may be there before the loop comes to it.
+        pinned = replace(decision, frame_id=ruling.frame_id)
+        return Accepted(message="taken up with the next frame", command=pinned)
+
+    def _check_mark(self, mark: MarkByHand, by: str) -> Accepted:
+        """The same, refined on the light beneath it, and held against what is known already.
+
+        Raises RefusedError, which a console may answer with the same mark that ``replaces``.
+        """
+        ruling = self._ruling(mark, by)
+        shown = self._frames.shown(ruling.frame_id)
+        pinned, how = replace(mark, frame_id=ruling.frame_id), "no light stands out beneath it"
+        marked = self._marked_pixels.get(ruling.frame_id)
+        pixels = self._pixels_of(ruling.frame_id) if marked is None else marked
+        rough = detection_of(pinned, ruling.frame_id)
+        if pixels is None:
+            how = "the frame's pixels are not kept: it stays as you made it"
+        else:
+            fwhm_px = shown.detections.star_fwhm_px
+            found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
+            if found is not None:
+                pinned, how = refined_as(pinned, found), "refined on the light beneath it"
+        ruling = self._ruling(pinned, by)
+        assert ruling.taken is not None
+        sigma = sigma_arcsec(ruling.taken)
+        better = better_known(ruling.taken, shown, self._frames.taken(ruling.frame_id))
+        if better is not None and not mark.replaces:
+            raise RefusedError(
+                f"yours is good to ±{figure(sigma)}″ ({how}); frame {ruling.frame_id} has it to"
+                f" ±{figure(sigma_arcsec(better))}″: mark it as replacing that",
+                {
+                    "asks": "replaces",
+                    "sigma_arcsec": sigma,
+                    "better_arcsec": sigma_arcsec(better),
+                    "how": how,
+                },
+            )
+        message = f"taken up with the next frame: ±{figure(sigma)}″, {how}"
+        return Accepted(message=message, command=pinned)
+
+    def _rule(self, decision: Decision, by: str) -> CommandResult:
+        """In force for the order after the next frame. Gives what came of it."""
+        ruling = self._ruling(decision, by)
+        if not isinstance(decision, MarkByHand):
+            return self._follow_again(decision, ruling)
+        frame_id, mark = ruling.frame_id, ruling.taken
+        self._marked_pixels = {n: p for n, p in self._marked_pixels.items() if n != frame_id}
+        assert mark is not None
+        shown, taken = self._frames.shown(frame_id), self._frames.taken(frame_id)
+        result = self._follow_again(decision, ruling)
+        return with_figures(result, mark, automatic_of(mark, shown, taken))
+
+    def _follow_again(self, decision: Decision, ruling: Ruling) -> CommandResult:
+        """By a ruling, in whatever state this is."""
+        before = self._control.following
+        if not self._control.charge.is_autonomous:
+            return self._rule_by_hand(ruling)
+        after, records = self._cycle.rule(ruling)
+        result = result_of(ruling, records)
+        if isinstance(decision, Drop | Keep):
+            result = replace(result, ruled=ruled_of(decision), left_alone=0)
+        others = {each.track.track_id for each in before.tracks[1:]}
+        if ruling.taken is not None and after.track_id in others:
+            result = CommandResult(kind="ruled", ruled="leads", frame_id=ruling.frame_id)
+        self._chronicle.append(ruling)
+        if after.state != before.state:
+            # Before the first frame that is followed again: behind it stand the fold's own.
+            change = StateChange(
+                frame_id=ruling.frame_id,
+                before=before.state,
+                after=after.state,
+                reason=Cause(kind="operator's word", detail=text(result)),
+            )
+            self._chronicle.append(change)
+        for record in records[1:]:
+            self._chronicle.append(record)
+        self._control.happen(Followed(after=after))
+        return result
+
+    def _rule_by_hand(self, ruling: Ruling) -> CommandResult:
+        """Of a frame that nobody followed: what is kept is what the marks make of it."""
+        charge = self._control.charge
+        kept, records = self._cycle.rule_by_hand(
+            ruling, charge.kept, charge.following.last_track_id
+        )
+        for record in records:
+            self._chronicle.append(record)
+        self._control.happen(Marked(kept=kept))
+        return by_hand_result(ruling, records)
+
+    def _ruling(self, decision: Decision, by: str) -> Ruling:
+        """What the word on a frame would be. Raises ValueError where it cannot be."""
+        if isinstance(decision, Drop | Keep) and not self._control.charge.is_autonomous:
+            raise ValueError("nothing is followed: autonomy does not have the mount")
+        if isinstance(decision, Drop | Keep):
+            of = frame_of(decision, self._cycle.folds.rulings())
+            decision = replace(decision, frame_id=of)
+        return ruling_of(
+            decision,
+            by=by,
+            folds=self._frames,
+            following=self._control.following,
+            config=self._control.config,
+        )
+
+
+def ruling_of(
+    decision: Decision, *, by: str, folds: Frames, following: Following, config: Config
+) -> Ruling:
+    """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
+    match decision:
+        case Drop() | Keep():
+            return on_track(decision, _frame(decision, folds), following, by, config)
+        case TakeBack():
+            return _take_back(decision, folds, by)
+    made = _on_streaks(decision, by, folds, following, config)
+    return with_tracks_of(made, folds.shown(made.frame_id).ruling)
+
+
+def _on_streaks(
+    decision: Decision, by: str, folds: Frames, following: Following, config: Config
+) -> Ruling:
+    match decision:
+        case Choose():
+            return _choose(_frame(decision, folds), decision, by, config)
+        case Accept():
+            return _accept(_frame(decision, folds), folds, by, config)
+        case Reject():
+            return _reject(decision, folds, following, by)
+        case MarkByHand():
+            return marked_ruling(_frame(decision, folds), decision, by, config)
+    raise TypeError(f"{decision.verb} is no word on a frame")
+
+
+def _take_back(decision: TakeBack, folds: Frames, by: str) -> Ruling:
+    """What the detector saw alone counts for a frame again."""
+    frame_id = folds.said_last() if decision.frame_id is None else decision.frame_id
+    if frame_id is None:
+        raise ValueError("nothing has been said of the last frames that could be taken back")
+    if folds.shown(frame_id).ruling is None:
+        raise ValueError(f"nothing was said of frame {frame_id} that could be taken back")
+    return Ruling(frame_id=frame_id, by=by)
+
+
+def _frame(decision: Decision, folds: Frames) -> Shown:
+    return folds.newest() if decision.frame_id is None else folds.shown(decision.frame_id)
+
+
+def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
+    """The streak nearest to a place is the one to follow."""
+    x_px, y_px = choice.x_px, choice.y_px
+    found = shown.detections
+    candidates = [*found.detections, *(each.detection for each in found.rejected)]
+    near = min(candidates, key=lambda d: math.hypot(d.x_px - x_px, d.y_px - y_px), default=None)
+    if near is None or math.hypot(near.x_px - x_px, near.y_px - y_px) > NEAR_PX:
+        raise ValueError(
+            f"frame {shown.taken.frame_id} has no streak at {x_px:.0f}, {y_px:.0f}:"
+            " point at one, or mark it by hand"
+        )
+    return Ruling(frame_id=shown.taken.frame_id, taken=_measurement_of(near, shown, config), by=by)
+
+
+def _accept(shown: Shown, folds: Frames, by: str, config: Config) -> Ruling:
+    """The likeliest streak that was not taken is taken."""
+    refused = shown.ruling.refused if shown.ruling is not None else ()
+    already = folds.taken(shown.taken.frame_id)
+    out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
+    measured = [m for m in shown.measurements if (m.x_px, m.y_px) not in out]
+    rejected = [
+        each
+        for each in shown.detections.rejected
+        if (each.detection.x_px, each.detection.y_px) not in out
+    ]
+    taken = None
+    if measured:
+        taken = max(measured, key=lambda m: m.confidence)
+    elif rejected:
+        # A line of light that is only below tau before what was no line at all.
+        likeliest = max(
+            rejected, key=lambda r: (isinstance(r.reason, BelowTau), r.detection.confidence)
+        )
+        taken = _measurement_of(likeliest.detection, shown, config)
+    if taken is not None:
+        return Ruling(frame_id=shown.taken.frame_id, taken=taken, refused=refused, by=by)
+    raise ValueError(
+        f"frame {shown.taken.frame_id} has no candidate to accept: mark the streak by hand"
+    )
+
+
+def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> Ruling:
+    """What a frame gave to the track was none of what is followed; without one, the last."""
+    taken = following.taken
+    if rejection.frame_id is not None:
+        shown = _frame(rejection, folds)
+        taken = folds.taken(shown.taken.frame_id)
+        if taken is None:
+            number = shown.taken.frame_id
+            raise ValueError(f"nothing was taken of frame {number} that could be rejected")
+    if taken is None:
+        raise ValueError("nothing has been taken that could be rejected")
+    shown = folds.shown(taken.frame_id)
+    before = shown.ruling.refused if shown.ruling is not None else ()
+    return Ruling(frame_id=taken.frame_id, refused=(*before, taken), by=by)
+
+
+def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
+    """What was measured of a detection; a candidate that was not is measured on their word."""
+    for each in shown.measurements:
+        if (each.x_px, each.y_px) == (detection.x_px, detection.y_px):
+            return each
+    found = shown.detections
+    candidates = [*found.detections, *(each.detection for each in found.rejected)]
+    named = measurement_id_of(shown.taken.frame_id, candidates.index(detection))
+    return measured(detection, named, shown, config)

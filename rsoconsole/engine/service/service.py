@@ -1,0 +1,284 @@
+"""Puts an engine together, runs it, and takes it apart in the right order."""
+
+import contextlib
+import importlib.metadata
+import logging
+import os
+import shutil
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from rsoconsole.alerting import AlertProcess
+from rsoconsole.config import Config
+from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
+from rsoconsole.engine.aim import Hands
+from rsoconsole.engine.control import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
+from rsoconsole.engine.doctor import read_clock
+from rsoconsole.engine.loop import Engine
+from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
+from rsoconsole.engine.operator import CHECKS, arming_checks, gather_facts, refusal_text
+from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.service.machine_watch import MachineWatch
+from rsoconsole.errors import ConfigError, InstrumentError, SessionError
+from rsoconsole.instruments import Instruments, MountPort, return_what_is_freed
+from rsoconsole.instruments.observatory import connect_instruments
+from rsoconsole.pipeline.frame import Reduction, day_of, kept_pixels, open_reducer, shutter_words
+from rsoconsole.session.upkeep import cut_off_session, new_session_folder
+from rsoconsole.session.writing import SessionWriter
+from rsoconsole.waits import told_to
+
+log = logging.getLogger(__name__)
+
+START_AGAIN_US = 60_000_000
+"""How much longer the service manager is to wait for an engine that says what it waits for."""
+VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy", "pyindi-client")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How one engine is run."""
+
+    title: str
+    session: Path | None = None
+    """None: a new folder under the configured root."""
+    frames: int | None = None
+    """None: until it is told to end."""
+    is_armed: bool = False
+    lifted: frozenset[str] = frozenset()
+    """Checks of the arming list overridden by name."""
+    listens: bool = True
+    """Whether it opens the control socket."""
+    socket: Path | None = None
+
+
+def run_engine(
+    config: Config,
+    settings: RunSettings,
+    *,
+    on_cycle: Callable[[Engine, Reduction], None] | None = None,
+    on_start: Callable[[Path], None] | None = None,
+) -> Path:
+    """Run the telescope; returns the session's folder.
+
+    SIGTERM and SIGINT are a safe stop: the mount stops, the session is closed. Raises
+    InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
+    """
+    return_what_is_freed()
+    keep_from_children()
+    queue = CommandQueue()
+    with contextlib.ExitStack() as stack:
+        starting = stack.enter_context(contextlib.ExitStack())
+        starting.enter_context(told_to(_tell_service_manager))
+        # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
+        heed_signals = stack.enter_context(_signals(queue))
+        path = settings.socket or default_socket_path()
+        if settings.listens:
+            # Before anything else: two engines must never speak to one mount.
+            lock = stack.enter_context(EngineLock(path))
+        mount_lock = stack.enter_context(MountLock(config.indi, path))
+        reducer, model_sha256 = stack.enter_context(open_reducer(config))
+        reducer.make_ready()
+        instruments = stack.enter_context(connect_instruments(config))
+        site_fault = _site_fault(instruments.mount, config)
+        now_ns = instruments.clock.now_utc_ns()
+        cut_off = _cut_off_session(config, instruments)
+        folder = settings.session or new_session_folder(config.session.root, settings.title, now_ns)
+        about = {
+            "title": settings.title,
+            "t_started_utc_ns": now_ns,
+            "is_simulated": instruments.clock.is_simulated,
+            "model_sha256": model_sha256,
+            "clock_offset_s": None if instruments.clock.is_simulated else read_clock().offset_s,
+            "versions": _versions(),
+            "pid": os.getpid(),
+            "continues": None if cut_off is None else str(cut_off),
+        }
+        writer = SessionWriter.create(folder, config, about, on_fault=log.error)
+        past, past_fault = read_past(is_simulated=instruments.clock.is_simulated)
+        if not instruments.clock.is_simulated:
+            stack.callback(keep_uncorrelated, folder)  # behind the session's end
+        alerts = stack.enter_context(_alerts(config, folder, instruments))  # it tells of the end
+        stack.callback(writer.close)
+        engine = Engine(
+            config=config,
+            hands=Hands(instruments, config, lambda: queue.is_wanted),
+            reducer=reducer,
+            record=writer,
+            queue=queue,
+            on_cycle=on_cycle,
+            pixels_of=partial(kept_pixels, folder),
+            past=past,
+        )
+        stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
+        if config.exposure.calibrated:
+            engine.chronicle.say("info", shutter_words(config.exposure, day_of(now_ns)))
+        _say_faults(engine, _cut_off_words(cut_off), site_fault, past_fault, alerts.fault)
+        _load_ahead(config)
+        _say_outlook(engine, config, folder, now_ns)
+        machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))
+        stack.callback(machine.close)
+        machine.start()
+        if settings.listens:
+            desk = Desk(
+                engine,
+                queue,
+                folder,
+                lambda: writer.faults,
+                writer.flush,
+                machine=lambda: machine.state,
+            )
+            stack.enter_context(
+                ControlServer(
+                    path,
+                    desk.handle,
+                    lock=lock,
+                    stamp=lambda: queue.stops,
+                    locks=(mount_lock,),
+                    on_found=partial(engine.chronicle.say, "warning"),
+                )
+            )
+        alerts.start(engine.watch.is_loop_alive)
+        heed_signals()
+        starting.close()
+        notify("READY=1")
+        stack.callback(notify, "STOPPING=1")
+        if on_start is not None:
+            on_start(folder)
+        if settings.is_armed:
+            _arm(engine, settings, folder)
+        engine.run(settings.frames)
+    return folder
+
+
+@contextlib.contextmanager
+def _alerts(config: Config, folder: Path, instruments: Instruments) -> Iterator[AlertProcess]:
+    """Who tells the operator; nobody where nothing is configured."""
+    where = config.site.name + (" (simulated)" if instruments.clock.is_simulated else "")
+    alerts = AlertProcess(config.alerts, folder, title=f"rsoconsole {where}")
+    try:
+        yield alerts
+    finally:
+        alerts.close()
+
+
+def _cut_off_words(session: Path | None) -> str | None:
+    if session is None:
+        return None
+    return (
+        f"the engine before this one ended without closing its session {session.name}: it is kept"
+        " as it is, this one goes on in a new session"
+    )
+
+
+def _say_faults(engine: Engine, *faults: str | None) -> None:
+    for fault in faults:
+        if fault is not None:
+            engine.chronicle.say("warning", fault)
+
+
+def _tell_service_manager(words: str) -> None:
+    """A slow start is none that hangs."""
+    notify(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
+
+
+def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
+    """Arm at the start where the checklist allows it; a run of so many frames insists.
+
+    Raises InstrumentError with what is missing when the run is bounded; else the engine says it
+    and waits to be armed.
+    """
+    unknown = settings.lifted - set(CHECKS)
+    if unknown:
+        raise ConfigError(
+            f"no check is called {', '.join(sorted(unknown))}; there are {', '.join(CHECKS)}"
+        )
+    checks = arming_checks(
+        gather_facts(engine.hands.instruments, engine.config, folder), engine.config
+    )
+    refused = refusal_text(checks, settings.lifted)
+    if refused is None:
+        engine.arm("configuration", settings.lifted)
+    elif settings.frames is not None:
+        raise InstrumentError(refused)
+    else:
+        engine.chronicle.say("alarm", refused)
+
+
+def _say_outlook(engine: Engine, config: Config, folder: Path, now_ns: int) -> None:
+    with contextlib.suppress(OSError):
+        outlook = disk_outlook(config, shutil.disk_usage(folder).free, now_ns)
+        if outlook.warning is not None:
+            engine.chronicle.say("warning", outlook.warning)
+
+
+def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
+    """The last session of this telescope where its engine did not live to close it."""
+    try:
+        return cut_off_session(config.session.root, is_simulated=instruments.clock.is_simulated)
+    except SessionError as error:
+        log.warning("%s", error)
+        return None
+
+
+def _load_ahead(config: Config) -> None:
+    """What weighs a second to load, and would otherwise in the first frame with two satellites."""
+    if config.filter.preset == "adaptive" and config.filter.most_tracks > 1:
+        name = "scipy.optimize"
+        threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
+
+
+def _site_fault(mount: MountPort, config: Config) -> str | None:
+    """What is wrong with the mount's site; told where it knows none, never overwritten unasked."""
+    site = config.site.to_site()
+    check = mount.check_site(site)
+    if check.reported is None:
+        mount.set_site(site)
+        return None
+    if check.is_consistent:
+        return None
+    return f"{check.detail}; 'rsoconsole doctor' tells how, until then arming is refused"
+
+
+@contextlib.contextmanager
+def _signals(queue: CommandQueue) -> Iterator[Callable[[], None]]:
+    """What makes SIGTERM and SIGINT end the engine safely, and a lost line (SIGHUP) mean nothing.
+
+    Until that is called they end the process as ever; afterwards as long as this lasts they do
+    not. Only the main thread may listen to signals. The handler sets a plain flag, which the
+    loop sees within a second.
+    """
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        queue.request_shutdown()
+
+    wanted: dict[int, Any] = {
+        signal.SIGTERM: end,
+        signal.SIGINT: end,
+        signal.SIGHUP: signal.SIG_IGN,
+    }
+    before: dict[int, Any] = {}
+
+    def heed() -> None:
+        if threading.current_thread() is threading.main_thread():
+            before.update({number: signal.signal(number, wanted[number]) for number in wanted})
+
+    try:
+        yield heed
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _versions() -> dict[str, str]:
+    versions = {}
+    for name in VERSIONS_OF:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    return versions

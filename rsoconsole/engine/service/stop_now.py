@@ -1,0 +1,104 @@
+"""STOP on the wire's thread: answered as soon as the mount stands, or with an alarm where not.
+
+What is to become of tracking is seen to on a thread of its own; until that is over the queue counts
+the STOP as under way, and the loop gives no order.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+from rsoconsole.control import LastStop
+from rsoconsole.engine.aim import Stopped
+from rsoconsole.engine.control import CommandQueue
+from rsoconsole.instruments import MountPort, StopResult
+from rsoconsole.reasons import CommandResult
+
+ALARM_S = 0.8
+"""A mount that has not confirmed a STOP for so long is an alarm; it is waited for beyond that."""
+REMEDY = "cut the mount's power if it moves"
+
+
+def stop_now(
+    queue: CommandQueue,
+    mount: MountPort,
+    by: str,
+    *,
+    on_known: Callable[[StopResult], None],
+    on_late: Callable[[StopResult], None],
+) -> StopResult:
+    """Stop the mount; returns when it stands, when that has failed, or after ``ALARM_S``.
+
+    ``on_known`` hears once what came of it, before this returns wherever that is known by then;
+    ``on_late`` how it stands after ``ALARM_S``. Raises what the mount's port
+    raises, which it should not.
+    """
+    known = threading.Event()
+    telling = threading.Lock()
+    ordered_ms: list[float] = []
+    found: list[StopResult] = []
+    broken: list[Exception] = []
+
+    def hear(news: StopResult) -> None:
+        if news.ordered_ms is not None and not ordered_ms:
+            ordered_ms.append(news.ordered_ms)
+        if news.stopped:
+            tell(news)
+
+    def tell(result: StopResult) -> None:
+        with telling:
+            if not found:
+                on_known(result)
+                found.append(result)
+        known.set()
+
+    def act() -> None:
+        try:
+            tell(queue.stop(Stopped(by=by), lambda: mount.abort(on_news=hear)))
+        except Exception as error:  # told on the thread that waits
+            broken.append(error)
+            known.set()
+
+    threading.Thread(target=act, name="stop under way", daemon=True).start()
+    if known.wait(ALARM_S):
+        if broken and not found:
+            raise broken[0]
+        return found[0]
+    late = StopResult(
+        stopped=False,
+        ms=ALARM_S * 1e3,
+        ordered_ms=next(iter(ordered_ms), None),
+        path="mount",
+        detail=f"{ordered_words(next(iter(ordered_ms), None))}, not confirmed in {ALARM_S:g} s",
+    )
+    on_late(late)
+    return late
+
+
+def stop_status(given: LastStop, result: StopResult) -> LastStop:
+    """How a STOP stands, for the status."""
+    return replace(
+        given,
+        ordered_ms=result.ordered_ms,
+        confirmed_ms=result.ms if result.stopped else None,
+        is_confirmed=result.stopped,
+        path=result.path,
+        detail="" if result.stopped else result.detail,
+    )
+
+
+def stop_outcome(result: StopResult) -> CommandResult:
+    """What came of a STOP, for the record."""
+    if result.stopped:
+        return CommandResult(
+            kind="stopped",
+            stop_ms=result.ms,
+            stop_path=result.path,
+            stop_ordered_ms=result.ordered_ms,
+        )
+    return CommandResult(kind="failed", detail=result.detail, stop_ordered_ms=result.ordered_ms)
+
+
+def ordered_words(ordered_ms: float | None) -> str:
+    """Whether ABORT is on its way."""
+    return "NOT ordered yet" if ordered_ms is None else f"ordered in {ordered_ms:.0f} ms"

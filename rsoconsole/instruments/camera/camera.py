@@ -1,0 +1,171 @@
+"""The camera port over a child process; frames come through shared memory."""
+
+import contextlib
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.camera.frame_ring import FrameRing
+from rsoconsole.instruments.frames import camera_mode
+from rsoconsole.instruments.indi import IndiProcess
+from rsoconsole.records import Frame
+
+ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
+"""Key under which a frame's header says when its last byte had come, by ``time.monotonic()``.
+
+That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
+decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
+"""
+_MAX_MESSAGES = 100
+_BYTES_PER_PIXEL = 4
+_FRAME_FIELDS = (
+    "frame_id",
+    "name",
+    "t_start_utc_ns",
+    "exposure_s",
+    "scale_arcsec_px",
+    "pointing_ra_icrs_deg",
+    "pointing_dec_icrs_deg",
+    "saturation_adu",
+    "header",
+)
+
+
+class IndiCamera:
+    """A camera behind INDI; one exposure at a time."""
+
+    def __init__(
+        self,
+        config: IndiConfig,
+        optics: OpticsConfig,
+        log_path: Path,
+        waits: WaitsConfig | None = None,
+    ) -> None:
+        """Describe the camera; ``start`` connects. ``waits`` None: as by default."""
+        waits = waits or WaitsConfig()
+        self._order_s = waits.order_s
+        # Room for float32, though cameras give uint16: untouched pages cost nothing.
+        self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
+        self._awaited: int | None = None
+        self._outcome: dict[str, Any] | None = None
+        self._own_binning: int | None = None
+        """Of the driver, before this program has set another."""
+        self._binning = 1
+        """How many of those are joined."""
+        self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
+        self.process = IndiProcess(
+            name="camera",
+            module="rsoconsole.instruments.camera.camera_child",
+            settings={
+                "host": config.host,
+                "port": config.port,
+                "device": config.camera,
+                "setting": "indi.camera",
+                "device_s": waits.device_s,
+                "quiet_s": waits.quiet_s,
+                "answer_s": waits.answer_s,
+                "ring": self._ring.descriptor,
+                "slot_bytes": self._ring.slot_bytes,
+            },
+            log_path=log_path,
+            on_event=self._on_event,
+            descriptors=(self._ring.descriptor,),
+            start_s=waits.connected_s,
+        )
+
+    def start(self) -> None:
+        """Make the process and connect. Raises InstrumentError."""
+        self.process.start()
+
+    def start_exposure(self, exposure_s: float, frame_id: int) -> None:
+        """Open the shutter; returns once the camera has taken the order."""
+        self._outcome, self._awaited = None, frame_id
+        self.process.request(
+            "expose",
+            self._order_s,
+            exposure_s=exposure_s,
+            frame_id=frame_id,
+            slot=self._ring.free_slot(),
+        )
+
+    def set_binning(self, binning: int) -> int:
+        """Join so many pixels on each axis of those that the driver was set to join before."""
+        answer = self.process.request(
+            "bin", self._order_s, binning=binning, own=self._own_binning or 0
+        )
+        self._own_binning, self._binning = int(answer["own"]), binning
+        return self._binning
+
+    def wait_frame(self, timeout_s: float) -> Frame:
+        """The frame of the exposure under way, within ``timeout_s`` of wall time.
+
+        Its pixels are not to be changed: they lie where the camera's process has written them,
+        and hold that place as long as anybody holds them.
+        """
+        if self._awaited is None:
+            raise InstrumentError("no exposure is under way: start one first")
+        try:
+            has_come = self.process.wait(
+                lambda: self._outcome is not None, timeout_s, starts_again=False
+            )
+        finally:
+            self._awaited = None
+        if not has_come:
+            self.process.restart()
+            raise InstrumentError(
+                f"camera gave no frame in {timeout_s:.0f} s: check its USB power, on a slow "
+                "machine raise exposure.frame_timeout_s; its connection has been made again"
+            )
+        outcome = self._outcome
+        assert outcome is not None
+        if outcome["event"] == "failed":
+            raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
+        pixels = self._ring.take(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
+        facts = {field: outcome[field] for field in _FRAME_FIELDS}
+        # JSON knows no tuples.
+        facts["header"] = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in facts["header"].items()
+        }
+        facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
+        facts["camera"] = camera_mode(facts["header"])
+        return Frame(pixels=pixels, **facts)
+
+    def abort(self) -> None:
+        """Give up the exposure under way; its frame never comes."""
+        self._awaited = None
+        self.process.request("abort", self._order_s)
+
+    def take_messages(self) -> tuple[str, ...]:
+        """What the camera's driver has said since this was last asked, at most the last 100.
+
+        What it said before a frame is there when ``wait_frame`` returns it. From any thread.
+        """
+        taken = []
+        while self._messages:
+            taken.append(self._messages.popleft())
+        return tuple(taken)
+
+    def restart(self) -> None:
+        """A fresh process and a fresh connection."""
+        self._awaited = None
+        self.process.restart()
+
+    def close(self) -> None:
+        """End the process and release the shared memory."""
+        if self._binning != 1 and self.process.pid is not None:
+            with contextlib.suppress(InstrumentError):
+                self.set_binning(1)
+        self.process.close()
+        self._ring.close()
+
+    def _on_event(self, message: dict[str, Any]) -> None:
+        if message.get("event") == "message":
+            self._messages.append(str(message["text"]))
+        elif message.get("frame_id") == self._awaited and message.get("event") in (
+            "frame",
+            "failed",
+        ):
+            self._outcome = message

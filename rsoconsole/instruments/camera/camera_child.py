@@ -1,0 +1,210 @@
+"""The camera's process: takes FITS BLOBs from INDI and lays their pixels into shared memory.
+
+Run as ``python -m rsoconsole.instruments.camera.camera_child``. A plain FITS file of 16 bits a
+pixel is read where libindi has decoded it, straight into the slot that the parent has named with
+its order; whatever takes longer to understand is copied and understood on a thread of its own.
+"""
+
+import os
+import queue
+import re
+import sys
+import threading
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import return_free_pages, return_what_is_freed
+from rsoconsole.instruments.camera.frame_ring import FrameRing
+from rsoconsole.instruments.frames import frame_from_bytes, read_plain
+from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, run_child
+
+_EXPOSURE = "CCD_EXPOSURE"
+_IMAGE = "CCD1"
+_BINNING = "CCD_BINNING"
+_STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
+"""What libindi puts before a driver's words."""
+
+
+class CameraChild:
+    """Carries out the parent's orders on one INDI camera."""
+
+    def __init__(self, mouth: Mouth) -> None:
+        self._mouth = mouth
+        self._client: IndiClient | None = None
+        self._ring: FrameRing | None = None
+        self._frame_id = 0
+        self._slot: int | None = None
+        """Where the frame of the exposure under way goes; None once it has come."""
+        self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
+        self._answer_s = 0.0
+        threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
+
+    def start(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Connect to server and camera."""
+        import PyIndi
+
+        self._ring = FrameRing(order["ring"], order["slot_bytes"])
+        client = IndiClient(order["device"], self._on_vector, self._on_message)
+        self._answer_s = float(order["answer_s"])
+        client.open(order, (_EXPOSURE, _IMAGE), self._mouth)
+        client.setBLOBMode(PyIndi.B_ALSO, order["device"], _IMAGE)
+        if client.get("UPLOAD_MODE") is not None:
+            before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
+            client.wait("UPLOAD_MODE", lambda _: True, self._answer_s, before)
+        self._client = client
+        exposure = client.get(_EXPOSURE)
+        if exposure is not None and exposure.state == "Busy":
+            # Left behind by the process before this one; its frame must not pass for ours.
+            self.abort({})
+        return {}
+
+    def expose(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Open the shutter; answers when the camera has taken the order."""
+        client = self._ready()
+        self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
+        before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
+        answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", self._answer_s, before)
+        if answer is None:
+            raise InstrumentError(
+                f"the camera did not start an exposure in {self._answer_s:.0f} s: "
+                "check its USB power"
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(
+                f"the camera refused the exposure: {client.last_message or 'no reason given'}"
+            )
+        # libindi has read the last frame as text: there is time now to give that memory back.
+        return_free_pages()
+        return {}
+
+    def bin(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Join pixels: ``binning`` times as many on each axis as the driver's own setting.
+
+        ``own``: that setting, where it is known already; it is in the answer.
+        """
+        client = self._ready()
+        vector = client.get(_BINNING)
+        if vector is None:
+            raise InstrumentError("the camera's driver cannot join pixels: set leap.binning to 1")
+        now = int(vector.values["HOR_BIN"])
+        own = int(order["own"]) or now
+        wanted = own * int(order["binning"])
+        if wanted == now:
+            return {"own": own}
+        before = client.send_numbers(_BINNING, dict.fromkeys(("HOR_BIN", "VER_BIN"), float(wanted)))
+        answer = client.wait(_BINNING, lambda v: v.state != "Busy", self._answer_s, before)
+        is_set = answer is not None and int(answer.values["HOR_BIN"]) == wanted
+        if not is_set or answer is None or answer.state == "Alert":
+            raise InstrumentError(
+                f"the camera did not join {wanted} x {wanted} pixels"
+                f" ({client.last_message or 'no reason given'}): set leap.binning to 1"
+            )
+        return {"own": own}
+
+    def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """Give up the exposure under way."""
+        client = self._ready()
+        self._frame_id, self._slot = 0, None
+        exposure = client.get(_EXPOSURE)
+        before = client.send_switch("CCD_ABORT_EXPOSURE", "ABORT")
+        answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, self._answer_s, before)
+        if exposure is not None and exposure.state == "Busy":
+            # Or the end of this exposure would pass for the answer to the next order.
+            client.wait(_EXPOSURE, lambda v: v.state != "Busy", self._answer_s, before)
+        return {"aborted": answer is not None}
+
+    def _on_vector(self, vector: Vector) -> None:
+        if vector.name == _IMAGE and _IMAGE in vector.blobs:
+            self._receive(vector.blobs[_IMAGE], vector.arrived_monotonic_s)
+        elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
+            self._mouth.say(
+                {
+                    "event": "failed",
+                    "frame_id": self._frame_id,
+                    "reason": self._client.last_message or "no reason given",
+                }
+            )
+
+    def _on_message(self, text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+        self._mouth.say({"event": "message", "text": _STAMP.sub("", text)})
+
+    def _receive(self, content: memoryview, arrived_s: float) -> None:
+        frame_id, slot = self._frame_id, self._slot
+        self._slot = None
+        if slot is None:
+            print("a frame that nobody waits for is dropped", file=sys.stderr, flush=True)
+        elif read_plain(content) is None:
+            self._blobs.put((frame_id, slot, bytes(content), arrived_s))
+        else:
+            self._take(frame_id, slot, content, arrived_s)
+
+    def _unpack_all(self) -> None:
+        while True:
+            self._take(*self._blobs.get())
+
+    def _take(
+        self, frame_id: int, slot: int, content: bytes | memoryview, arrived_s: float
+    ) -> None:
+        """Understand a frame, lay its pixels into their slot and tell the parent."""
+        ring = self._ring
+        assert ring is not None
+        is_plain = isinstance(content, memoryview)
+
+        def room(shape: tuple[int, ...]) -> npt.NDArray[np.uint16] | None:
+            return ring.room(slot, shape, np.uint16) if is_plain else None
+
+        try:
+            frame = frame_from_bytes(content, frame_id, f"frame_{frame_id:06d}.fits", room=room)
+            pixels = ring.room(slot, frame.pixels.shape, frame.pixels.dtype)
+            if frame_id == self._frame_id and not np.may_share_memory(pixels, frame.pixels):
+                pixels[...] = frame.pixels
+        except Exception as error:
+            self._mouth.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+            return
+        self._mouth.say(
+            {
+                "event": "frame",
+                "frame_id": frame_id,
+                "name": frame.name,
+                "slot": slot,
+                "dtype": frame.pixels.dtype.str,
+                "shape": frame.pixels.shape,
+                "t_start_utc_ns": frame.t_start_utc_ns,
+                "exposure_s": frame.exposure_s,
+                "scale_arcsec_px": frame.scale_arcsec_px,
+                "pointing_ra_icrs_deg": frame.pointing_ra_icrs_deg,
+                "pointing_dec_icrs_deg": frame.pointing_dec_icrs_deg,
+                "saturation_adu": frame.saturation_adu,
+                "header": dict(frame.header),
+                "arrived_monotonic_s": arrived_s,
+            }
+        )
+
+    def _ready(self) -> IndiClient:
+        if self._client is None:
+            raise InstrumentError("the camera is not connected: start it first")
+        return self._client
+
+
+def main() -> None:
+    """Obey until the parent goes away."""
+    return_what_is_freed()
+    mouth = Mouth()
+    child = CameraChild(mouth)
+    try:
+        run_child(
+            mouth,
+            slow={"start": child.start, "expose": child.expose, "bin": child.bin},
+            urgent={"abort": child.abort},
+        )
+    finally:
+        # PyIndi's threads do not survive an orderly end of the interpreter.
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,10 @@
+from .frame_files import frame_from_bytes as frame_from_bytes
+from .frame_files import read_frame as read_frame
+from .frame_files import read_frames as read_frames
+from .frame_header import EXTENSION_KEY as EXTENSION_KEY
+from .frame_header import NOTES_KEY as NOTES_KEY
+from .frame_header import camera_mode as camera_mode
+from .frame_header import exposure_s as exposure_s
+from .frame_header import header_start as header_start
+from .frame_header import sensor_temperature_c as sensor_temperature_c
+from .plain_fits import read_plain as read_plain

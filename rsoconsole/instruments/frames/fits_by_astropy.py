@@ -1,0 +1,172 @@
+"""The images of a FITS file that is not a plain one, by astropy: which there are, and one of them.
+
+Observatories keep the parts of a mosaic, the masks of an image or several summaries of one video
+in the extensions of one file. Only the decoding process reads them: a hostile file may hang or
+crash it.
+"""
+
+import math
+import warnings
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rsoconsole.errors import FrameError
+from rsoconsole.instruments.frames.plain_fits import FitsImage
+
+ALL = "all"
+"""In place of an extension's name: every image of the file, one after another."""
+_NAMELESS = ("", "PRIMARY", "COMPRESSED_IMAGE")
+# What astropy raises for a damaged file; AttributeError where a header breaks off half-way.
+_BROKEN = (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, zlib.error)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Unit:
+    """A header and data unit with its number in the file."""
+
+    number: int
+    hdu: Any
+
+    @property
+    def name(self) -> str:
+        """EXTNAME in capitals; empty where the unit has none of its own."""
+        own = str(self.hdu.name).upper().replace(" ", "")
+        return "" if own in _NAMELESS else own
+
+    @property
+    def side_px(self) -> int:
+        """The shorter one."""
+        return int(min(self.hdu.shape[-2:]))
+
+
+def image_by_astropy(
+    content: bytes, name: str, extension: str | None = None, min_side_px: int = 1
+) -> FitsImage:
+    """The image asked for, as ``fits_images.fits_image`` has it, in this very process."""
+    from astropy.io import fits
+
+    truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with fits.HDUList.fromstring(content, do_not_scale_image_data=True) as hdus:
+                found = _labelled(_images(hdus, name, min_side_px))
+                if not found and len(content) % 2880:
+                    raise truncated
+                label = _chosen(found, extension, name)
+                hdu = found[label].hdu
+                info = hdu.fileinfo()
+                if info and info["datLoc"] + _data_bytes(hdu) > len(content):
+                    raise truncated
+                raw = hdu.data
+                if raw is None:
+                    raise truncated
+                return FitsImage(
+                    raw=raw[0] if raw.ndim == 3 else raw,
+                    header=_merged_header(hdus[0].header, hdu.header),
+                    label=label if len(found) > 1 else "",
+                    others=tuple(other for other in found if other != label),
+                )
+        except FrameError:
+            raise
+        except fits.VerifyError as error:
+            raise FrameError(f"{name} is not valid FITS: {error}; write it again") from error
+        except Exception as error:  # decoders have errors of their own for a damaged image
+            raise truncated from error
+
+
+def _chosen(found: dict[str, _Unit], extension: str | None, name: str) -> str:
+    """Label of the image asked for."""
+    if not found:
+        raise FrameError(f"{name} holds no two-dimensional image: name a file with a frame in it")
+    if extension is None:
+        return next(iter(found))
+    asked = extension.replace(" ", "").upper()
+    for label, unit in found.items():
+        # A name that several share stands for the first of them.
+        if asked in (label, unit.name, str(unit.number)) and asked:
+            return label
+    raise FrameError(
+        f"{name} has no image '{extension}': --extension takes {', '.join(found)}, the number of"
+        f" an extension, or {ALL}"
+    )
+
+
+def _labelled(units: list[_Unit]) -> dict[str, _Unit]:
+    names = [unit.name for unit in units]
+    labels = [
+        str(unit.number)
+        if not unit.name
+        else f"{unit.name},{unit.hdu.ver}"
+        if names.count(unit.name) > 1
+        else unit.name
+        for unit in units
+    ]
+    # Two of one name and version: the number tells them apart.
+    return {
+        label if labels.count(label) == 1 else str(unit.number): unit
+        for label, unit in zip(labels, units, strict=True)
+    }
+
+
+def _images(hdus: Any, name: str, min_side_px: int) -> list[_Unit]:
+    """Units with two axes, or three of which the first has one plane."""
+    images: list[_Unit] = []
+    planes: tuple[int, ...] | None = None
+    for number, hdu in enumerate(_readable(hdus)):
+        if not hdu.is_image:
+            continue
+        shape = tuple(hdu.shape)
+        if len(shape) == 2 or (len(shape) == 3 and shape[0] == 1):
+            images.append(_Unit(number=number, hdu=hdu))
+        elif len(shape) == 3 and planes is None:
+            planes = shape
+    large = [unit for unit in images if unit.side_px >= min_side_px]
+    if not large and planes is not None:
+        raise FrameError(
+            f"{name} has {planes[0]} planes of {planes[2]} x {planes[1]} px: "
+            "give monochrome frames, one image a file"
+        )
+    return large or [unit for unit in images if unit.side_px > 0][:1]
+
+
+def _readable(hdus: Any) -> Iterator[Any]:
+    """Units up to where the file is damaged; raises what astropy does where none can be read."""
+    units, count = iter(hdus), 0
+    while True:
+        try:
+            hdu = next(units)
+        except StopIteration:
+            return
+        except _BROKEN:
+            if not count:
+                raise
+            return
+        count += 1
+        yield hdu
+
+
+def _data_bytes(hdu: Any) -> int:
+    """Bytes that the header promises, without the padding to a full block."""
+    header = getattr(hdu, "_bintable", hdu).header
+    axes = [int(header[f"NAXIS{i + 1}"]) for i in range(int(header["NAXIS"]))]
+    items = int(header.get("PCOUNT", 0)) + math.prod(axes)
+    return abs(int(header["BITPIX"])) // 8 * int(header.get("GCOUNT", 1)) * items
+
+
+def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
+    """Cards as plain values; an image's own cards win over the primary header's."""
+    merged: dict[str, Any] = {}
+    for header in (primary, own):
+        for card in header.cards:
+            if card.keyword in ("", "COMMENT", "HISTORY"):
+                continue
+            try:
+                value = card.value
+            except (ValueError, OSError):
+                continue
+            if isinstance(value, bool | int | float | str):
+                merged[card.keyword] = value
+    return merged

@@ -1,0 +1,136 @@
+"""Decodes pictures, and FITS files that are not plain, in a process with limits of time and memory.
+
+Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
+length may keep them busy for ever. The process is started with the first such file, kept for the
+next, and restarted when one has ended it.
+"""
+
+import atexit
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import threading
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import FrameError
+from rsoconsole.instruments.frames.decoder_child import DecodeReply, DecodeRequest
+from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+
+START_S = 60.0
+LEAST_S, BYTES_A_S = 4.0, 8_000_000
+"""A file is given this, and more by its length: a slow machine unpacks ten times as much."""
+_PROGRAM = (
+    "import sys; from rsoconsole.instruments.frames.decoder_child import main; "
+    "main(int(sys.argv[1]))"
+)
+
+
+class FrameDecoder:
+    """The decoding process; one file at a time."""
+
+    def __init__(self) -> None:
+        self._guard = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+
+    def decode(
+        self, content: Content, name: str, extension: str | None, min_side_px: int
+    ) -> FitsImage:
+        """As ``image_by_astropy``. Raises FrameError, also where the file ends the process."""
+        request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
+        return self._decoded(request, content)
+
+    def decode_picture(self, content: Content, name: str) -> npt.NDArray[Any]:
+        """As ``picture_by_opencv``. Raises FrameError, also where the file ends the process."""
+        return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
+
+    def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
+        with self._guard:
+            try:
+                return self._ask(request, content)
+            except (EOFError, OSError) as error:
+                self._end()
+                raise FrameError(
+                    f"{request.name} is damaged: it crashed the decoder;"
+                    " copy it again or leave it out"
+                ) from error
+            except FrameError:
+                raise
+            except BaseException:
+                self._end()  # what was asked would be the answer to the next question
+                raise
+
+    def _ask(self, request: DecodeRequest, content: Content) -> FitsImage:
+        connection = self._connected()
+        connection.send(request)
+        connection.send_bytes(content)
+        patience_s = LEAST_S + len(content) / BYTES_A_S
+        if not connection.poll(patience_s):
+            self._end()
+            raise FrameError(
+                f"{request.name} is damaged: the decoder is not done after {patience_s:.0f} s;"
+                " copy it again or leave it out"
+            )
+        reply: DecodeReply = connection.recv()
+        if reply.fault:
+            raise FrameError(reply.fault)
+        pixels = np.empty(reply.shape, np.dtype(reply.dtype))
+        if pixels.nbytes:
+            connection.recv_bytes_into(pixels.data.cast("B"))
+        return FitsImage(
+            raw=pixels, header=dict(reply.header or {}), label=reply.label, others=reply.others
+        )
+
+    def _connected(self) -> Connection:
+        if self._connection is not None and self._process is not None:
+            if self._process.poll() is None:
+                return self._connection
+            self._end()
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", _PROGRAM, str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            self._connection = Connection(os.dup(ours.fileno()))
+        if not self._connection.poll(START_S):
+            raise OSError("the decoder does not start")
+        self._connection.recv()
+        return self._connection
+
+    def _end(self) -> None:
+        if self._connection is not None:
+            with contextlib.suppress(OSError):
+                self._connection.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+        self._process = self._connection = None
+
+    def close(self) -> None:
+        """End the process."""
+        with self._guard:
+            self._end()
+
+
+_decoders: dict[int, FrameDecoder] = {}
+"""By process: what a fork inherits is its parent's."""
+
+
+def decoder() -> FrameDecoder:
+    """This process's."""
+    found = _decoders.get(os.getpid())
+    if found is None:
+        _decoders.clear()
+        found = _decoders[os.getpid()] = FrameDecoder()
+        atexit.register(found.close)
+    return found

@@ -1,0 +1,296 @@
+"""Frames from files: FITS as cameras and archives write it, TIFF and PNG.
+
+The kind of a file is told by its first bytes, not by its name. A file is held in memory once as
+bytes and once as pixels, never a third time.
+"""
+
+import bz2
+import gzip
+import io
+import logging
+import stat
+import zlib
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import FrameError
+from rsoconsole.instruments.frames.fits_by_astropy import ALL
+from rsoconsole.instruments.frames.fits_images import fits_image
+from rsoconsole.instruments.frames.frame_header import (
+    EXTENSION_KEY,
+    NOTES_KEY,
+    absurd_scale,
+    camera_mode,
+    exposure_s,
+    pointing_deg,
+    scale,
+    start,
+)
+from rsoconsole.instruments.frames.frame_pixels import (
+    Room,
+    fill_nonfinite,
+    one_plane,
+    saturation_adu,
+    to_pixels,
+)
+from rsoconsole.instruments.frames.pictures import MAGIC as PICTURE_MAGIC
+from rsoconsole.instruments.frames.pictures import picture
+from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+from rsoconsole.records import Frame
+
+MIN_SIDE_PX = 64
+MOST_BYTES = 400_000_000
+"""Of a file, packed or not: 200 million pixels of 16 bits."""
+MAX_NONFINITE_FRACTION = 0.0
+"""A camera gives numbers: a frame with anything else is not what it saw."""
+_FITS_MAGIC = b"SIMPLE  ="
+_MOST_NAMED = 8
+log = logging.getLogger(__name__)
+OTHERS_KEY = "OTHER_IMAGES"
+"""Key under which a frame's header names the other images of its file, a tuple of labels."""
+EIGHT_BIT = "8 bits a pixel: faint streaks are lost in its steps; give the camera's 16-bit frames"
+COLOURS = "a colour picture: its colours are added up; give the camera's raw frames"
+
+
+def read_frame(
+    path: Path,
+    frame_id: int,
+    *,
+    extension: str | None = None,
+    allow_8bit: bool = True,
+    expected_size: tuple[int, int] | None = None,
+    max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
+) -> Frame:
+    """Read one frame: FITS (also .gz, .bz2, fpack), TIFF or PNG.
+
+    ``extension``: which image of a FITS file that has several, by the name, ``NAME,VERSION`` or
+    number of its extension; None is the first one, and a note names the others. Pixels come as
+    uint16 or float32, native order, (height, width). ``expected_size`` is (width, height). Pixels
+    that are NaN or infinite are errors when they are more than ``max_nonfinite_fraction`` of the
+    frame; fewer are masked bad pixels, are filled with the median of their neighbourhood, and
+    ``header["NOTES"]`` says how many. By default none may be. Frames of 8 bits and pictures in
+    colours are noted; without ``allow_8bit`` the former are errors. A start time that cannot be
+    understood is None, and a note says so; it never becomes another. Raises FrameError, one
+    sentence with the remedy.
+    """
+    path = Path(path)
+    return frame_from_bytes(
+        _read_bytes(path),
+        frame_id,
+        path.name,
+        extension=extension,
+        allow_8bit=allow_8bit,
+        expected_size=expected_size,
+        max_nonfinite_fraction=max_nonfinite_fraction,
+    )
+
+
+def read_frames(
+    path: Path,
+    frame_id: int,
+    *,
+    extension: str | None = None,
+    max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
+) -> Iterator[Frame]:
+    """As ``read_frame``; with the extension ``ALL`` every image of the file, one after another."""
+    path = Path(path)
+    content = _read_bytes(path)
+    is_all = extension is not None and extension.strip().lower() == ALL
+    frame = frame_from_bytes(
+        content,
+        frame_id,
+        path.name,
+        extension=None if is_all else extension,
+        max_nonfinite_fraction=max_nonfinite_fraction,
+        is_alone=not is_all,
+    )
+    yield frame
+    for label in frame.header.get(OTHERS_KEY, ()) if is_all else ():
+        yield frame_from_bytes(
+            content,
+            frame_id,
+            path.name,
+            extension=label,
+            max_nonfinite_fraction=max_nonfinite_fraction,
+            is_alone=False,
+        )
+
+
+def frame_from_bytes(
+    content: Content,
+    frame_id: int,
+    name: str,
+    *,
+    extension: str | None = None,
+    allow_8bit: bool = True,
+    expected_size: tuple[int, int] | None = None,
+    max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
+    room: Room = lambda _: None,
+    is_alone: bool = True,
+) -> Frame:
+    """The same as ``read_frame`` for a file that is already in memory (a camera's BLOB).
+
+    ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
+    for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
+    """
+    try:
+        return _frame(
+            _decompress(content, name),
+            frame_id,
+            name,
+            extension,
+            allow_8bit=allow_8bit,
+            expected_size=expected_size,
+            max_nonfinite_fraction=max_nonfinite_fraction,
+            room=partial(_room_in, room),
+            is_alone=is_alone,
+        )
+    except FrameError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError) as e:
+        # A header may say anything; whatever stumbles over it, the frame is what is wrong.
+        log.warning("%s cannot be understood", name, exc_info=True)
+        raise FrameError(
+            f"{name} is damaged: its header or pixels make no sense ({type(e).__name__}); copy it"
+            " again or leave it out"
+        ) from e
+
+
+def _room_in(room: Room, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
+    """What ``room`` gives; that it has none is said in its own words."""
+    try:
+        return room(shape)
+    except ValueError as error:
+        raise FrameError(str(error)) from error
+
+
+def _frame(
+    content: Content,
+    frame_id: int,
+    name: str,
+    extension: str | None,
+    *,
+    allow_8bit: bool,
+    expected_size: tuple[int, int] | None,
+    max_nonfinite_fraction: float,
+    room: Room,
+    is_alone: bool,
+) -> Frame:
+    full_adu: float | None = None
+    notes: list[str] = []
+    if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
+        image = fits_image(content, name, extension, MIN_SIDE_PX)
+        raw, bits = image.raw, image.raw.dtype.itemsize * 8
+        notes += _notes_of_others(image) if is_alone else []
+    elif content[:4] in PICTURE_MAGIC:
+        stored = picture(content, name)
+        bits = stored.dtype.itemsize * 8
+        raw, full_adu, is_coloured = one_plane(stored, name)
+        image = FitsImage(raw=raw, header={})
+        notes += [COLOURS] if is_coloured else []
+    else:
+        raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
+    header: dict[str, Any] = dict(image.header)
+    _check_shape(raw, name, expected_size)
+    if bits == 8:
+        if not allow_8bit:
+            raise FrameError(f"{name} is 8-bit: give the camera's 16-bit frames")
+        notes.append(EIGHT_BIT)
+    pixels = to_pixels(raw, header, name, room)
+    if pixels.dtype == np.float32:
+        note = fill_nonfinite(pixels, name, max_nonfinite_fraction)
+        notes += [note] if note else []
+    full_adu = saturation_adu(raw, pixels, header) if full_adu is None else full_adu
+    if bits == 8:
+        # Kept in 16 bits it would not show any more.
+        header.setdefault("SATURATE", full_adu)
+    t_start_utc_ns, note = start(header)
+    notes += [words for words in (note, absurd_scale(header)) if words]
+    ra_deg, dec_deg = pointing_deg(header)
+    if image.label:
+        header |= {EXTENSION_KEY: image.label, OTHERS_KEY: image.others}
+    return Frame(
+        frame_id=frame_id,
+        name=f"{name}[{image.label}]" if image.label else name,
+        pixels=pixels,
+        t_start_utc_ns=t_start_utc_ns,
+        exposure_s=exposure_s(header),
+        scale_arcsec_px=scale(header),
+        pointing_ra_icrs_deg=ra_deg,
+        pointing_dec_icrs_deg=dec_deg,
+        saturation_adu=full_adu,
+        camera=camera_mode(header),
+        header={**header, NOTES_KEY: tuple(notes)},
+    )
+
+
+def _notes_of_others(image: FitsImage) -> list[str]:
+    if not image.others:
+        return []
+    shown = ", ".join(image.others[:_MOST_NAMED])
+    more = len(image.others) - _MOST_NAMED
+    return [
+        f"image {image.label} of {len(image.others) + 1} in the file; --extension takes another"
+        f" ({shown}{f' and {more} more' if more > 0 else ''}) or {ALL}"
+    ]
+
+
+def _read_bytes(path: Path) -> bytes:
+    if path.is_dir():
+        raise FrameError(f"{path} is a directory: name the frames in it, e.g. {path}/*.fits")
+    try:
+        # A pipe or a device would be waited for, or never end.
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise FrameError(f"{path} is no regular file: name a frame")
+        if found.st_size > MOST_BYTES:
+            raise FrameError(
+                f"{path} has {found.st_size / 1e9:.1f} GB, no frame more than"
+                f" {MOST_BYTES / 1e9:.1f}: give one frame a file"
+            )
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise FrameError(f"{path} does not exist: check the name") from error
+    except OSError as error:
+        raise FrameError(f"{path} cannot be read: {error.strerror or error}") from error
+    if not content:
+        raise FrameError(f"{path} is empty (0 bytes): copy it again or leave it out")
+    return content
+
+
+def _decompress(content: Content, name: str) -> Content:
+    try:
+        if content[:3] == b"BZh":
+            return _unpacked(bz2.BZ2File(io.BytesIO(content)), name)
+        if content[:2] == b"\x1f\x8b":
+            return _unpacked(gzip.GzipFile(fileobj=io.BytesIO(content)), name)
+    except (OSError, ValueError, EOFError, zlib.error) as error:
+        raise FrameError(f"{name} is truncated or damaged: {error}; copy it again") from error
+    return content
+
+
+def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
+    """The whole of a compressed file, as long as it is no longer than any frame."""
+    with file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise FrameError(f"{name} unpacks to more than {MOST_BYTES / 1e9:.1f} GB: leave it out")
+    return content
+
+
+def _check_shape(raw: npt.NDArray[Any], name: str, expected: tuple[int, int] | None) -> None:
+    height, width = raw.shape
+    if min(height, width) < MIN_SIDE_PX:
+        raise FrameError(
+            f"{name} is {width} x {height} px: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are needed"
+        )
+    if expected is not None and (width, height) != expected:
+        raise FrameError(
+            f"{name} is {width} x {height} px, the configured camera gives "
+            f"{expected[0]} x {expected[1]}: set optics.width_px and optics.height_px"
+        )

@@ -1,0 +1,182 @@
+"""What a frame's header promises: start, length, scale and pointing, in the program's units."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rsoconsole.instruments.frames.gps_time import gps_time
+from rsoconsole.records import CameraMode
+from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
+
+NOTES_KEY = "NOTES"
+"""Key under which a frame's header carries what its reader has to say, a tuple of sentences."""
+
+EXTENSION_KEY = "EXTENSION"
+"""Key under which it carries which of its file's images it is; absent where there is only one."""
+ABSOLUTE_ZERO_C = -273.15
+POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
+"""Finer than any telescope's, coarser than any lens's: a scale beyond is a slip of the header."""
+
+
+def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """Start of the exposure (UTC ns), or None and the reason why it is not known.
+
+    By the camera's own GPS receiver where it has one and that was locked, else by DATE-OBS, else
+    by DATE-BEG or DATE-AVG. A word also where the receiver's time is not used.
+    """
+    stated_ns, note = header_start(header)
+    receiver = gps_time(header, stated_ns, exposure_s(header))
+    if receiver is None:
+        return stated_ns, note
+    if receiver.start_utc_ns is None:
+        return stated_ns, note or receiver.note
+    return receiver.start_utc_ns, None
+
+
+def camera_mode(header: Mapping[str, Any]) -> CameraMode:
+    """How the frame was read out, and whose its time is."""
+    receiver = gps_time(header, header_start(header)[0], exposure_s(header))
+    binned = [_number(header.get(key)) for key in ("XBINNING", "YBINNING")]
+    whole = [int(each) for each in binned if each is not None and 1.0 <= each < 100.0]
+    corner = [_number(header.get(key)) for key in ("XORGSUBF", "YORGSUBF")]
+    x0, y0 = (int(each) if each is not None and each >= 0.0 else None for each in corner)
+    return CameraMode(
+        binning=f"{whole[0]}x{whole[-1]}" if whole else None,
+        x0_px=x0,
+        y0_px=y0,
+        gain=_number(header.get("GAIN")),
+        time_by="gps" if receiver is not None and receiver.start_utc_ns is not None else "header",
+    )
+
+
+def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """As ``start``, without the camera's GPS receiver."""
+    stated = header.get("DATE-OBS")
+    if not isinstance(stated, str) or not stated.strip():
+        return _standard_start(header)
+    system = str(header.get("TIMESYS", "UTC")).strip().upper()
+    if system not in ("UTC", ""):
+        return None, f"TIMESYS is {system}, not UTC: the time of exposure is not used"
+    iso = stated.strip()
+    time_of_day = header.get("TIME-OBS") or header.get("UT")
+    if "T" not in iso and isinstance(time_of_day, str):
+        iso = f"{iso}T{time_of_day.strip()}"
+    if "T" not in iso:
+        return None, f"DATE-OBS '{stated}' names no time of day"
+    try:
+        return iso_to_utc_ns(iso), None
+    except ValueError:
+        return None, f"DATE-OBS '{stated}' is not ISO 8601: the time of exposure is not known"
+
+
+def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """By the FITS standard's DATE-BEG, else DATE-AVG; (None, None) without either."""
+    system = str(header.get("TIMESYS", "UTC")).strip().upper()
+    length_s = exposure_s(header)
+    for key, earlier_s in (("DATE-BEG", 0.0), ("DATE-AVG", length_s and length_s / 2.0)):
+        stated = header.get(key)
+        if not isinstance(stated, str) or earlier_s is None:
+            continue
+        if system not in ("UTC", ""):
+            return None, f"TIMESYS is {system}, not UTC: the time of exposure is not used"
+        try:
+            return iso_to_utc_ns(stated.strip()) - round(earlier_s * NS_PER_S), None
+        except ValueError:
+            continue
+    return None, None
+
+
+def exposure_s(header: Mapping[str, Any]) -> float | None:
+    """Length of the exposure, from EXPTIME or EXPOSURE."""
+    for key in ("EXPTIME", "EXPOSURE"):
+        value = _number(header.get(key))
+        if value is not None and value > 0:
+            return value
+    return None
+
+
+def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
+    """Temperature of the sensor in degrees Celsius; None where the header does not tell it."""
+    for key in ("CCD-TEMP", "DET-TEMP", "CCDTEMP", "SET-TEMP"):
+        value = _number(header.get(key))
+        if value is not None and ABSOLUTE_ZERO_C < value < 100.0:
+            return value
+    return None
+
+
+def scale(header: Mapping[str, Any]) -> float | None:
+    """Plate scale in arcsec/px from focal length (mm) and pixel size (um), binning counted.
+
+    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI. None where it is
+    not told, and where it cannot be (``absurd_scale``).
+    """
+    stated = _stated_scale(header)
+    if stated is None or not POSSIBLE_ARCSEC_PX[0] <= stated <= POSSIBLE_ARCSEC_PX[1]:
+        return None
+    return stated
+
+
+def absurd_scale(header: Mapping[str, Any]) -> str | None:
+    """What to say of a header whose scale cannot be, else None."""
+    stated = _stated_scale(header)
+    if stated is None or scale(header) is not None:
+        return None
+    return (
+        f"FOCALLEN {header['FOCALLEN']} mm would be {stated:.4g} arcsec/px: it is not used; set"
+        " the telescope's focal length in the camera's driver"
+    )
+
+
+def _stated_scale(header: Mapping[str, Any]) -> float | None:
+    focal_length_mm = _number(header.get("FOCALLEN"))
+    pixel_um = _number(header.get("XPIXSZ"))
+    if pixel_um is None:
+        pixel_um = _number(header.get("PIXSIZE1"))
+        binning = _number(header.get("XBINNING")) or 1.0
+        pixel_um = None if pixel_um is None else pixel_um * binning
+    if not focal_length_mm or not pixel_um or focal_length_mm <= 0 or pixel_um <= 0:
+        return None
+    return 206.264806 * pixel_um / focal_length_mm
+
+
+def pointing_deg(header: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """RA and Dec in degrees: from RA/DEC, else OBJCTRA/OBJCTDEC.
+
+    A number is degrees; a sexagesimal RA is hours. (None, None) when one is missing or absurd.
+    """
+    for ra_key, dec_key in (("RA", "DEC"), ("OBJCTRA", "OBJCTDEC")):
+        ra_deg = _angle_deg(header.get(ra_key), 15.0)
+        dec_deg = _angle_deg(header.get(dec_key), 1.0)
+        if ra_deg is None or dec_deg is None:
+            continue
+        if 0.0 <= ra_deg <= 360.0 and -90.0 <= dec_deg <= 90.0:
+            return ra_deg % 360.0, dec_deg
+    return None, None
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _angle_deg(value: Any, deg_per_unit: float) -> float | None:
+    """Degrees from a number (already degrees) or from sexagesimal text in units of its own."""
+    number = _number(value)
+    if number is not None:
+        return number
+    if not isinstance(value, str):
+        return None
+    parts = value.replace(":", " ").split()
+    if not 2 <= len(parts) <= 3:
+        return None
+    try:
+        whole, *rest = (float(part) for part in parts)
+    except ValueError:
+        return None
+    size = abs(whole) + sum(part / 60.0 ** (i + 1) for i, part in enumerate(rest))
+    return math.copysign(size, -1.0 if parts[0].startswith("-") else 1.0) * deg_per_unit

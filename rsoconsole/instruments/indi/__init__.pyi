@@ -1,0 +1,10 @@
+from .guard import open_guard as open_guard
+from .indi_child import IndiClient as IndiClient
+from .indi_child import Mouth as Mouth
+from .indi_child import Vector as Vector
+from .indi_child import run_child as run_child
+from .indi_process import IndiProcess as IndiProcess
+from .indi_wire import IndiVector as IndiVector
+from .indi_wire import IndiWire as IndiWire
+from .indi_wire import WatchedStop as WatchedStop
+from .indi_wire import stop_mount as stop_mount

@@ -1,0 +1,265 @@
+"""The mount port over a child process, with a second way to STOP beside it."""
+
+import itertools
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import MountReport, SiteCheck, SlewEnd, StopResult, unheard
+from rsoconsole.instruments.indi import IndiProcess, WatchedStop, stop_mount
+from rsoconsole.instruments.mount.mount_stop import MountStop
+from rsoconsole.records import Site
+from rsoconsole.sky import separation_deg
+
+log = logging.getLogger(__name__)
+
+_MAX_MESSAGES = 100
+_ABORT_ANSWER_S = 0.1
+_SETTLED_S = 2.5
+"""For so long, after the mount stands, tracking is waited for."""
+_KM_PER_DEG = 111.19
+_SITE_TOLERANCE_KM = 1.0
+_STAMP_NS = 1_000
+
+
+class IndiMount:
+    """A mount behind INDI; safe for several threads."""
+
+    def __init__(
+        self,
+        config: IndiConfig,
+        log_path: Path,
+        mount: MountConfig | None = None,
+        waits: WaitsConfig | None = None,
+    ) -> None:
+        """Describe the mount; ``start`` connects. ``mount``, ``waits`` None: as by default."""
+        waits = waits or WaitsConfig()
+        self._order_s = waits.order_s
+        self._config, self._mount = config, mount or MountConfig()
+        self._latest: MountReport | None = None
+        self._tracks_after_stop: bool | None = None
+        self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
+        self._slew_end: SlewEnd | None = None
+        self._stops: dict[int, MountStop] = {}
+        """Those under way, by their numbers."""
+        self._stop_numbers = itertools.count(1)
+        self.process = IndiProcess(
+            name="mount",
+            module="rsoconsole.instruments.mount.mount_child",
+            settings={
+                "host": config.host,
+                "port": config.port,
+                "device": config.mount,
+                "setting": "indi.mount",
+                "device_s": waits.device_s,
+                "quiet_s": waits.quiet_s,
+                "answer_s": waits.answer_s,
+                "simulated": config.simulated,
+                "after_stop": self._mount.after_stop,
+                "lease_s": self._mount.lease_s,
+            },
+            log_path=log_path,
+            on_event=self._on_event,
+            start_s=waits.connected_s,
+        )
+
+    def start(self) -> None:
+        """Make the process and connect. Raises InstrumentError."""
+        self.process.start()
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        """Go there and track; returns once the mount has taken the order."""
+        self._slew_end = None
+        self.process.request(
+            "slew",
+            self._order_s,
+            ra_icrs_deg=ra_icrs_deg,
+            dec_icrs_deg=dec_icrs_deg,
+            now_utc_ns=now_utc_ns,
+        )
+
+    def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        """The latest report, waiting (wall clock) for one at least as late as asked."""
+        if not self._config.simulated:
+            answer = self.process.request("report", timeout_s)
+            return _to_report(answer["report"])
+        # INDI's stamps are whole microseconds.
+        wanted_utc_ns = (not_before_utc_ns or 0) // _STAMP_NS * _STAMP_NS
+
+        def is_fresh() -> bool:
+            return self._latest is not None and self._latest.t_utc_ns >= wanted_utc_ns
+
+        if not self.process.wait(is_fresh, timeout_s):
+            self.process.end_if_hung()
+            raise InstrumentError(
+                f"the mount has not reported for {timeout_s:.0f} s: check its cable and driver"
+            )
+        latest = self._latest
+        assert latest is not None
+        return latest
+
+    def abort(
+        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
+    ) -> StopResult:
+        """End motion at once and read back that it has ended; never raises.
+
+        Whether tracking is then on is ``mount.after_stop``'s affair; "track" restores it only
+        where the mount tracked, or slewed to where it would.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        had_tracking = self._tracks_after_stop
+        stop = MountStop(on_news)
+        number = next(self._stop_numbers)
+        self._stops[number] = stop
+
+        def through_the_process() -> StopResult:
+            answer = self.process.request(
+                "abort", timeout_s + _ABORT_ANSWER_S, had_tracking=had_tracking, number=number
+            )
+            return _to_result(answer)
+
+        def past_it() -> StopResult:
+            return stop_mount(
+                self._config.host,
+                self._config.port,
+                self._config.mount,
+                max(0.2, deadline_s - time.monotonic()),
+                after_stop=self._mount.after_stop,
+                had_tracking=had_tracking,
+                watched=WatchedStop(
+                    on_ordered=lambda: stop.ordered("indi"),
+                    on_stands=lambda: stop.stands("indi"),
+                    is_over=lambda: stop.is_over,
+                ),
+            )
+
+        try:
+            way_past: threading.Thread | None = None
+            if self.process.pid is not None:
+                stop.begin("mount", through_the_process)
+            if not stop.wait_stands(_ABORT_ANSWER_S):
+                way_past = stop.begin("indi", past_it)
+            result = stop.wait_end(deadline_s + _SETTLED_S)
+            if way_past is not None:
+                # It must not turn tracking on behind an order that comes after this.
+                way_past.join(_ABORT_ANSWER_S)
+        finally:
+            del self._stops[number]
+        return result
+
+    def park(self) -> None:
+        """Order the mount to its park position."""
+        self.process.request("park", self._order_s)
+
+    def unpark(self) -> None:
+        """Release a parked mount."""
+        self.process.request("unpark", self._order_s)
+
+    def set_tracking(self, is_on: bool) -> None:
+        """Sidereal tracking on or off."""
+        self.process.request("set_tracking", self._order_s, is_on=is_on)
+
+    def set_site(self, site: Site) -> None:
+        """Tell the mount where it stands."""
+        self.process.request(
+            "set_site",
+            self._order_s,
+            latitude_deg=site.latitude_deg,
+            longitude_deg=site.longitude_deg,
+            elevation_m=site.elevation_m,
+        )
+
+    def check_site(self, site: Site) -> SiteCheck:
+        """Compare the mount's site with the configured one."""
+        told = self.process.request("site", self._order_s)["site"]
+        if told is None:
+            return SiteCheck(
+                is_consistent=True,
+                distance_km=None,
+                reported=None,
+                detail="the mount does not tell its site",
+            )
+        reported = Site(**told)
+        distance_km = _KM_PER_DEG * separation_deg(
+            site.longitude_deg, site.latitude_deg, reported.longitude_deg, reported.latitude_deg
+        )
+        is_consistent = distance_km <= _SITE_TOLERANCE_KM
+        detail = (
+            "the mount stands at the configured site"
+            if is_consistent
+            else f"the mount believes to stand {distance_km:.0f} km from the configured site: "
+            "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
+        )
+        return SiteCheck(
+            is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
+        )
+
+    def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
+        """Renew the lease on motion; never raises, never waits, starts no process."""
+        if not self.process.tell("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
+            log.debug("the mount's process did not hear that the mount is watched")
+
+    def utc_offset_s(self) -> float | None:
+        """The mount's own clock minus the engine's; None when it does not tell the time."""
+        offset = self.process.request("utc_offset", self._order_s)["offset_s"]
+        return None if offset is None else float(offset)
+
+    def take_messages(self) -> tuple[str, ...]:
+        """What the mount's process has done of its own accord since this was last asked."""
+        taken = []
+        while self._messages:
+            taken.append(self._messages.popleft())
+        return tuple(taken)
+
+    def take_slew_end(self) -> SlewEnd | None:
+        """What its own process has done to the slew ordered last; None: nothing, or told before."""
+        taken, self._slew_end = self._slew_end, None
+        return taken
+
+    def restart(self) -> None:
+        """A fresh process and a fresh connection."""
+        self.process.restart()
+
+    def close(self) -> None:
+        """End the process; the mount is left tracking at the sidereal rate, not slewing."""
+        self.process.close()
+
+    def _on_event(self, message: dict[str, Any]) -> None:
+        if message.get("event") == "report":
+            self._latest = _to_report(message["report"])
+            self._tracks_after_stop = message["tracks_after_stop"]
+        elif message.get("event") == "slew ended":
+            self._slew_end = SlewEnd(
+                unwatched_s=float(message["unwatched_s"]), lease_s=float(message["lease_s"])
+            )
+        elif message.get("event") in ("stop ordered", "stands"):
+            stop = self._stops.get(message["number"])
+            if stop is None:
+                return
+            if message["event"] == "stands":
+                stop.stands("mount", message["at_s"])
+            else:
+                stop.ordered("mount", message["at_s"])
+        elif message.get("event") == "message":
+            self._messages.append(str(message["text"]))
+            log.warning("%s", message["text"])
+
+
+def _to_report(table: dict[str, Any]) -> MountReport:
+    return MountReport(**table)
+
+
+def _to_result(answer: dict[str, Any]) -> StopResult:
+    return StopResult(
+        stopped=bool(answer["stopped"]),
+        ms=0.0,
+        path="mount",
+        detail=answer["detail"],
+        is_tracking=answer["is_tracking"],
+    )

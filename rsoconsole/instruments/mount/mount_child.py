@@ -1,0 +1,374 @@
+"""The mount's process: ICRS degrees to its parent, hours and epoch of date to INDI.
+
+Run as ``python -m rsoconsole.instruments.mount.mount_child``. It keeps watch while its parent does
+not (``mount_watch``); when the parent goes away it ends motion, restores sidereal tracking, and
+stays until the limit that the parent last named, or until another process watches.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import AfterStop
+from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, run_child
+from rsoconsole.instruments.mount.mount_lease import Lease
+from rsoconsole.instruments.mount.mount_mirror import (
+    COORDINATES,
+    PARK,
+    SIDE,
+    TIME,
+    TRACKING,
+    MountMirror,
+)
+from rsoconsole.instruments.mount.mount_owner import MountOwner
+from rsoconsole.instruments.mount.mount_watch import MountWatch
+from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
+
+_TELLING = (COORDINATES, PARK, TRACKING, SIDE)
+_ABORT = "TELESCOPE_ABORT_MOTION"
+_STOP_S = 2.0
+_REPEAT_ABORT_S = 0.5
+# A driver says on and off again within one look at the mount: ask again rather than wait long.
+_TRACKING_S = 2.0
+_TRACKING_ASKED_S = 0.5
+_ARRIVED_ALREADY_DEG = 0.05
+_SAME_SITE_DEG = 0.01
+
+
+class MountChild:
+    """Carries out the parent's orders on one INDI mount."""
+
+    def __init__(self, mouth: Mouth) -> None:
+        self._mouth = mouth
+        self._is_simulated = False
+        self._answer_s = 0.0
+        self._after_stop: AfterStop = "track"
+        self._client: IndiClient | None = None
+        self._mirror: MountMirror | None = None
+        self._watch: MountWatch | None = None
+
+    def start(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Connect to server and mount."""
+        self._is_simulated = bool(order["simulated"])
+        self._after_stop = order["after_stop"]
+        client = IndiClient(order["device"], self._on_vector)
+        self._answer_s = float(order["answer_s"])
+        client.open(order, (COORDINATES, "ON_COORD_SET"), self._mouth)
+        self._client, self._mirror = client, MountMirror(client, self._is_simulated)
+        self._watch = MountWatch(
+            lease=Lease(float(order["lease_s"])),
+            mirror=self._mirror,
+            owner=MountOwner(order["host"], order["port"], order["device"]),
+            stop=lambda: self._stop("track"),
+            track=self._track,
+            say=lambda text: self._mouth.say({"event": "message", "text": text}),
+            tell_ended=lambda unwatched_s, lease_s: self._mouth.say(
+                {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
+            ),
+        )
+        self._watch.start()
+        if self._is_simulated:
+            before = client.send_switch("SIM_REPORT", "NOW")
+            self._expect(client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report")
+        return {}
+
+    def on_order(self) -> None:
+        """An order has come: somebody is there."""
+        if self._watch is not None:
+            self._watch.lease.heard(time.monotonic())
+
+    def keep(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Somebody watches the mount, and knows when it will run into a limit."""
+        if self._watch is not None:
+            self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
+        return {}
+
+    def slew(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Go to an ICRS direction and track; answers when the mount has taken the order."""
+        client, mirror = self._ready()
+        self._refuse_if_parked()
+        if mirror.is_parking:
+            raise InstrumentError("the mount is on its way to its park position: unpark it first")
+        if self._watch is not None:
+            self._watch.slew_begins()
+            self._watch.let_tracking()
+        ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(
+            order["ra_icrs_deg"], order["dec_icrs_deg"], order["now_utc_ns"]
+        )
+        on_set = client.get("ON_COORD_SET")
+        if on_set is None or not on_set.values.get("TRACK"):
+            self._switch("ON_COORD_SET", "TRACK")
+        target = {"RA": deg_to_hours(float(ra_jnow_deg)), "DEC": float(dec_jnow_deg)}
+        before = client.send_numbers(COORDINATES, target)
+
+        def is_answer(vector: Vector) -> bool:
+            if vector.state in ("Busy", "Alert"):
+                return True
+            ra_deg = hours_to_deg(vector.values["RA"])
+            distance_deg = separation_deg(
+                ra_deg, vector.values["DEC"], float(ra_jnow_deg), float(dec_jnow_deg)
+            )
+            return bool(distance_deg < _ARRIVED_ALREADY_DEG)
+
+        answer = client.wait(COORDINATES, is_answer, self._answer_s, before)
+        if answer is None:
+            raise InstrumentError(
+                f"the mount did not start to slew in {self._answer_s:.0f} s: "
+                f"look at its driver's log. {client.last_message}".rstrip()
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(
+                f"the mount refused to slew: {client.last_message or 'no reason'}"
+            )
+        return {}
+
+    def abort(self, order: dict[str, Any]) -> dict[str, Any]:
+        """End motion; answers when the mount says that it stands, or has not for 2 s."""
+        return self._stop(
+            self._after_stop,
+            had_tracking=bool(order.get("had_tracking")),
+            tell=lambda what: self._mouth.say(
+                {"event": what, "number": order.get("number"), "at_s": time.monotonic()}
+            ),
+        )
+
+    def park(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """Send the mount to its park position; one that is parked stays so."""
+        client, mirror = self._ready()
+        if mirror.is_parked or mirror.is_parking:
+            return {}
+        before = client.send_switch(PARK, "PARK")
+        answer = self._expect(client.wait(PARK, lambda _: True, self._answer_s, before), "park")
+        self._await_report(answer.serial)
+        return {}
+
+    def unpark(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """Release the mount; one on its way to its park position is stopped."""
+        client, mirror = self._ready()
+        if mirror.is_parking:
+            self._stop("track")
+        if mirror.is_parked:
+            before = client.send_switch(PARK, "UNPARK")
+            released = client.wait(
+                PARK,
+                lambda v: v.state == "Alert" or not v.values.get("PARK"),
+                self._answer_s,
+                before,
+            )
+            self._await_report(self._expect(released, "unpark").serial)
+        return {}
+
+    def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Sidereal tracking on or off; a slew under way takes it at its arrival."""
+        self._refuse_if_parked()
+        wanted = bool(order["is_on"])
+        if self._watch is not None:
+            self._watch.let_tracking()
+        if self._track(wanted) is not wanted and not self._ready()[1].is_moving:
+            raise InstrumentError(
+                f"the mount did not turn tracking {'on' if wanted else 'off'}: "
+                "look at its driver's log"
+            )
+        return {}
+
+    def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Tell the mount where it stands; INDI's longitude runs from 0 to 360 east."""
+        client, _ = self._ready()
+        latitude_deg = float(order["latitude_deg"])
+        before = client.send_numbers(
+            "GEOGRAPHIC_COORD",
+            {
+                "LAT": latitude_deg,
+                "LONG": wrap_360(order["longitude_deg"]),
+                "ELEV": order["elevation_m"],
+            },
+        )
+
+        def is_answer(vector: Vector) -> bool:
+            told_deg = separation_deg(
+                vector.values["LONG"], vector.values["LAT"], order["longitude_deg"], latitude_deg
+            )
+            return vector.state == "Alert" or bool(told_deg < _SAME_SITE_DEG)
+
+        self._expect(
+            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before), "take its site"
+        )
+        return {}
+
+    def site(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """Where the mount believes to stand."""
+        return {"site": self._ready()[1].site()}
+
+    def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """How far the mount's clock is off."""
+        client, mirror = self._ready()
+        if self._is_simulated:
+            before = client.send_switch("SIM_REPORT", "NOW")
+            told = client.wait(TIME, lambda _: True, self._answer_s, before)
+            if told is not None:
+                # The observatory's time comes behind the mount's: the one before it is older.
+                self._await_report(told.serial)
+        return {"offset_s": mirror.utc_offset_s()}
+
+    def report(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """The mount's state."""
+        return {"report": self._ready()[1].fresh_report()}
+
+    def leave(self, *, is_orderly: bool) -> None:
+        """End motion and restore sidereal tracking; then watch on where the parent just went.
+
+        A mount on its way to its park position is let go there, and one that stands still
+        stays still: both are safe.
+        """
+        if self._watch is None or self._mirror is None:
+            return
+        self._watch.end()
+        if not self._watch.is_taken_over and not self._mirror.is_parking:
+            self._stop("track")
+        if not is_orderly:
+            self._watch.stand_guard()
+        self._watch.owner.release()
+
+    def _stop(
+        self,
+        after_stop: AfterStop,
+        *,
+        had_tracking: bool = False,
+        tell: Callable[[str], None] = lambda _what: None,
+    ) -> dict[str, Any]:
+        """ABORT, again while the mount still moves, and the read-back; then tracking as wanted.
+
+        ``had_tracking``: there was some when STOP was called for, whatever came meanwhile;
+        ``tell`` hears at once of the order and that the mount stands.
+        """
+        client, mirror = self._ready()
+        was_moving = mirror.is_moving or client.get(COORDINATES) is None
+        wanted = mirror.tracking_after(after_stop)
+        if had_tracking and after_stop == "track" and not mirror.is_parked:
+            wanted = True
+        first, aborts, stands = client.serial(), 0, None
+        ends_s = time.monotonic() + _STOP_S
+        while stands is None and (left_s := ends_s - time.monotonic()) > 0:
+            client.send_switch(_ABORT, "ABORT")
+            aborts += 1
+            if aborts == 1:
+                tell("stop ordered")
+            awaited = COORDINATES if was_moving else _ABORT
+            stands = client.wait(
+                awaited,
+                lambda v: v.name != COORDINATES or v.state != "Busy",
+                min(left_s, _REPEAT_ABORT_S),
+                first,
+            )
+        if stands is not None:
+            tell("stands")
+            if not was_moving:
+                self._await_report(stands.serial)
+        is_tracking = None
+        if stands is not None:
+            is_tracking = mirror.is_tracking if wanted is None else self._settled(wanted)
+            if wanted is not None and self._watch is not None:
+                self._watch.hold_tracking(wanted)
+        detail = "" if stands else f"the mount still moves after {aborts} aborts in {_STOP_S:g} s"
+        return {"stopped": stands is not None, "is_tracking": is_tracking, "detail": detail}
+
+    def _settled(self, is_on: bool) -> bool | None:
+        """As ``_track``, again where the driver goes back to its own idea at its next look."""
+        ends_s = time.monotonic() + _TRACKING_S
+        while (is_tracking := self._track(is_on)) is not is_on and is_tracking is not None:
+            if time.monotonic() > ends_s:
+                break
+        return is_tracking
+
+    def _track(self, is_on: bool) -> bool | None:
+        """Tracking on or off, and whether it is then; None for a mount that does not tell."""
+        client, mirror = self._ready()
+        if client.get(TRACKING) is None:
+            return None
+        member = "TRACK_ON" if is_on else "TRACK_OFF"
+        answer = self._switch(TRACKING, member)
+        client.wait(
+            TRACKING,
+            lambda v: bool(v.values.get(member)),
+            _TRACKING_ASKED_S,
+            answer.serial - 1,
+        )
+        self._await_report(answer.serial)
+        return mirror.is_tracking
+
+    def _on_vector(self, vector: Vector) -> None:
+        if vector.name not in _TELLING or self._client is None or self._mirror is None:
+            return
+        # The simulated mount sends its time just before its coordinates.
+        if not self._is_simulated or vector.name == COORDINATES:
+            coordinates = self._client.get(COORDINATES)
+            if coordinates is not None:
+                self._tell(coordinates)
+        if self._watch is not None:
+            self._watch.look(is_moving=self._mirror.is_moving)
+
+    def _tell(self, coordinates: Vector) -> None:
+        assert self._mirror is not None
+        self._mouth.say(
+            {
+                "event": "report",
+                "report": self._mirror.report(coordinates, self._mirror.now_utc_ns()),
+                "tracks_after_stop": self._mirror.tracking_after("track"),
+            }
+        )
+
+    def _refuse_if_parked(self) -> None:
+        if self._ready()[1].is_parked:
+            raise InstrumentError("the mount is parked and takes no orders: unpark it first")
+
+    def _switch(self, name: str, member: str) -> Vector:
+        client, _ = self._ready()
+        before = client.send_switch(name, member)
+        return self._expect(
+            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}"
+        )
+
+    def _await_report(self, answered: int) -> None:
+        """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
+        if self._is_simulated:
+            self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
+
+    def _expect(self, answer: Vector | None, what: str) -> Vector:
+        words = self._ready()[0].last_message
+        if answer is None:
+            raise InstrumentError(
+                f"the mount did not {what} in {self._answer_s:.0f} s: "
+                f"look at its driver's log. {words}"
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(f"the mount refused to {what}: {words or 'no reason given'}")
+        return answer
+
+    def _ready(self) -> tuple[IndiClient, MountMirror]:
+        if self._client is None or self._mirror is None:
+            raise InstrumentError("the mount is not connected: start it first")
+        return self._client, self._mirror
+
+
+def main() -> None:
+    """Obey until the parent goes away."""
+    child = MountChild(Mouth())
+    orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
+    orders += [child.set_site, child.site, child.utc_offset]
+    try:
+        is_orderly = run_child(
+            child._mouth,
+            slow={order.__name__: order for order in orders},
+            urgent={"abort": child.abort, "report": child.report, "keep": child.keep},
+            on_order=child.on_order,
+        )
+        child.leave(is_orderly=is_orderly)
+    finally:
+        # PyIndi's threads do not survive an orderly end of the interpreter.
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

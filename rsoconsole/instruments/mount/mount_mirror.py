@@ -1,0 +1,146 @@
+"""What an INDI mount says of itself, read out of the client's copies of its properties."""
+
+import math
+import time
+from typing import Any
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import AfterStop, tracking_after_stop
+from rsoconsole.instruments.indi import IndiClient, Vector
+from rsoconsole.sky import hours_to_deg, iso_to_utc_ns, jnow_to_icrs, wrap_180
+
+COORDINATES = "EQUATORIAL_EOD_COORD"
+PARK = "TELESCOPE_PARK"
+TRACKING = "TELESCOPE_TRACK_STATE"
+SIDE = "TELESCOPE_PIER_SIDE"
+TIME = "TIME_UTC"
+SILENT_SLEW_S = 10.0
+"""A driver that slews speaks several times a second."""
+_NS = 1_000_000_000
+
+
+class MountMirror:
+    """The mount as last heard of."""
+
+    def __init__(self, client: IndiClient, is_simulated: bool) -> None:
+        self._client, self._is_simulated = client, is_simulated
+
+    @property
+    def is_parked(self) -> bool:
+        """It stands at its park position and takes no orders."""
+        park = self._client.get(PARK)
+        return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
+
+    @property
+    def is_parking(self) -> bool:
+        """It is on its way there."""
+        park = self._client.get(PARK)
+        return park is not None and park.state == "Busy"
+
+    @property
+    def is_moving(self) -> bool:
+        """It slews, or is on its way to its park position."""
+        coordinates = self._client.get(COORDINATES)
+        return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
+
+    @property
+    def is_slewing(self) -> bool:
+        """It moves, and not to its park position."""
+        return self.is_moving and not self.is_parking and not self.is_parked
+
+    @property
+    def is_tracking(self) -> bool:
+        """It says that it tracks; a mount that tells nothing of it does."""
+        tracking = self._client.get(TRACKING)
+        return not self.is_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
+
+    def now_utc_ns(self) -> int:
+        """The machine's clock; in the simulated observatory the instant last reported."""
+        if not self._is_simulated:
+            return time.time_ns()
+        sim_time = self._client.get("SIM_TIME")
+        return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
+
+    def tracking_after(self, after_stop: AfterStop) -> bool | None:
+        """What is to become of tracking if motion is stopped now; None: left as it is."""
+        return tracking_after_stop(
+            after_stop,
+            was_slewing=self.is_slewing,
+            was_parking=self.is_parking,
+            was_tracking=self.is_tracking,
+            is_parked=self.is_parked,
+        )
+
+    def report(self, coordinates: Vector, t_utc_ns: int) -> dict[str, Any]:
+        """The fields of a MountReport. Raises InstrumentError where there is no direction."""
+        ra_deg, dec_deg = jnow_to_icrs(
+            hours_to_deg(coordinates.values["RA"]), coordinates.values["DEC"], t_utc_ns
+        )
+        if not (math.isfinite(float(ra_deg)) and math.isfinite(float(dec_deg))):
+            raise InstrumentError("the mount reports no direction: home or align it")
+        side = self._client.get(SIDE)
+        pier_side = None
+        if side is not None and side.values.get("PIER_EAST") != side.values.get("PIER_WEST"):
+            pier_side = "east" if side.values["PIER_EAST"] else "west"
+        age_s = time.monotonic() - coordinates.arrived_monotonic_s
+        return {
+            "t_utc_ns": t_utc_ns,
+            "ra_icrs_deg": float(ra_deg),
+            "dec_icrs_deg": float(dec_deg),
+            "is_slewing": coordinates.state == "Busy" or self.is_parking,
+            "is_parked": self.is_parked,
+            "is_tracking": self.is_tracking,
+            "pier_side": pier_side,
+            "age_s": 0.0 if self._is_simulated else age_s,
+        }
+
+    def fresh_report(self) -> dict[str, Any]:
+        """The state as it is now: INDI speaks only of changes, so the last word still holds.
+
+        Raises InstrumentError when that word is a slew and has grown old.
+        """
+        coordinates = self._client.get(COORDINATES)
+        assert coordinates is not None
+        report = self.report(coordinates, time.time_ns())
+        if coordinates.state == "Busy" and report["age_s"] > SILENT_SLEW_S:
+            raise InstrumentError(
+                f"the mount has said nothing for {report['age_s']:.0f} s in the middle of a slew: "
+                "check its cable and driver, and look at the telescope"
+            )
+        return report
+
+    def utc_offset_s(self) -> float | None:
+        """The mount's clock minus the machine's (simulated: minus the observatory's); or None.
+
+        Drivers repeat an old time to whoever comes later: what was told before this process
+        connected bounds the mount's clock from below only.
+        """
+        told = self._client.get(TIME)
+        told_utc_ns = None if told is None else _utc_ns(str(told.values.get("UTC") or ""))
+        if told is None or told_utc_ns is None:
+            return None
+        if self._is_simulated:
+            return (told_utc_ns - self.now_utc_ns()) / _NS
+        age_ns = round((time.monotonic() - told.arrived_monotonic_s) * _NS)
+        offset_s = (told_utc_ns - (time.time_ns() - age_ns)) / _NS
+        is_fresh = not told.is_definition or self._client.has_connected_device
+        return offset_s if is_fresh or offset_s > 0.0 else None
+
+    def site(self) -> dict[str, float] | None:
+        """The fields of the Site it believes in; INDI's longitude runs from 0 to 360 east."""
+        vector = self._client.get("GEOGRAPHIC_COORD")
+        if vector is None:
+            return None
+        return {
+            "latitude_deg": vector.values["LAT"],
+            "longitude_deg": wrap_180(vector.values["LONG"]),
+            "elevation_m": vector.values.get("ELEV", 0.0),
+        }
+
+
+def _utc_ns(text: str) -> int | None:
+    """ISO 8601 as INDI writes it, without a zone; None where it is none."""
+    try:
+        return iso_to_utc_ns(text)
+    except ValueError:
+        return None

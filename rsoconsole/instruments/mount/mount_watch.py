@@ -1,0 +1,183 @@
+"""The watch that the mount's process keeps while nobody else does.
+
+Runs on a thread of its own: a parent that hangs, or an order that waits for its answer, does not
+hold it up.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.mount.mount_lease import Lease
+from rsoconsole.instruments.mount.mount_mirror import MountMirror
+from rsoconsole.instruments.mount.mount_owner import MountOwner
+from rsoconsole.sky import utc_ns_to_iso
+
+_LOOK_EVERY_S = 0.2
+_TRY_AGAIN_S = 5.0
+_HOLD_S = 3.0
+
+
+class MountWatch:
+    """Ends a slew that nobody watches, and tracking at the limit that was named."""
+
+    def __init__(
+        self,
+        *,
+        lease: Lease,
+        mirror: MountMirror,
+        owner: MountOwner,
+        stop: Callable[[], dict[str, Any]],
+        track: Callable[[bool], bool | None],
+        say: Callable[[str], None],
+        tell_ended: Callable[[float, float], None] = lambda _unwatched_s, _lease_s: None,
+    ) -> None:
+        """``stop`` ends motion and restores tracking, ``track`` turns that on or off.
+
+        ``tell_ended`` hears, before a slew is ended, for how long nobody was heard of, and how
+        long that may be.
+        """
+        self.lease, self.owner = lease, owner
+        self._mirror, self._stop, self._track = mirror, stop, track
+        self._held: tuple[bool, float] | None = None
+        self._say_to_parent = say
+        self._tell_ended = tell_ended
+        self._wake, self._is_over = threading.Event(), threading.Event()
+        self._is_guarding = False
+        self._is_moved_by_others = False
+        self._try_again_s = 0.0
+        self._thread = threading.Thread(target=self._run, daemon=True, name="watch")
+
+    @property
+    def is_taken_over(self) -> bool:
+        """Another process has claimed the mount since this one did."""
+        return self.owner.has_claimed and not self.owner.is_ours()
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._thread.start()
+
+    def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
+        """Somebody watches."""
+        self.lease.begin(time.monotonic(), lease_s)
+        self.lease.set_limit(track_until_utc_ns)
+        self.owner.claim()
+        self._wake.set()
+
+    def hold_tracking(self, is_on: bool) -> None:
+        """Tracking was set behind a STOP: see that it stays so.
+
+        A driver may go back to its own idea of it at its next look at the mount.
+        """
+        self._held = (is_on, time.monotonic() + _HOLD_S)
+
+    def let_tracking(self) -> None:
+        """A new order has something else to say on tracking."""
+        self._held = None
+
+    def slew_begins(self) -> None:
+        """A slew is about to be ordered."""
+        self.lease.begin(time.monotonic())
+        self.owner.claim()
+
+    def look(self, *, is_moving: bool) -> None:
+        """The mount has said something; returns at once."""
+        if self._is_guarding and is_moving:
+            self._is_moved_by_others = True
+        self._wake.set()
+
+    def end(self) -> None:
+        """Watch no longer; returns when no act of this watch is under way any more."""
+        self._is_over.set()
+        self._wake.set()
+        self._thread.join()
+
+    def stand_guard(self) -> None:
+        """Nobody is left: stay until the limit, or until somebody else takes the mount."""
+        limit_utc_ns = self.lease.open_limit_utc_ns()
+        if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
+            return
+        self._say(f"nobody watches: tracking ends at {utc_ns_to_iso(limit_utc_ns, 0)}")
+        self._is_guarding = True
+        while self.lease.open_limit_utc_ns() is not None:
+            self._wake.wait(_LOOK_EVERY_S)
+            self._wake.clear()
+            if self._is_moved_by_others or self.is_taken_over or self._mirror.is_parked:
+                self._say("somebody else has the mount now")
+                return
+            self._look_at_limit()
+
+    def _run(self) -> None:
+        while not self._is_over.is_set():
+            self._wake.wait(_LOOK_EVERY_S)
+            self._wake.clear()
+            if not self._is_over.is_set():
+                self._look_at_tracking()
+                self._look_at_slew()
+                self._look_at_limit()
+
+    def _look_at_tracking(self) -> None:
+        held, mirror = self._held, self._mirror
+        if held is None or mirror.is_moving or mirror.is_parked:
+            return
+        is_on, until_s = held
+        if time.monotonic() > until_s:
+            self._held = None
+        elif mirror.is_tracking is not is_on:
+            try:
+                self._track(is_on)
+            except InstrumentError as error:
+                self._say(f"tracking cannot be turned {'on' if is_on else 'off'}: {error}")
+
+    def _look_at_slew(self) -> None:
+        # The way to the park position ends where nobody needs to watch.
+        if not self._is_slew_unwatched():
+            return
+        # Drivers say what they do property by property: look again when all has been said.
+        self._is_over.wait(_LOOK_EVERY_S)
+        if not self._is_slew_unwatched():
+            return
+        unwatched_s = self.lease.unwatched_s(time.monotonic())
+        # Before the mount is seen to stand: who sees that must know why.
+        self._tell_ended(unwatched_s, self.lease.lease_s)
+        self._say(
+            f"nobody has watched this slew for {unwatched_s:.1f} s"
+            f" ({self.lease.lease_s:g} s are allowed): it is ended"
+        )
+        try:
+            result = self._stop()
+        except InstrumentError as error:
+            self._say(f"the slew cannot be ended: {error}")
+            return
+        tracking = "tracking" if result["is_tracking"] else "not tracking"
+        self._say(f"the mount stands, {tracking}" if result["stopped"] else result["detail"])
+
+    def _is_slew_unwatched(self) -> bool:
+        return self._mirror.is_slewing and self.lease.has_lapsed(time.monotonic())
+
+    def _look_at_limit(self) -> None:
+        if not self.lease.is_past_limit(self._mirror.now_utc_ns()):
+            return
+        if self._mirror.is_moving or not self._mirror.is_tracking:
+            return
+        if time.monotonic() < self._try_again_s:
+            return
+        self._try_again_s = time.monotonic() + _TRY_AGAIN_S
+        try:
+            is_tracking = self._track(False)
+        except InstrumentError as error:
+            self._say(f"the mount is at its limit and tracks on: {error}")
+            return
+        if is_tracking is False:
+            self.lease.close_limit()
+            self._try_again_s = 0.0
+            self._say("the mount is at its limit: tracking is off")
+        else:
+            self._say("the mount is at its limit and tracks on: stop it by hand")
+
+    def _say(self, text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+        self._say_to_parent(text)

@@ -1,0 +1,5 @@
+"""Clock, mount, camera and guard of one observatory, connected."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,211 @@
+"""Two clocks: the machine's own, and the simulated observatory's."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from rsoconsole.config import WaitsConfig
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import ClockFault, ClockReadings, ClockWatch
+from rsoconsole.instruments.indi import IndiVector, IndiWire
+from rsoconsole.waits import LongWait
+
+CLOCK_DEVICE = "Simulated Clock"
+_NS = 1_000_000_000
+_WAKE_EVERY_S = 0.05
+_LOOK_S = 0.5
+_LOOK_EVERY_S = 0.25
+_READ_WITHIN_NS = 2_000_000
+_READ_TRIES = 5
+
+
+def read_clocks() -> ClockReadings:
+    """The machine's clocks at one instant."""
+    for _ in range(_READ_TRIES):
+        before_ns = time.monotonic_ns()
+        utc_ns, boottime_ns = time.time_ns(), _boottime_ns()
+        now_ns = time.monotonic_ns()
+        if now_ns - before_ns < _READ_WITHIN_NS:
+            break  # else this thread was put off between them
+    return ClockReadings(utc_ns=utc_ns, monotonic_ns=now_ns, boottime_ns=boottime_ns)
+
+
+def _boottime_ns() -> int:
+    """Where the system has no such clock a machine that slept is one whose clock was set."""
+    if not hasattr(time, "CLOCK_BOOTTIME"):
+        return time.monotonic_ns()
+    return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+
+
+def utc_now_ns() -> int:
+    """The machine's present, for what reads it once and watches nothing."""
+    return time.time_ns()
+
+
+class SystemClock:
+    """The machine's clock; a wait really waits.
+
+    A thread of its own holds it against the clocks that nobody can set, a few times a second: a
+    step that is set back before anybody asks is found, too.
+    """
+
+    is_simulated = False
+    speed = 1.0
+
+    def __init__(self, read: Callable[[], ClockReadings] = read_clocks) -> None:
+        """``read``: where the readings come from."""
+        self._read = read
+        self._wake = threading.Event()
+        self._watch = ClockWatch(read())
+        self._faults: list[ClockFault] = []
+        self._looking = threading.Lock()
+        self._is_over = threading.Event()
+        threading.Thread(target=self._look_on, daemon=True, name="clock").start()
+
+    def now_utc_ns(self) -> int:
+        """The present instant."""
+        return utc_now_ns()
+
+    def take_faults(self) -> tuple[ClockFault, ...]:
+        """What has gone wrong with time since this was last asked, up to now."""
+        self._look()
+        with self._looking:
+            taken, self._faults = tuple(self._faults), []
+        return taken
+
+    @property
+    def is_steady(self) -> bool:
+        """False while this clock does not run as fast as the others."""
+        return self._watch.is_steady
+
+    def _look_on(self) -> None:
+        while not self._is_over.wait(_LOOK_EVERY_S):
+            if self._look():
+                self._wake.set()
+
+    def _look(self) -> bool:
+        """Whether something has happened."""
+        with self._looking:
+            found = self._watch.look(self._read())
+            self._faults += found
+        return bool(found)
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        """Sleep until then; False when ``wake`` or a fault of the clock cut it short."""
+        left_s = (t_utc_ns - time.time_ns()) / _NS
+        was_woken = self._wake.wait(max(0.0, left_s))
+        self._wake.clear()
+        return not was_woken
+
+    def wake(self) -> None:
+        """End a wait that is in progress; without one, the next."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """Look no more."""
+        self._is_over.set()
+
+
+class SimulatedClock:
+    """The simulated observatory's clock: time passes there only while somebody waits here.
+
+    One thread waits, any thread may wake it, which a paced wait notices within 50 ms.
+    """
+
+    is_simulated = True
+
+    def __init__(self, host: str, port: int, waits: WaitsConfig | None = None) -> None:
+        """Connect. ``waits`` None: as by default.
+
+        Raises InstrumentError when the server has no simulated clock.
+        """
+        waits = waits or WaitsConfig()
+        self._silence_timeout_s = waits.device_s
+        self._wire = IndiWire(host, port)
+        self._wake = threading.Event()
+        self._tag = 0
+        self._wire.ask(CLOCK_DEVICE)
+        first = self._first_word(waits.device_s)
+        if first is None:
+            self._wire.close()
+            raise InstrumentError(
+                f"the INDI server at {host}:{port} announced no simulated clock within "
+                f"{waits.device_s:.0f} s: if it is a real one set indi.simulated = false"
+            )
+        self._now_utc_ns = int(first.values["UTC_NS"])
+        self.speed = speed = float(first.values["SPEED"])
+        self._wall_s_per_ns = 0.0 if speed == 0 else 1.0 / speed / _NS
+
+    def now_utc_ns(self) -> int:
+        """The instant the observatory stands at (while waiting: stood at)."""
+        return self._now_utc_ns
+
+    is_steady = True
+
+    @staticmethod
+    def take_faults() -> tuple[ClockFault, ...]:
+        """Nobody sets this one."""
+        return ()
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        """Have the observatory live until then; False when ``wake`` cut it short."""
+        if self._wake.is_set():
+            self._wake.clear()
+            return False
+        if t_utc_ns <= self._now_utc_ns:
+            return True
+        self._tag += 1
+        tag = str(self._tag)
+        self._wire.new(
+            "Text", CLOCK_DEVICE, "SIM_ADVANCE", {"TO_UTC_NS": str(t_utc_ns), "TAG": tag}
+        )
+        pacing_s = (t_utc_ns - self._now_utc_ns) * self._wall_s_per_ns
+        answer = self._answer(tag, 2.0 * pacing_s + self._silence_timeout_s)
+        if answer is None:
+            raise InstrumentError(
+                f"the simulated observatory let no time pass in {self._silence_timeout_s:.0f} s: "
+                "start the demo again"
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(f"the simulated clock refused: {self._wire.last_message}")
+        self._now_utc_ns = int(answer.values["TO_UTC_NS"])
+        self._wake.clear()
+        return self._now_utc_ns >= t_utc_ns
+
+    def wake(self) -> None:
+        """End a wait that is in progress; without one, the next."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """Hang up; the observatory's time stands still from now on."""
+        self._wire.close()
+
+    def _first_word(self, timeout_s: float) -> IndiVector | None:
+        wait = LongWait("the simulated observatory's clock")
+        while wait.waited_s < timeout_s:
+            wait.look()
+            left_s = min(_LOOK_S, timeout_s - wait.waited_s)
+            first = self._wire.wait(lambda vector: vector.name == "SIM_CLOCK", left_s)
+            if first is not None:
+                return first
+        return None
+
+    def _answer(self, tag: str, timeout_s: float) -> IndiVector | None:
+        deadline_s = time.monotonic() + timeout_s
+        is_answer = _advance_answer(tag)
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            answer = self._wire.wait(is_answer, min(left_s, _WAKE_EVERY_S))
+            if answer is not None:
+                return answer
+            if self._wake.is_set():
+                self._wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
+        return None
+
+
+def _advance_answer(tag: str) -> Callable[[IndiVector], bool]:
+    def is_answer(vector: IndiVector) -> bool:
+        if vector.name != "SIM_ADVANCE" or vector.is_definition:
+            return False
+        return vector.state == "Alert" or vector.values.get("TAG") == tag
+
+    return is_answer

@@ -1,0 +1,59 @@
+"""Clock, mount, camera and guard of one observatory, connected and surely released."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import platformdirs
+
+from rsoconsole.config import APP, Config
+from rsoconsole.instruments import Clock, Instruments
+from rsoconsole.instruments.indi import open_guard
+from rsoconsole.instruments.observatory.clock import SimulatedClock, SystemClock
+from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
+
+
+@contextmanager
+def connect_instruments(
+    config: Config, *, clock: Clock | None = None, log_dir: Path | None = None
+) -> Iterator[Instruments]:
+    """Connect the configured mount and camera, each in a process of its own, and a clock.
+
+    Where a weather station or a dome is configured, a guard watches them.
+
+    The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
+    unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
+    Raises InstrumentError when server, mount or camera cannot be reached, or are of a protocol that
+    is not installed.
+    """
+    folder = log_dir or platformdirs.user_log_path(APP)
+    with ExitStack() as release:
+        connection = Connection(config=config, log_dir=folder)
+        mount = mount_by(connection)
+        release.callback(mount.close)
+        camera = camera_by(connection)
+        release.callback(camera.close)
+        with ThreadPoolExecutor(2) as both:
+            starts = [both.submit(mount.start), both.submit(camera.start)]
+        for start in starts:
+            start.result()
+        if clock is None:
+            own = (
+                SimulatedClock(config.indi.host, config.indi.port, config.waits)
+                if config.indi.simulated
+                else SystemClock()
+            )
+            release.callback(own.close)
+            clock = own
+        guard = open_guard(config.indi, release, config.waits)
+        yield Instruments(
+            clock=clock,
+            mount=mount,
+            camera=camera,
+            host=config.indi.host,
+            port=config.indi.port,
+            mount_name=config.indi.mount,
+            camera_name=config.indi.camera,
+            guard=guard,
+        )

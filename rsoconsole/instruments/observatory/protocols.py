@@ -1,0 +1,103 @@
+"""Which code speaks to the mount and to the camera: INDI's, or that of an installed package.
+
+A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
+``rsoconsole.cameras``: a callable that is given a ``Connection`` and returns something with the
+methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``) and ``start()``. Its settings
+are ``[instruments.options]``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Protocol
+
+from rsoconsole.config import Config
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import CameraPort, MountPort
+from rsoconsole.instruments.camera import IndiCamera
+from rsoconsole.instruments.mount import IndiMount
+
+MOUNTS, CAMERAS = "rsoconsole.mounts", "rsoconsole.cameras"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connection:
+    """What a protocol goes by."""
+
+    config: Config
+    log_dir: Path
+    """Where a process of its own may leave what its library prints."""
+
+
+class StartedMount(MountPort, Protocol):
+    """A mount that is connected when it is told to."""
+
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the mount cannot be reached."""
+
+
+class StartedCamera(CameraPort, Protocol):
+    """A camera that is connected when it is told to."""
+
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the camera cannot be reached."""
+
+
+def mount_by(connection: Connection) -> StartedMount:
+    """The configured mount, not yet connected.
+
+    Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
+    """
+    name = connection.config.instruments.mount
+    if name == "indi":
+        config = connection.config
+        return IndiMount(config.indi, connection.log_dir / "mount.log", config.mount, config.waits)
+    mount: StartedMount = _factory(MOUNTS, "mount", name)(connection)
+    return mount
+
+
+def camera_by(connection: Connection) -> StartedCamera:
+    """The configured camera, not yet connected.
+
+    Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
+    """
+    name = connection.config.instruments.camera
+    if name == "indi":
+        config, log_file = connection.config, connection.log_dir / "camera.log"
+        return IndiCamera(config.indi, config.optics, log_file, config.waits)
+    camera: StartedCamera = _factory(CAMERAS, "camera", name)(connection)
+    return camera
+
+
+def missing_protocol(config: Config) -> str | None:
+    """What is wrong with the configured names of protocols; None where both are installed."""
+    named = (
+        ("mount", MOUNTS, config.instruments.mount),
+        ("camera", CAMERAS, config.instruments.camera),
+    )
+    for kind, group, name in named:
+        if name != "indi":
+            try:
+                _factory(group, kind, name)
+            except InstrumentError as error:
+                return str(error)
+    return None
+
+
+def _factory(group: str, kind: str, name: str) -> Callable[[Connection], Any]:
+    found = entry_points(group=group)
+    for each in found:
+        if each.name == name:
+            try:
+                factory: Callable[[Connection], Any] = each.load()
+            except (ImportError, AttributeError) as error:
+                raise InstrumentError(
+                    f"the {kind} protocol {name!r} of {each.value} cannot be loaded: {error}"
+                ) from error
+            return factory
+    known = ", ".join(sorted({"indi", *(each.name for each in found)}))
+    raise InstrumentError(
+        f"no {kind} protocol {name!r} is installed (there is: {known}): install the package that"
+        f" brings it, or set instruments.{kind}"
+    )

@@ -1,0 +1,237 @@
+"""Index files of the plate solver: which are there, which a field needs, how they get installed.
+
+Files of the 4100 series (Tycho-2): number n holds star quads of ``QUAD_ARCMIN[n]`` to
+``QUAD_ARCMIN[n + 1]`` arcmin. They come from Debian (``astrometry-data-tycho2-*``), from
+data.astrometry.net through the ``astrometry`` package, and, for |dec| <= 12 deg, with rsoconsole.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from rsoconsole.config import SolverConfig, data_dir
+from rsoconsole.errors import SolverError
+from rsoconsole.instruments.solver.index_fits import dec_limits_deg, read_header
+from rsoconsole.resources import resource
+
+QUAD_ARCMIN = (
+    *(2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0),
+    *(240.0, 340.0, 480.0, 680.0, 1000.0, 1400.0, 2000.0),
+)
+SERIES_SCALES = range(7, 20)
+"""What exists of the series: Tycho-2 has too few stars for smaller quads."""
+_LITTLE_ENDIAN = "04:03:02:01"
+SYSTEM_DIR = Path("/usr/share/astrometry")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IndexFile:
+    """One index file as found on disk."""
+
+    path: Path
+    scale: int | None
+    """Its number in the series; None for files of another one."""
+    quad_deg: tuple[float, float]
+    """Least and greatest size of its star quads."""
+    dec_deg: tuple[float, float]
+    """Declinations of its stars."""
+    size_bytes: int
+    fault: str = ""
+    """Empty when the file is complete."""
+
+    @property
+    def is_healthy(self) -> bool:
+        """True when the solver may be given this file."""
+        return not self.fault
+
+    @property
+    def is_whole_sky(self) -> bool:
+        """True when it reaches from pole to pole."""
+        return self.dec_deg[1] - self.dec_deg[0] > 150.0
+
+    def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
+        """Whether fields around that declination may lie on its sky, whole or in part."""
+        margin = 0.2  # the limits are those of a sample of the stars
+        return (
+            self.dec_deg[0] - margin <= dec_icrs_deg + radius_deg
+            and dec_icrs_deg - radius_deg <= self.dec_deg[1] + margin
+        )
+
+
+def user_index_dir() -> Path:
+    """Where ``rsoconsole index install`` puts files."""
+    return data_dir() / "index"
+
+
+def shipped_index_dir() -> Path:
+    """The cut to |dec| <= 12 deg that comes with the program."""
+    return resource("instruments", "data", "index")
+
+
+def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
+    """Folders looked through, first served: configured, the user's, the system's, the shipped."""
+    return (
+        *(d.expanduser() for d in configured),
+        user_index_dir(),
+        SYSTEM_DIR,
+        shipped_index_dir(),
+    )
+
+
+def config_search_dirs(config: SolverConfig) -> tuple[Path, ...]:
+    """``search_dirs`` of a configuration."""
+    return search_dirs(config.index_dirs)
+
+
+def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
+    """Every file of these folders that calls itself an index file, in order, faulty ones too."""
+    found: list[IndexFile] = []
+    for folder in dirs:
+        if folder.is_dir():
+            found += [_examine(path) for path in sorted(folder.glob("index-*.fits"))]
+    return tuple(found)
+
+
+def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
+    """Numbers of the series for a field of width and height in degrees.
+
+    Quads from about a third of the shorter side to the whole of it. Raises SolverError for a
+    field too small for Tycho-2.
+    """
+    short_arcmin = 60.0 * min(field_deg)
+    scales = tuple(n for n in SERIES_SCALES if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
+    if scales:
+        return scales
+    if short_arcmin > QUAD_ARCMIN[-1]:
+        return (SERIES_SCALES[-1],)
+    if short_arcmin >= 15.0:
+        return (SERIES_SCALES[0],)
+    finer = ", ".join(series_name(n) for n in wanted_numbers(short_arcmin))
+    raise SolverError(
+        f"a field of {short_arcmin:.1f} arcmin holds too few Tycho-2 stars: "
+        + (
+            f"get index files {finer} of the 5200 series from data.astrometry.net and name their "
+            "folder in solver.index_dirs"
+            if finer
+            else "no index files are that fine; take a shorter focal length or a larger sensor"
+        )
+    )
+
+
+def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
+    """Numbers, of any series, whose quads are a third to the whole of a field's shorter side."""
+    every = range(len(QUAD_ARCMIN) - 1)
+    return tuple(n for n in every if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
+
+
+def series_name(number: int) -> str:
+    """What the index files of a number are called at data.astrometry.net: 5204, 4107.
+
+    Tycho-2 (4100) ends where its stars get too few; Gaia's (5200) go on.
+    """
+    return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
+
+
+def missing_for(
+    files: Sequence[IndexFile],
+    *,
+    short_arcmin: float,
+    dec_icrs_deg: float | None,
+    radius_deg: float,
+) -> tuple[int, ...]:
+    """Numbers that a field of that shorter side wants and none of ``files`` has, finest first."""
+    present = {
+        file.scale
+        for file in files
+        if file.is_healthy and (dec_icrs_deg is None or file.covers(dec_icrs_deg, radius_deg))
+    }
+    return tuple(n for n in wanted_numbers(short_arcmin) if n not in present)
+
+
+def missing_words(numbers: Sequence[int]) -> str:
+    """How to get these index files; empty for none."""
+    parts = []
+    if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
+        parts.append(
+            f"{', '.join(finer)} (from data.astrometry.net; name their folder in solver.index_dirs)"
+        )
+    if tycho := [n for n in numbers if n in SERIES_SCALES]:
+        named = " ".join(f"--scale {n}" for n in tycho)
+        parts.append(
+            f"{', '.join(map(series_name, tycho))} ('rsoconsole index install {named}' gets them)"
+        )
+    return " and ".join(parts)
+
+
+def choose_index_files(
+    files: Sequence[IndexFile],
+    *,
+    quad_deg: tuple[float, float],
+    dec_icrs_deg: float | None,
+    radius_deg: float,
+) -> tuple[IndexFile, ...]:
+    """Healthy files whose quads fit the field and whose sky may hold it, finest first.
+
+    Of files of one number the widest sky is taken, the first found where that is equal.
+    """
+    chosen: dict[object, IndexFile] = {}
+    for file in files:
+        fits_field = file.quad_deg[0] <= quad_deg[1] and quad_deg[0] <= file.quad_deg[1]
+        on_sky = dec_icrs_deg is None or file.covers(dec_icrs_deg, radius_deg)
+        if not (file.is_healthy and fits_field and on_sky):
+            continue
+        key: object = file.scale if file.scale is not None else file.path.name
+        rival = chosen.get(key)
+        if rival is None or _sky(file) > _sky(rival) + 0.5:
+            chosen[key] = file
+    return tuple(sorted(chosen.values(), key=lambda f: (f.quad_deg, f.path.name)))
+
+
+def _sky(file: IndexFile) -> float:
+    return file.dec_deg[1] - file.dec_deg[0]
+
+
+def _examine(path: Path) -> IndexFile:
+    try:
+        state = path.stat()
+    except OSError as error:
+        return _faulty(path, 0, f"cannot be read: {error.strerror}")
+    return _examine_once(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=256)
+def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
+    try:
+        header = read_header(path)
+        if size < header.expected_size:
+            return _faulty(path, size, f"truncated: {size} of {header.expected_size} bytes")
+        if header.cards.get("ENDIAN") != _LITTLE_ENDIAN:
+            return _faulty(path, size, "written for another byte order: get the littleendian one")
+        dec_low, dec_high = dec_limits_deg(path, header)
+        if dec_high - dec_low > 150.0:
+            dec_low, dec_high = -90.0, 90.0  # few stars lie near the poles
+        quad = tuple(math.degrees(float(header.cards[k])) for k in ("SCALE_L", "SCALE_U"))
+        return IndexFile(
+            path=path,
+            scale=_scale_number(quad[0]),
+            quad_deg=(quad[0], quad[1]),
+            dec_deg=(dec_low, dec_high),
+            size_bytes=size,
+        )
+    except (SolverError, ValueError, KeyError) as error:
+        return _faulty(path, size, str(error))
+
+
+def _faulty(path: Path, size: int, fault: str) -> IndexFile:
+    return IndexFile(
+        path=path, scale=None, quad_deg=(0.0, 0.0), dec_deg=(0.0, 0.0), size_bytes=size, fault=fault
+    )
+
+
+def _scale_number(quad_low_deg: float) -> int | None:
+    for number, arcmin in enumerate(QUAD_ARCMIN):
+        if abs(60.0 * quad_low_deg / arcmin - 1.0) < 0.02:
+            return number
+    return None

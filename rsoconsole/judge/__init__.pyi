@@ -1,0 +1,2 @@
+from .summary import read_truth as read_truth
+from .summary import summarise as summarise

@@ -1,0 +1,432 @@
+"""A run against the simulated observatory, judged by the truth that only this module reads."""
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, assert_never
+
+from rsoconsole.foreign_text import json_of
+from rsoconsole.judge.objects import (
+    TrackStep,
+    is_on_a_streak,
+    lead_of,
+    objects_figures,
+    offset_arcsec,
+    offset_of,
+    taken_of,
+)
+from rsoconsole.judge.passes import leap_figures
+from rsoconsole.judge.track_figures import TracksOnRecord, orbit_figures, tracks_figures
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detection,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+SAME_OBJECT_ARCSEC = 60.0
+SAME_FRAME_NS = 1_000_000_000
+HIDDEN_SNR = 15.0
+"""Matched signal to noise below which a miss is put down to the satellite, not to the detector."""
+
+
+@dataclass(slots=True)
+class _Frame:
+    """What the session says of one exposure."""
+
+    t_mid_utc_ns: int
+    """By the header."""
+    state: str = "SEARCH"
+    measurements: list[Measurement] = field(default_factory=list)
+    detections: list[Detection] = field(default_factory=list)
+    steps: dict[int, TrackStep] = field(default_factory=dict)
+    """By track id."""
+    refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
+
+    @property
+    def predicted(self) -> TrackState | None:
+        """The lead's."""
+        return None if self._lead is None else self._lead.predicted
+
+    @property
+    def updated(self) -> TrackState | None:
+        """The lead's."""
+        return None if self._lead is None else self._lead.updated
+
+    @property
+    def _lead(self) -> TrackStep | None:
+        lead = lead_of(self.steps)
+        return None if lead is None else self.steps[lead]
+
+
+class _Tally:
+    """The session's records gathered by exposure."""
+
+    def __init__(self) -> None:
+        self.frames: dict[int, _Frame] = {}
+        self.timings: list[CycleTiming] = []
+        self.leaps: list[LeapDone] = []
+        self.passes: list[LowPass] = []
+        self.orbit: OrbitEstimate | None = None
+        self.identified: Identified | None = None
+        self.known = TracksOnRecord()
+        self.detections = 0
+        self.missed: Counter[int] = Counter()
+        self.locked_after: int | None = None
+        self._state = "SEARCH"
+        self._lead_id: int | None = None
+
+    def take(self, record: Record) -> None:  # noqa: PLR0912 -- one case a kind
+        """One record, in order."""
+        match record:
+            case FrameTaken():
+                self._frame_taken(record)
+            case Detections():
+                self._detections(record)
+            case Measurement():
+                self._measurement(record)
+            case TrackState():
+                self._track_state(record)
+            case NotFollowed():
+                self._not_followed(record)
+            case Miss():
+                self._miss(record)
+            case FollowedAgain():
+                self._followed_again(record)
+            case StateChange():
+                self._state_change(record)
+            case OrbitEstimate():
+                self._orbit_estimate(record)
+            case Identified():
+                self._identified(record)
+            case CycleTiming():
+                self._cycle_timing(record)
+            case Solution() | NotSolved() | SlewCommand() | Ruling() | Closeup():
+                pass  # no figure needs them
+            case ParameterChange() | OperatorAction() | Event() | PairMotions() | ExpectedMembers():
+                pass
+            case LeapDone():
+                self.leaps.append(record)
+            case LowPass():
+                self.passes.append(record)
+            case _:
+                assert_never(record)
+
+    def _frame_taken(self, record: FrameTaken) -> None:
+        t_mid_ns = (record.t_start_utc_ns or 0) + round((record.exposure_s or 0.0) * 5e8)
+        self.frames[record.frame_id] = _Frame(t_mid_ns, self._state)
+
+    def _detections(self, record: Detections) -> None:
+        self.detections += len(record.detections)
+        self.frames[record.frame_id].detections.extend(record.detections)
+
+    def _measurement(self, record: Measurement) -> None:
+        self.frames[record.frame_id].measurements.append(record)
+
+    def _track_state(self, record: TrackState) -> None:
+        step = self.frames[record.frame_id].steps.setdefault(record.track_id, TrackStep())
+        step.is_lead = record.is_lead
+        if record.is_lead:
+            self._lead_id = record.track_id
+        if record.kind == "predicted":
+            step.predicted = record
+        else:
+            step.updated = record
+
+    def _not_followed(self, record: NotFollowed) -> None:
+        if record.nis is not None:
+            self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
+
+    def _miss(self, record: Miss) -> None:
+        self.known.miss(record)
+        if record.track_id in (None, self._lead_id):
+            self.missed[record.frame_id] += 1
+
+    def _followed_again(self, record: FollowedAgain) -> None:
+        # By the operator's word: what was made of the frame before counts no more.
+        self.missed.pop(record.frame_id, None)
+        frame = self.frames[record.frame_id]
+        frame.steps.clear()
+        frame.refused_nis.clear()
+
+    def _state_change(self, record: StateChange) -> None:
+        self._state = record.after
+        if record.frame_id in self.frames:
+            self.frames[record.frame_id].state = record.after
+        if record.after == "TRACK" and self.locked_after is None:
+            self.locked_after = record.frame_id
+
+    def _orbit_estimate(self, record: OrbitEstimate) -> None:
+        self.known.orbits[record.track_id] = record
+        if record.track_id == self._lead_id:
+            self.orbit = record
+
+    def _identified(self, record: Identified) -> None:
+        self.known.names[record.track_id] = record
+        if record.track_id == self._lead_id:
+            self.identified = record
+        step = self.frames[record.frame_id].steps.get(record.track_id)
+        if step is not None:
+            step.identified = record
+
+    def _cycle_timing(self, record: CycleTiming) -> None:
+        self.timings.append(record)
+
+
+def summarise(
+    records: Iterable[Record],
+    truth: Sequence[Mapping[str, Any]],
+    targets: Mapping[int, str] | None = None,
+) -> dict[str, Any]:
+    """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
+
+    ``records`` in the session's order; ``truth`` one object an exposure as the simulated
+    observatory wrote it. Errors are distances on the sky, root mean square. Where a satellite was
+    followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
+    ``targets``: names of the satellites the night was made for, by catalogue number.
+    """
+    tally = _Tally()
+    for record in records:
+        tally.take(record)
+    return {
+        "frames": len(tally.frames),
+        "detections": tally.detections,
+        "misses": tally.missed.total(),
+        "states": dict(Counter(frame.state for frame in tally.frames.values())),
+        "locked_after_frames": tally.locked_after,
+        **_against_truth(tally.frames, truth),
+        "orbit": None if tally.orbit is None else orbit_figures(tally.orbit),
+        "identified": None if tally.identified is None else _name_figures(tally.identified),
+        "tracks": tracks_figures(tally.frames, tally.known),
+        "objects": objects_figures(_with_exposures(tally.frames, truth), targets or {}),
+        "leaps": leap_figures(tally.leaps, tally.passes),
+        "latency_ms": _latency(tally.timings),
+    }
+
+
+def _name_figures(found: Identified) -> dict[str, Any]:
+    """The last one."""
+    best = found.matches[0] if found.matches else None
+    return {
+        "verdict": found.verdict,
+        "norad_id": None if best is None else best.norad_id,
+        "name": None if best is None else best.name,
+        "separation_arcsec": None if best is None else best.separation_arcsec,
+        "runner_up": found.matches[1].name if len(found.matches) > 1 else None,
+    }
+
+
+def read_truth(path: Path) -> list[dict[str, Any]]:
+    """The simulated observatory's truth, one object an exposure; empty when there is none."""
+    if not path.exists():
+        return []
+    return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+
+
+def _with_exposures(
+    frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
+) -> list[tuple[_Frame, Mapping[str, Any]]]:
+    """Every frame with the truth of its exposure; with an empty one where none is near in time.
+
+    Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
+    """
+    late_ns = [
+        exposure["t_open_utc_ns"] + round(exposure["exposure_s"] * 5e8) - exposure["t_place_utc_ns"]
+        for exposure in truth
+        if "t_open_utc_ns" in exposure and "t_place_utc_ns" in exposure
+    ]
+    always = {"always_late_ns": round(statistics.median(late_ns)) if late_ns else 0}
+    return [(frame, {**_exposure(truth, frame), **always}) for frame in frames.values()]
+
+
+def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str, Any]:
+    """The truth of a frame, each satellite with the instant for which its place is told."""
+    for exposure in truth:
+        t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
+        if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
+            if "t_place_utc_ns" not in exposure:
+                return exposure
+            t_utc_ns = exposure["t_place_utc_ns"]
+            timed = [{**each, "t_utc_ns": t_utc_ns} for each in exposure["satellites"]]
+            return {**exposure, "satellites": timed}
+    return {"satellites": ()}
+
+
+def _against_truth(
+    frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Figures against what really was there; those of the track against one named satellite."""
+    exposures = _with_exposures(frames, truth)
+    views = [(frame, list(exposure["satellites"])) for frame, exposure in exposures]
+    target, share = _followed(views)
+    predicted, outside, nis = _track_figures(views, target)
+    confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]
+    return {
+        "target": target,
+        "target_share": share,
+        **_measured_figures(exposures, target),
+        "prediction_rms_arcsec": _rms(predicted),
+        "nis_mean": statistics.fmean(nis) if nis else None,
+        "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
+        "confidence_min": min(confidences, default=None),
+        **_hidden(views, target),
+    }
+
+
+def _measured_figures(
+    views: Sequence[tuple[_Frame, Mapping[str, Any]]], target: str | None
+) -> dict[str, Any]:
+    """Every measurement against the satellite nearest to it; the target's neighbours apart.
+
+    False is what is far from all of them and on nobody's streak: a cut or a fast one's middle may
+    be far from its own.
+    """
+    measured: list[float] = []
+    neighbours: list[float] = []
+    chi2: list[float] = []
+    false_measurements = 0
+    for frame, exposure in views:
+        for measurement in frame.measurements:
+            offsets = [
+                (*offset_of(measurement, each), each["name"]) for each in exposure["satellites"]
+            ]
+            nowhere = (math.inf, 0.0, None)
+            east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
+            if math.hypot(east, north) > SAME_OBJECT_ARCSEC:
+                false_measurements += not is_on_a_streak(measurement, exposure)
+            elif target is not None and name != target:
+                neighbours.append(math.hypot(east, north))
+            else:
+                measured.append(math.hypot(east, north))
+                chi2.append(_chi2(measurement, east, north))
+    return {
+        "false_measurements": false_measurements,
+        "measured_rms_arcsec": _rms(measured),
+        "neighbours_rms_arcsec": _rms(neighbours),
+        "measured_chi2_mean": statistics.fmean(chi2) if chi2 else None,
+    }
+
+
+def _confidence(frame: _Frame) -> float | None:
+    """Of the measurement the track took."""
+    taken = taken_of(frame)
+    return None if taken is None else taken.confidence
+
+
+def _hidden(
+    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+) -> dict[str, int]:
+    """Followed frames in which clouds or its own fading hid the target, and the other misses.
+
+    Without them a night of clouds would look like a poor detector.
+    """
+    hidden = others = 0
+    for frame, satellites in views:
+        if frame.predicted is None:
+            continue
+        true = next((s for s in satellites if s["name"] == target), None)
+        is_hidden = true is not None and float(true.get("snr_matched", math.inf)) < HIDDEN_SNR
+        hidden += is_hidden
+        others += frame.updated is None and not is_hidden
+    return {"frames_hidden": hidden, "misses_visible": others}
+
+
+def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[str | None, Any]:
+    """The satellite most updates lie on, and the share of updates that do."""
+    names: Counter[str] = Counter()
+    for frame, satellites in views:
+        if frame.updated is None:
+            continue
+        at = frame.updated.x[0], frame.updated.x[2], frame.updated.t_utc_ns
+        near = [(math.hypot(*offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
+        off, name = min(near, default=(math.inf, ""))
+        names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
+    if not names:
+        return None, None
+    target, times = names.most_common(1)[0]
+    return target, times / sum(names.values())
+
+
+def _track_figures(
+    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+) -> tuple[list[float], list[bool], list[float]]:
+    """Every one-step prediction of the target in the frame, also those that nothing met.
+
+    Errors in arcsec; whether a measurement of the target fell outside 3 sqrt(S), refused ones
+    included; NIS of all of them.
+    """
+    errors: list[float] = []
+    outside: list[bool] = []
+    nis: list[float] = []
+    for frame, satellites in views:
+        true = next((s for s in satellites if s["name"] == target and s["is_in_frame"]), None)
+        predicted, updated = frame.predicted, frame.updated
+        if true is None or predicted is None:
+            continue
+        if predicted.misses <= 1:
+            at = predicted.x[0], predicted.x[2], predicted.t_utc_ns
+            errors.append(math.hypot(*offset_arcsec(true, *at)))
+        if updated is not None and updated.nis is not None:
+            nis.append(updated.nis)
+            innovation = updated.innovation_arcsec or (0.0, 0.0)
+            bounds = updated.sigma_innovation_arcsec or (0.0, 0.0)
+            pairs = zip(innovation, bounds, strict=True)
+            outside.append(any(abs(value) > 3.0 * bound for value, bound in pairs))
+            continue
+        for measurement, value in frame.refused_nis:
+            if math.hypot(*offset_of(measurement, true)) <= SAME_OBJECT_ARCSEC:
+                nis.append(value)
+                outside.append(True)
+    return errors, outside, nis
+
+
+def _chi2(measurement: Measurement, east: float, north: float) -> float:
+    """Squared error in units of the measurement's own covariance; 2 when that is honest."""
+    ee, en, nn = measurement.cov_sky_arcsec2
+    return (nn * east**2 - 2.0 * en * east * north + ee * north**2) / (ee * nn - en**2)
+
+
+_STAGES = (
+    *("read", "glance", "ahead", "process", "detect", "solve", "filter", "order"),
+    *("total", "orbit"),
+)
+
+
+def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
+    stages: dict[str, dict[str, float]] = {}
+    for stage in _STAGES:
+        values = sorted(t.stage_ms[stage] for t in timings if stage in t.stage_ms)
+        if values:
+            stages[stage] = {
+                "median": round(statistics.median(values), 3),
+                "p95": round(values[math.ceil(0.95 * len(values)) - 1], 3),
+            }
+    return stages
+
+
+def _rms(values: Sequence[float]) -> float | None:
+    return math.sqrt(statistics.fmean(v * v for v in values)) if values else None

@@ -1,0 +1,11 @@
+from .draw_sky import draw_about_line as draw_about_line
+from .draw_sky import draw_track as draw_track
+from .draw_time import NIS_BAND as NIS_BAND
+from .draw_time import draw_confidence as draw_confidence
+from .draw_time import draw_nis as draw_nis
+from .draw_time import draw_residuals as draw_residuals
+from .figures import write_figures as write_figures
+from .inline import NightFigure as NightFigure
+from .inline import styled as styled
+from .page import STYLE as STYLE
+from .plots import NightPlots as NightPlots

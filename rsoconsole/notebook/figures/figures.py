@@ -1,0 +1,116 @@
+"""The paper's figures, from a session: confidence, right ascension and declination, residuals.
+
+Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue triangles,
+predicted green circles, 3-sigma bounds dashed. At the scale of a night the three marks coincide
+and the bounds vanish, so the same is drawn again about a straight line, and the innovations with
+their own bounds by themselves.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from rsoconsole.control import one_line
+from rsoconsole.errors import SessionError
+from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
+from rsoconsole.notebook.figures.page import STYLE
+from rsoconsole.notebook.night import Night, read_night, read_truth
+from rsoconsole.session.reading import SessionReader, clock_notes
+
+FigureFormat = Literal["png", "svg", "pdf"]
+WIDTH_IN = 6.6
+MOST_NOTES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """One of the figures: its name, what draws it, and what it needs."""
+
+    name: str
+    draw: Callable[[Any, Night], None]
+    """Draws a night into an empty matplotlib figure."""
+    height_in: float = 5.0
+    needs_track: bool = True
+
+
+DRAWINGS = {
+    each.name: each
+    for each in (
+        Drawing(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
+        Drawing(name="track", draw=draw_track),
+        Drawing(name="track_about_line", draw=draw_about_line),
+        Drawing(name="residuals", draw=draw_residuals),
+        Drawing(name="nis", draw=draw_nis, height_in=3.0),
+    )
+}
+"""In the order in which they are written."""
+
+
+def has_track(night: Night) -> bool:
+    """Whether anything was followed in it: a measurement has updated a track."""
+    return any(frame.corrected is not None for frame in night.frames)
+
+
+def write_figures(
+    session: Path, out: Path, *, truth: Path | None = None, file_format: FigureFormat = "png"
+) -> tuple[Path, ...]:
+    """Draw a session's figures into the folder ``out`` and return their paths, in order.
+
+    ``truth`` is a simulated observatory's truth, one JSON object an exposure; with it there is
+    one figure more, the errors against what really was. A session without a track gives the
+    confidences alone. Raises SessionError when the session cannot be read, holds no frame, or
+    ``out`` cannot be written.
+    """
+    night = read_night(session)
+    drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
+    if truth is not None and has_track(night):
+        places = read_truth(truth, night)
+        drawings.append(
+            Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
+        )
+    notes = clock_notes(SessionReader(session))
+    return _written(night, drawings, out, file_format, notes)
+
+
+def _written(
+    night: Night,
+    drawings: list[Drawing],
+    out: Path,
+    file_format: FigureFormat,
+    notes: tuple[str, ...],
+) -> tuple[Path, ...]:
+    # Half a second of imports: only who draws pays for them. No window system is asked for.
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    paths = []
+    # A fixed salt makes the same session give the same SVG.
+    style: Any = {**STYLE, "svg.hashsalt": night.title}
+    with mpl.rc_context(style), warnings.catch_warnings():
+        # A sign that the font lacks is a box in the picture, nothing to print code lines for.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        for number, drawing in enumerate(drawings, start=1):
+            figure = Figure(figsize=(WIDTH_IN, drawing.height_in))
+            FigureCanvasAgg(figure)
+            drawing.draw(figure, night)
+            if notes:
+                # Times on both sides of such an instant do not go together.
+                words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MOST_NOTES])
+                figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
+            path = out / f"{number}_{drawing.name}.{file_format}"
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+                figure.savefig(path, metadata=_undated(file_format))
+            except OSError as error:
+                raise SessionError(f"{path} cannot be written: {error}") from error
+            paths.append(path)
+    return tuple(paths)
+
+
+def _undated(file_format: FigureFormat) -> dict[str, Any]:
+    """The file says nothing of when it was drawn."""
+    return {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[file_format]

@@ -1,0 +1,213 @@
+"""What is pointed at in a frame, drawn over its small picture: streaks, and where one was expected.
+
+In pixels of the whole frame, whatever size the picture is shown at.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import assert_never
+
+import numpy as np
+
+from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detection,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.sky import sky_to_pixel
+from rsoconsole.streak_text import name_of, pulse_of, short_name_of
+
+_SAME_PX = 1.0
+_MARGIN = 0.012
+"""Of the frame's width: room between a streak and its box."""
+_POINTS = 48
+_SIGMAS = 3.0
+
+
+@dataclass(slots=True)
+class FrameFacts:
+    """What the log says of one frame."""
+
+    taken: FrameTaken | None = None
+    detections: Detections | None = None
+    solution: Solution | NotSolved | None = None
+    measurements: tuple[Measurement, ...] = ()
+    predicted: TrackState | None = None
+
+    def streak_at(self, measured: Measurement) -> Detection | None:
+        """The streak that a measurement is of; None where no detection is, as by hand."""
+        found = () if self.detections is None else self.detections.detections
+        return next((each for each in found if _is_same(each, measured)), None)
+
+    def take(self, record: Record) -> None:
+        """One record of the frame, in the order of the log."""
+        match record:
+            case FrameTaken():
+                self.taken = record
+            case Detections():
+                self.detections = record
+            case Solution() | NotSolved():
+                self.solution = record
+            case Measurement():
+                self.measurements = (*self.measurements, record)
+            case FollowedAgain():
+                self.predicted = None
+            case TrackState():
+                if record.kind == "predicted":
+                    self.predicted = record
+            case (
+                NotFollowed()
+                | Miss()
+                | SlewCommand()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | OrbitEstimate()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
+                | Event()
+            ):
+                pass  # nothing of it is drawn
+            case _:
+                assert_never(record)
+
+
+def overlay_svg(facts: FrameFacts, followed: Measurement | None) -> str:
+    """An SVG that lies over the picture; empty where the frame's size is not known."""
+    frame = facts.taken
+    if frame is None or frame.width_px <= 0 or frame.height_px <= 0:
+        return ""
+    width, height = frame.width_px, frame.height_px
+    found = () if facts.detections is None else facts.detections.detections
+    parts = [_expected(facts, width)]
+    parts += [_streak(each, width, is_followed=_is_same(each, followed)) for each in found]
+    parts += [_by_hand(m, width) for m in facts.measurements if m.source == "operator"]
+    label = words_of(facts, followed)
+    return (
+        f'<svg viewBox="-0.5 -0.5 {width} {height}" preserveAspectRatio="none" role="img" '
+        f'aria-label="{text(label)}" style="position:absolute;inset:0;width:100%;height:100%">'
+        f"{''.join(parts)}</svg>"
+    )
+
+
+def words_of(facts: FrameFacts, followed: Measurement | None) -> str:
+    """The frame in one line of words."""
+    frame = facts.taken
+    if frame is None:
+        return "no frame yet"
+    parts = [f"frame {frame.frame_id:04d}"]
+    if frame.exposure_s is not None:
+        parts.append(f"{frame.exposure_s:g} s")
+    if isinstance(facts.solution, NotSolved):
+        parts.append(f"not solved: {facts.solution.reason}")
+    elif isinstance(facts.solution, Solution):
+        parts.append(f"{facts.solution.matched} stars, {facts.solution.rms_arcsec:.2f}″")
+    if facts.detections is not None:
+        count = len(facts.detections.detections)
+        parts.append("no streak" if not count else f"{count} streak{'s' if count > 1 else ''}")
+    if followed is not None:
+        parts.append(f"followed with confidence {followed.confidence:.2f}")
+    return " · ".join(parts)
+
+
+def _is_same(detection: Detection, measurement: Measurement | None) -> bool:
+    return measurement is not None and (
+        abs(detection.x_px - measurement.x_px) < _SAME_PX
+        and abs(detection.y_px - measurement.y_px) < _SAME_PX
+    )
+
+
+def _streak(detection: Detection, frame_width: int, *, is_followed: bool) -> str:
+    """A box about a streak with its confidence; the followed one solid, others dashed."""
+    room = _MARGIN * frame_width
+    x_0 = min(detection.x_a_px, detection.x_b_px) - room
+    y_0 = min(detection.y_a_px, detection.y_b_px) - room
+    width = abs(detection.x_a_px - detection.x_b_px) + 2.0 * room
+    height = abs(detection.y_a_px - detection.y_b_px) + 2.0 * room
+    what = "followed" if is_followed else "detected"
+    title = f"{what}, confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}"
+    title = ", ".join(each for each in (title, name_of(detection), pulse_of(detection)) if each)
+    label = f"{detection.confidence:.2f} {short_name_of(detection)}".rstrip()
+    colour, dash = (RED, "") if is_followed else (AMBER, ' stroke-dasharray="5 4"')
+    size = 0.034 * frame_width
+    return (
+        f'<rect x="{x_0:.0f}" y="{y_0:.0f}" width="{width:.0f}" height="{height:.0f}" fill="none" '
+        f'stroke="{colour}" stroke-width="1.6" vector-effect="non-scaling-stroke"{dash}>'
+        f"<title>{text(title)}</title></rect>"
+        f'<text x="{x_0 + width + 0.6 * room:.0f}" y="{y_0 + height:.0f}" fill="{colour}" '
+        f'font-size="{size:.0f}" font-family="sans-serif">{text(label)}</text>'
+    )
+
+
+def _by_hand(measurement: Measurement, frame_width: int) -> str:
+    r = 1.5 * _MARGIN * frame_width
+    x, y = measurement.x_px, measurement.y_px
+    return (
+        f'<path d="M{x - r:.0f} {y:.0f}L{x:.0f} {y - r:.0f}L{x + r:.0f} {y:.0f}L{x:.0f} '
+        f'{y + r:.0f}Z" fill="none" stroke="{RED}" stroke-width="1.6" '
+        'vector-effect="non-scaling-stroke"><title>marked by hand</title></path>'
+    )
+
+
+def _expected(facts: FrameFacts, frame_width: int) -> str:
+    """A cross where the track was expected, and its 3 sigma."""
+    track, solution = facts.predicted, facts.solution
+    if track is None or not isinstance(solution, Solution):
+        return ""
+    x, y = (float(v) for v in sky_to_pixel(solution.wcs, track.x[0], track.x[2]))
+    if not (math.isfinite(x) and math.isfinite(y)):
+        return ""
+    r = _MARGIN * frame_width
+    style = f'fill="none" stroke="{GREEN}" stroke-width="1.2" vector-effect="non-scaling-stroke"'
+    outline = " ".join(f"{a:.0f},{b:.0f}" for a, b in _outline_px(track, solution))
+    return (
+        f'<path d="M{x - r:.0f} {y:.0f}H{x + r:.0f}M{x:.0f} {y - r:.0f}V{y + r:.0f}" {style}>'
+        "<title>expected here</title></path>"
+        f'<polygon points="{outline}" {style} stroke-dasharray="2 2">'
+        "<title>expected within 3 σ</title></polygon>"
+    )
+
+
+def _outline_px(track: TrackState, solution: Solution) -> Iterable[tuple[float, float]]:
+    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
+    ra, _, dec, _ = track.x
+    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
+    cross = track.P[0][2] * cos_dec
+    sky = np.array([[track.P[0][0] * cos_dec**2, cross], [cross, track.P[2][2]]])
+    values, axes = np.linalg.eigh(sky)
+    turns = np.linspace(0.0, 2.0 * np.pi, _POINTS, endpoint=False)
+    circle = np.stack([np.cos(turns), np.sin(turns)])
+    east, north = axes @ (_SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
+    pairs = zip(np.asarray(x, float), np.asarray(y, float), strict=True)
+    return [(float(a), float(b)) for a, b in pairs if math.isfinite(a) and math.isfinite(b)]

@@ -1,0 +1,1 @@
+from .panel import LivePanel as LivePanel

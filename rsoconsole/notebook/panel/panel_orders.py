@@ -1,0 +1,307 @@
+"""What a panel's page asks for, carried out: each order on a thread of its own, STOP before all.
+
+An order passes the same socket, seats, checklist and limits as one from a console.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.control import (
+    COMMANDS,
+    Arm,
+    Command,
+    DirectStop,
+    Goto,
+    MovePreview,
+    Outcome,
+    Preview,
+    StopNews,
+    Stopping,
+    Wire,
+    command_of,
+    read_preview,
+)
+from rsoconsole.errors import ControlError, RsoconsoleError
+from rsoconsole.notebook.panel.link import Link
+from rsoconsole.notebook.panel.panel_view import TUNED
+from rsoconsole.sky import format_dec, format_ra
+
+log = logging.getLogger(__name__)
+
+LAST_FRAMES = 40
+_PRESSES = 100
+_PHASES = ("sent", "late", "failed", "stopped")
+"""Of a STOP, in the order in which the later one counts."""
+POINTING = {
+    "name": "pointing",
+    "detail": "judged on the first frame, once it is armed",
+    "remedy": "tick it only where you know that the telescope looks where the mount says",
+}
+"""The check that the list cannot tell beforehand."""
+NOTHING: dict[str, Any] = {}
+Tell = Callable[[str, dict[str, Any]], None]
+"""Gives the page something by name: said, asked, stop_news, goto, effect."""
+
+
+class PanelOrders:
+    """Hears the page and answers it."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        link: Link,
+        tell: Tell,
+        *,
+        read_only: bool,
+        stop_directly: DirectStop | None,
+    ) -> None:
+        self._wire, self._link, self._tell = wire, link, tell
+        self._read_only = read_only
+        self._stop_directly = stop_directly
+        self._lock = threading.Lock()
+        self._stops = 0
+        self._stop_told = (0, 0)
+        self._presses: deque[Any] = deque(maxlen=_PRESSES)
+        self._effect_asked = 0
+        self._goto_asked = 0
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """One message of the page; what is none of the known ones is passed over."""
+        kind = message.get("kind")
+        if kind == "stop":
+            self._stop_once(message.get("press"))
+        elif self._read_only:
+            self._say("read only: this panel only looks, but for STOP", "warning")
+        elif kind == "order":
+            self._order(message.get("verb"), _mapping(message.get("arguments")))
+        elif kind == "goto_preview":
+            self._in_thread(self._preview, str(message.get("text", "")), message.get("number"))
+        elif kind == "goto":
+            self._in_thread(self._go, str(message.get("text", "")))
+        elif kind == "try":
+            self._in_thread(self._try, _mapping(message.get("settings")), message.get("number"))
+        elif kind == "forget":
+            self._tell("asked", NOTHING)
+
+    def _stop_once(self, press: Any) -> None:
+        """A page that is not answered says it again: that is the same STOP, not one more."""
+        if press is None or press not in self._presses:
+            self._presses.append(press)
+            self.stop()
+
+    def stop(self) -> None:
+        """STOP: act first, then put away whatever is open."""
+        with self._lock:
+            self._stops += 1
+            number = self._stops
+
+        def news(told: StopNews) -> None:
+            self._tell_of_stop(number, told.phase, told.text)
+            self._link.look_now()
+
+        Stopping(lambda: self._wire, self._stop_directly, news).begin()
+        self._tell_of_stop(number, "sent", "sent to the engine")
+        self._tell("asked", NOTHING)
+        self._tell("goto", NOTHING)
+
+    def _tell_of_stop(self, number: int, phase: str, text: str) -> None:
+        """News of one STOP; what comes late, or is of an older one, is not told."""
+        with self._lock:
+            rank = number, _PHASES.index(phase)
+            if rank <= self._stop_told:
+                return
+            self._stop_told = rank
+            self._tell("stop_news", {"number": number, "phase": phase, "text": text})
+
+    # -- orders ---------------------------------------------------------------------------------
+
+    def _order(self, verb: Any, arguments: Mapping[str, Any]) -> None:
+        """What a page may ask for by its verb; a move goes by its preview."""
+        known = COMMANDS.get(verb) if isinstance(verb, str) else None
+        if known is None or not known.is_on_panel:
+            return
+        self._tell("asked", NOTHING)
+        try:
+            command = command_of(known.verb, arguments)
+        except ValueError as error:
+            self._say(f"{known.label()}: not done, {error}", "warning")
+            return
+        self._say(f"{command.label()} …")
+        self._in_thread(self._send, command)
+
+    def _send(self, command: Command) -> None:
+        stops = self._stops
+        outcome = self._outcome(command)
+        self._link.look_now()
+        if stops != self._stops:
+            return  # STOP has the last word
+        name = command.label()
+        if outcome.ok:
+            self._say(f"{name}: {outcome.message or 'done'}", "good")
+            if isinstance(command, Arm):
+                self._tell("stop_news", NOTHING)
+        elif outcome.data.get("seat"):
+            holder = str(outcome.data["seat"])
+            self._say(f"{name}: not done, {holder} has control", "warning")
+            self._tell("asked", {"kind": "seat", "holder": holder})
+        elif isinstance(command, Arm) and outcome.data.get("checks"):
+            self._say("not armed", "warning")
+            failed = [
+                {key: str(check.get(key) or "") for key in ("name", "detail", "remedy")}
+                for check in outcome.data["checks"]
+                if isinstance(check, Mapping) and not check.get("ok")
+            ]
+            checks = [*failed, POINTING]
+            self._tell("asked", {"kind": "arm", "message": outcome.message, "checks": checks})
+        else:
+            self._say(f"{name}: not done, {outcome.message}", "warning")
+
+    def _outcome(self, command: Command) -> Outcome:
+        try:
+            return self._wire.send(command)
+        except ControlError as error:
+            return Outcome(ok=False, message=str(error))
+
+    # -- go to ----------------------------------------------------------------------------------
+
+    def _preview(self, text: str, number: Any) -> None:
+        with self._lock:
+            self._goto_asked += 1
+            asked = self._goto_asked
+        told: dict[str, Any] = {"number": number, "lines": [], "may_go": False}
+        try:
+            found = self._understood(text)
+            move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
+            outcome = self._outcome(Preview(move=move))
+            careful = [f"careful: {found.caution}"] if found.caution else []
+            preview = read_preview(outcome.data) if outcome.ok else None
+            lines = preview_lines(preview) if outcome.ok else [outcome.message]
+            told["lines"] = [found.words, *careful, *lines]
+            told["may_go"] = preview is not None and not preview.refused
+        except (ValueError, RsoconsoleError) as error:
+            told["lines"] = [str(error)]
+        if asked == self._goto_asked:
+            self._tell("goto", told)
+
+    def _go(self, text: str) -> None:
+        """Understood anew: a place beside the horizon goes by with the sky."""
+        try:
+            found = self._understood(text)
+        except (ValueError, RsoconsoleError) as error:
+            self._say(f"go to: not done, {error}", "warning")
+            return
+        self._tell("goto", NOTHING)
+        self._send(Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg))
+
+    def _understood(self, text: str) -> Any:
+        from rsoconsole.pipeline.words import Names, understand
+
+        live, now_utc_ns = self._link.live, self._link.now_utc_ns
+        if live is None or now_utc_ns is None:
+            raise ValueError("the engine has not said where and when it is yet")
+        names = Names.load(live.config.catalogue.tle_files)
+        return understand(text, live.config.site.to_site(), now_utc_ns, names)
+
+    # -- tuning ---------------------------------------------------------------------------------
+
+    def _try(self, settings: Mapping[str, Any], number: Any) -> None:
+        with self._lock:
+            self._effect_asked += 1
+            asked = self._effect_asked
+        live = self._link.live
+        told: dict[str, Any] = {"number": number, "rows": [], "fault": "", "frames": LAST_FRAMES}
+        if live is None:
+            told["fault"] = "nothing is on record yet"
+        else:
+            try:
+                tried = tuned_values(settings)
+                told["rows"] = effect_rows(list(live.records), live.begun_with, tried)
+            except (ValueError, RsoconsoleError) as error:
+                told["fault"] = str(error)
+        if asked == self._effect_asked:
+            self._tell("effect", told)
+
+    # -- the rest -------------------------------------------------------------------------------
+
+    def _say(self, words: str, level: str = "info") -> None:
+        self._tell("said", {"text": words, "level": level})
+
+    def _in_thread(self, work: Callable[..., None], *arguments: Any) -> None:
+        def run() -> None:
+            try:
+                work(*arguments)
+            except Exception as error:  # the operator must hear of it, whatever it is
+                log.exception("panel")
+                self._say(f"something broke: {error or type(error).__name__}", "warning")
+
+        threading.Thread(target=run, name="panel-order", daemon=True).start()
+
+
+_UNREADABLE = "the engine's answer cannot be read: are both of one version?"
+
+
+def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
+    """Settings as a page sends them, as numbers or words. Raises ValueError for others."""
+    known = {name for name, _, _ in TUNED}
+    values: dict[str, float | str] = {}
+    for name, value in settings.items():
+        is_plain = isinstance(value, str | int | float) and not isinstance(value, bool)
+        if name not in known or not is_plain:
+            raise ValueError(f"{name} cannot be tuned here")
+        values[name] = value
+    return values
+
+
+def effect_rows(
+    records: list[Any], config: Config, tried: Mapping[str, float | str]
+) -> list[list[str]]:
+    """[what, as it was, if tried] of the last frames.
+
+    Raises ConfigError for a value that cannot be. Both are followed again from the record;
+    ``config`` is that of the session's beginning.
+    """
+    from rsoconsole.pipeline.replay import what_if
+
+    was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, tried))
+
+    def number(value: float | None, form: str, unit: str = "") -> str:
+        return "-" if value is None else f"{value:{form}}{unit}"
+
+    sign = {True: " ✓", False: " ✗", None: ""}
+    rows = []
+    for each in (was, then):
+        rows.append(
+            [
+                number(each.residual_rms_arcsec, ".2f", "″"),
+                number(each.nis_mean, ".2f") + sign[each.is_nis_sound],
+                number(each.inside_3sigma, ".0%"),
+                str(each.misses),
+                each.state or "-",
+            ]
+        )
+    names = ("residual rms", "NIS mean (2)", "3σ holds", "misses", "state")
+    return [list(row) for row in zip(names, *rows, strict=True)]
+
+
+def preview_lines(preview: MovePreview | None) -> list[str]:
+    """The engine's preview of a move, in lines."""
+    if preview is None:
+        return [_UNREADABLE]
+    place = f"ICRS α {format_ra(preview.ra_icrs_deg, 1)} δ {format_dec(preview.dec_icrs_deg, 0)}"
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
+    after = preview.pier_side_after
+    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
+    lines = [
+        f"{place}  alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
+        f"way {preview.way_deg:.1f}°, {preview.slew_s:.0f} s{side}",
+        f"limits {margins}",
+    ]
+    return [*lines, f"REFUSED: {preview.refused}"] if preview.refused else lines
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

@@ -1,0 +1,233 @@
+"""What the live panel shows, in words and small drawings; the page only puts it in place."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rsoconsole.control import Status, printable
+from rsoconsole.notebook.figures import NIS_BAND
+from rsoconsole.notebook.night import Night, NightFrame, overlay_svg, svg, words_of
+from rsoconsole.notebook.panel.live_night import LiveNight
+from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.tracking.filters import consistency
+
+SHOWN_FRAMES = 60
+NIS_TOP = 14.0
+HOLDERS = {
+    "autonomy": "autonomy has the mount",
+    "operator": "the operator has the mount",
+    "nobody": "nobody has the mount",
+}
+TUNED = (
+    ("detector.tau", "τ", ""),
+    ("filter.preset", "preset", ""),
+    ("filter.sigma_arcsec", "σ", "″"),
+    ("filter.q_arcsec2_s3", "q", "″²/s³"),
+    ("filter.q_multiplier", "Q ×", ""),
+    ("filter.r_multiplier", "R ×", ""),
+    ("filter.gate_nis", "gate NIS", ""),
+    ("filter.max_coast_s", "lost after", "s"),
+)
+"""(setting, label, unit) of what can be tuned here; the console has the rest."""
+CHOICES = {"filter.preset": ("adaptive", "tuned", "paper")}
+
+
+def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
+    """The engine in words: ``status`` as it last told it; ``seat``: this panel's name."""
+    is_attached = reach == "attached"
+    holder, is_ours = status.holder, bool(seat) and status.seat == seat
+    faults = [f"FAULT {fault}" for fault in status.faults]
+    if is_attached and status.lifted:
+        faults.append(f"overridden: {', '.join(status.lifted)}")
+    return {
+        "reach": reach,
+        "detail": detail,
+        "state": status.state or "-",
+        "is_held": status.is_held,
+        "holder": HOLDERS.get(holder or "", f"{holder or 'unknown'} has the mount"),
+        "is_autonomous": holder == "autonomy",
+        "wants_resuming": status.is_held or holder == "operator",
+        "frame": status.frame_id,
+        "clock": _clock(status.now_utc_ns),
+        "alerts": faults if is_attached else [],
+        "facts": _facts(status),
+        "health": [[each.name, each.ok, each.text] for each in status.health],
+        "seat": {
+            "holder": status.seat or "",
+            "is_ours": is_ours,
+            "asker": (status.seat_asked_by or "") if is_ours else "",
+            "waits": bool(seat) and status.seat_asked_by == seat,
+        },
+    }
+
+
+def night_view(live: LiveNight) -> dict[str, Any]:
+    """The record: plots of the newest frames, marks over the picture, the log."""
+    night = live.night()
+    frame_id = None if live.picture is None else live.picture[0]
+    facts = live.facts(frame_id) if frame_id is not None else None
+    followed = live.followed(frame_id) if frame_id is not None else None
+    return {
+        "title": night.title,
+        "plots": plots(night),
+        "overlay": "" if facts is None else overlay_svg(facts, followed),
+        "caption": "no picture yet" if facts is None else words_of(facts, followed),
+        "slew": _slew_words(live),
+        "nis": _nis_words(night),
+        "log": [[_clock(t), level, printable(words)] for t, level, words in live.log],
+        "tunables": [
+            [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
+            for name, label, unit in TUNED
+        ],
+    }
+
+
+def plots(night: Night) -> dict[str, str]:
+    """Confidence, both residuals and NIS of the newest frames, as SVG by name."""
+    frames = night.frames[-SHOWN_FRAMES:]
+    if not frames:
+        return {}
+    t_0, t_1 = night.seconds(frames[0]), night.seconds(frames[-1])
+    span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
+    ends = _clock(frames[0].t_mid_utc_ns), _clock(frames[-1].t_mid_utc_ns)
+    newest = _Newest(night=night, frames=frames, span=span, ends=ends)
+    return {
+        "confidence": _confidence(newest),
+        "east": _residual(newest, 0, "Δα cos δ"),
+        "north": _residual(newest, 1, "Δδ"),
+        "nis": _nis(newest),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Newest:
+    """The frames that are drawn, over which time, and the words at its ends."""
+
+    night: Night
+    frames: Sequence[NightFrame]
+    span: tuple[float, float]
+    ends: tuple[str, str]
+
+
+def _confidence(newest: _Newest) -> str:
+    night, frames = newest.night, newest.frames
+    axis = svg.Axis(x=newest.span, y=(0.0, 1.0))
+    taken = [
+        (
+            night.seconds(f),
+            f.measured.confidence,
+            f"frame {f.frame_id}: {f.measured.confidence:.2f}",
+        )
+        for f in frames
+        if f.measured is not None
+    ]
+    missed = [
+        (night.seconds(f), 0.0, f"frame {f.frame_id}: {f.missed}") for f in frames if f.missed
+    ]
+    tau = svg.line(axis, [(night.seconds(f), f.tau) for f in frames], colour=svg.GREY, dashed=True)
+    marks = svg.dots(axis, taken, colour=svg.RED)
+    holes = svg.dots(axis, missed, colour=svg.AMBER, hollow=True)
+    label = f"confidence of {len(taken)} measurements, {len(missed)} missed, tau {frames[-1].tau:g}"
+    return svg.drawing(axis, (tau, marks, holes), label=label, ends=newest.ends)
+
+
+def _residual(newest: _Newest, index: int, what: str) -> str:
+    night, frames, span = newest.night, newest.frames, newest.span
+    points: list[tuple[float, float, str]] = []
+    bounds: list[tuple[float, float]] = []
+    for frame in frames:
+        t_s, state = night.seconds(frame), frame.corrected
+        if state is None or not state.innovation_arcsec or not state.sigma_innovation_arcsec:
+            bounds.append((t_s, math.nan))
+            continue
+        value = state.innovation_arcsec[index]
+        points.append((t_s, value, f"frame {frame.frame_id}: {value:+.2f}″"))
+        bounds.append((t_s, 3.0 * state.sigma_innovation_arcsec[index]))
+    widths = sorted(bound for _, bound in bounds if math.isfinite(bound)) or [1.0]
+    # A single far wider bound, after a poor measurement, may leave the plot.
+    usual = min(2.0 * widths[len(widths) // 2], widths[-1])
+    reach = 1.15 * max([usual, *(abs(value) for _, value, _ in points)])
+    axis = svg.Axis(x=span, y=(-reach, reach))
+    parts = (
+        svg.line(axis, [(span[0], 0.0), (span[1], 0.0)], colour=svg.GREY, dashed=False),
+        svg.line(axis, bounds, colour=svg.GREY, dashed=True),
+        svg.line(axis, [(t, -bound) for t, bound in bounds], colour=svg.GREY, dashed=True),
+        svg.dots(axis, points, colour=svg.RED),
+    )
+    label = f"residuals {what} of {len(points)} updates in their 3 sigma bounds, arcseconds"
+    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+
+
+def _nis(newest: _Newest) -> str:
+    night, frames, span = newest.night, newest.frames, newest.span
+    axis = svg.Axis(x=span, y=(0.0, NIS_TOP))
+    points = [
+        (night.seconds(f), f.corrected.nis, f"frame {f.frame_id}: NIS {f.corrected.nis:.2f}")
+        for f in frames
+        if f.corrected is not None and f.corrected.nis is not None
+    ]
+    ideal = svg.line(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
+    parts = (svg.band(axis, *NIS_BAND), ideal, svg.dots(axis, points, colour=svg.BLUE))
+    label = f"NIS of {len(points)} updates against its 95 % band"
+    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+
+
+def _nis_words(night: Night) -> str:
+    states = [f.corrected for f in night.frames if f.corrected is not None]
+    updates = [s for s in states if s.nis is not None and s.innovation_arcsec is not None]
+    said = consistency(
+        [s.nis for s in updates if s.nis is not None],
+        [s.innovation_arcsec for s in updates if s.innovation_arcsec is not None],
+    )
+    mean = "" if said.mean is None else f"NIS {said.mean:.2f} (ideal 2), "
+    return f"{mean}{said.words}"
+
+
+def _facts(status: Status) -> list[list[str]]:
+    rows = []
+    ra, dec = status.ra_icrs_deg, status.dec_icrs_deg
+    if ra is not None and dec is not None:
+        alt, az = status.alt_deg, status.az_deg
+        high = "" if alt is None or az is None else f"  alt {alt:.1f} az {az:.1f}"
+        rows.append(["track", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}{high}"])
+    ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
+    if ra is not None and dec is not None:
+        does = "slewing" if status.is_slewing else "standing"
+        if status.is_parked:
+            does = "parked"
+        elif status.is_tracking and not status.is_slewing:
+            does = "tracking"
+        pier = f", {status.pier_side} of the pier" if status.pier_side else ""
+        rows.append(["mount", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}, {does}{pier}"])
+    rows.append(["next limit", status.next_limit or "none in sight"])
+    rows.append(["shutter", _shutter(status)])
+    return rows
+
+
+def _shutter(status: Status) -> str:
+    now = status.now_utc_ns
+    until, start = status.exposing_until_utc_ns, status.next_start_utc_ns
+    if now is not None and until is not None and until > now:
+        return f"open, {(until - now) / 1e9:.0f} s to go"
+    if now is not None and start is not None and start > now:
+        return f"closed, opens in {(start - now) / 1e9:.0f} s"
+    return "closed"
+
+
+def _slew_words(live: LiveNight) -> str:
+    slew = live.slew
+    if slew is None:
+        return "none ordered yet"
+    place = f"α {format_ra(slew.ra_icrs_deg, 1)} δ {format_dec(slew.dec_icrs_deg, 0)}"
+    return f"{place} for {_clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
+
+
+def _setting(config: Any, name: str) -> Any:
+    section, _, key = name.partition(".")
+    return getattr(getattr(config, section), key)
+
+
+def _clock(t_utc_ns: Any) -> str:
+    is_instant = isinstance(t_utc_ns, int) and not isinstance(t_utc_ns, bool)
+    return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19] if is_instant else "--:--:--"

@@ -1,0 +1,1 @@
+from .report import render_report as render_report

@@ -1,0 +1,316 @@
+"""The night as one page: what was followed, how well, the paper's figures, every measurement.
+
+One HTML file that asks for nothing outside itself, by day, by night and on paper. Whatever people
+wrote (titles, notes) stands in it as text and never as markup.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rsoconsole import __version__
+from rsoconsole.errors import SessionError
+from rsoconsole.export import ExportedNight, MeasuredRow
+from rsoconsole.export import read_night as read_rows
+from rsoconsole.notebook.night import Night, read_night, tracks_of
+from rsoconsole.notebook.report.report_facts import (
+    Course,
+    TrackFacts,
+    clock,
+    figures_on_record,
+    filter_words,
+    read_course,
+    track_facts,
+)
+from rsoconsole.notebook.report.report_field import MOST_PAIRS, field_facts
+from rsoconsole.notebook.report.report_figures import inline_figures
+from rsoconsole.notebook.report.report_pictures import shown_frames
+from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
+from rsoconsole.pipeline.replay import TrackFigures
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+
+TEMPLATE = "report.html.j2"
+MOST_ROWS = 2000
+"""Measurements in the page's table; the rest stand in the CSV."""
+MOST_ENTRIES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """The page, and what is in it."""
+
+    html: str
+    measurements: int
+    tracks: int
+    is_simulated: bool
+
+
+def write_report(session: Path, out: Path) -> Path:
+    """Render a session's report into the file ``out``, written anew; returns its path.
+
+    Raises SessionError when the session cannot be read, holds no frame, or ``out`` cannot be
+    written.
+    """
+    from rsoconsole.durable_files import write_durably
+
+    content = render_report(session).html.encode("utf-8")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(out, content)
+    except OSError as error:
+        raise SessionError(f"{out} cannot be written: {error}") from error
+    return out
+
+
+def render_report(session: Path) -> Report:
+    """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
+    night, exported = read_night(session), read_rows(session)
+    known = tracks_of(record for _, _, record in SessionReader(session).records())
+    field = field_facts(record for _, _, record in SessionReader(session).records())
+    course = read_course(session, night, known)
+    figures = figures_on_record(session, night, course.last_state)
+    tracks = track_facts(exported.rows, known)
+    said = filter_words(night)
+    shown = shown_frames(session, night, exported.rows)
+    rows = exported.rows
+    html = (
+        _environment()
+        .get_template(TEMPLATE)
+        .render(
+            night=night,
+            span=_span(night),
+            about=_about(exported),
+            exported=exported,
+            course=course,
+            entries=course.entries[:MOST_ENTRIES],
+            entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
+            figures=figures,
+            verdict=_verdict(night, figures, tracks, said),
+            key_figures=_key_figures(night, figures, course),
+            tracks=tracks,
+            pairs=field.pairs[:MOST_PAIRS],
+            pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
+            unseen=field.unseen,
+            drawings=inline_figures(night, _alts(night, figures), _with_firsts(night, rows)),
+            pictures=shown,
+            pictures_left_out=len(night.frames) - len(shown),
+            rows=rows[:MOST_ROWS],
+            rows_left_out=max(len(rows) - MOST_ROWS, 0),
+            setup=_setup(exported),
+            version=__version__,
+        )
+    )
+    return Report(
+        html=html,
+        measurements=len(rows),
+        tracks=len(tracks),
+        is_simulated=exported.is_simulated,
+    )
+
+
+def _environment() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("rsoconsole.notebook"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["ra"] = lambda deg: format_ra(deg, 3)
+    environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
+    environment.filters["clock"] = clock
+    environment.filters["fixed"] = _fixed
+    environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
+    environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
+    return environment
+
+
+def _fixed(value: float | None, digits: int = 2, sign: str = "") -> str:
+    return "–" if value is None else _minus(f"{value:{sign}.{digits}f}")
+
+
+def _minus(text: str) -> str:
+    """With a minus sign, but none before what rounds to nothing."""
+    if text.startswith(("-", "+")) and not text.strip("+-0:."):
+        return text[1:]
+    return text.replace("-", "−")
+
+
+def _span(night: Night) -> str:
+    """The day and between which times exposures lie."""
+    first, last = (
+        utc_ns_to_iso(frame.t_mid_utc_ns, decimals=0)
+        for frame in (night.frames[0], night.frames[-1])
+    )
+    until = last[11:19] if last[:10] == first[:10] else f"{last[:10]} {last[11:19]}"
+    return f"{first[:10]}, {first[11:19]} to {until} UTC"
+
+
+def _about(exported: ExportedNight) -> dict[str, Any]:
+    """The head's facts: when, where, and what kind of record this is."""
+    about = exported.about
+    tried = about.get("tried")
+    return {
+        "is_simulated": exported.is_simulated,
+        "is_closed": about.get("is_closed") is True,
+        "is_branch": bool(about.get("branch_of")),
+        "tried": tried_words(tried) if isinstance(tried, Mapping) else "",
+    }
+
+
+def _verdict(night: Night, figures: TrackFigures, tracks: tuple[TrackFacts, ...], said: str) -> str:
+    """The night in a sentence or three."""
+    exposures = _many(len(night.frames), "exposure")
+    if not tracks:
+        measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
+        return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
+    objects = "One object was" if len(tracks) == 1 else f"{len(tracks)} objects were"
+    first, last = tracks[0].first.t_mid_utc_ns, tracks[-1].last.t_mid_utc_ns
+    count = sum(track.count for track in tracks)
+    words = (
+        f"{objects} followed from {clock(first)} to {clock(last)} UTC"
+        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.misses)}."
+    )
+    if len(tracks) == 1 and tracks[0].is_geostationary:
+        words += " It moves as a geostationary satellite does."
+    if figures.residual_rms_arcsec is not None:
+        words += (
+            f" Predictions met the next measurement within"
+            f" {figures.residual_rms_arcsec:.2f} arcsec (rms on the sky); {said}."
+        )
+    else:
+        words += f" {said[0].upper()}{said[1:]}."
+    return words
+
+
+def _many(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _misses(number: int) -> str:
+    if number == 0:
+        return "without a miss"
+    return "with one miss" if number == 1 else f"with {number} misses"
+
+
+def _key_figures(night: Night, figures: TrackFigures, course: Course) -> list[tuple[str, str, str]]:
+    """(what, figure, beside it) of the head's row."""
+    locked = course.locked_frame
+    order = [frame.frame_id for frame in night.frames]
+    after = order.index(locked) + 1 if locked in order else None
+    band = figures.nis_band
+    inside = figures.inside_3sigma
+    return [
+        ("exposures", str(figures.frames), f"{figures.updates} updates of the track"),
+        (
+            "locked after",
+            "–" if after is None else str(after),
+            "never" if after is None else f"exposures, with frame {locked}",
+        ),
+        ("misses", str(figures.misses), "frames without the object"),
+        ("residual", _fixed(figures.residual_rms_arcsec), "arcsec rms, measured − predicted"),
+        (
+            "mean NIS",
+            _fixed(figures.nis_mean),
+            "2 expected" if band is None else f"2 expected, {band[0]:.2f} to {band[1]:.2f} sound",
+        ),
+        (
+            "inside 3 σ",
+            "–" if inside is None else f"{100.0 * inside:.0f} %",
+            "of residuals, on both axes",
+        ),
+    ]
+
+
+def _with_firsts(night: Night, rows: tuple[MeasuredRow, ...]) -> Night:
+    """The night with the measurement from which a track began among those that it took."""
+    taken = {(row.frame_id, row.x_px, row.y_px) for row in rows if row.is_taken}
+    frames = []
+    for frame in night.frames:
+        first = [m for m in frame.others if (m.frame_id, m.x_px, m.y_px) in taken]
+        if frame.measured is None and first:
+            others = tuple(m for m in frame.others if m is not first[0])
+            frames.append(replace(frame, measured=first[0], others=others))
+        else:
+            frames.append(frame)
+    return replace(night, frames=tuple(frames))
+
+
+def _alts(night: Night, figures: TrackFigures) -> dict[str, str]:
+    """The figures in words."""
+    measured = [f.measured.confidence for f in night.frames if f.measured is not None]
+    alts: dict[str, str] = {}
+    if measured:
+        alts["confidence"] = (
+            f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
+            f" {_many(len(measured), 'frame')}, {_misses(figures.misses)}."
+        )
+    if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
+        share = f"{100.0 * figures.inside_3sigma:.0f} per cent"
+        alts["residuals"] = (
+            f"Residuals against time: {figures.residual_rms_arcsec:.2f} arcsec rms, {share}"
+            " within three sigma on both axes."
+        )
+    if figures.nis_mean is not None:
+        alts["nis"] = f"Normalised innovation squared against time: mean {figures.nis_mean:.2f}."
+    return alts
+
+
+def _shutter(exported: ExportedNight) -> str:
+    exposure = exported.config.exposure
+    if not exposure.calibrated or not exported.rows:
+        return f"shutter known to {usual_sigma_s(exposure) * 1e3:g} ms"
+    return shutter_words(exposure, day_of(exported.rows[0].t_mid_utc_ns))
+
+
+def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
+    """How it was observed, for whoever wants to do it again."""
+    config, about = exported.config, exported.about
+    site, optics = config.site.to_site(), config.optics
+    field = optics.field_deg
+    versions = about.get("versions")
+    known = versions if isinstance(versions, Mapping) else {}
+    offset = about.get("clock_offset_s")
+    clock = "offset not recorded"
+    if isinstance(offset, int | float):
+        clock = f"offset {offset * 1e3:+.1f} ms"
+    return [
+        (
+            "Site",
+            f"{config.site.name}, {_minus(f'{site.latitude_deg:+.5f}')}°,"
+            f" {_minus(f'{site.longitude_deg:+.5f}')}° (east positive), {site.elevation_m:g} m",
+        ),
+        (
+            "Telescope",
+            f"focal length {optics.focal_length_mm:g} mm, {optics.width_px} × {optics.height_px}"
+            f" pixels of {optics.pixel_um:g} µm, {optics.scale_arcsec_px:.3f}″ a pixel,"
+            f" field {field[0]:.2f}° × {field[1]:.2f}°",
+        ),
+        (
+            "Exposure",
+            f"{config.exposure.exposure_s:g} s every {config.exposure.cadence_s:g} s at the"
+            f" sidereal rate; {_shutter(exported)}",
+        ),
+        ("Clock", "; ".join((clock, *exported.clock_notes))),
+        (
+            "Detector",
+            f"τ {config.detector.tau:g}, map {config.detector.map_mode}, centroid"
+            f" {config.detector.centroid}; network {str(about.get('model_sha256'))[:12]}",
+        ),
+        (
+            "Filter",
+            f"preset {config.filter.preset}, q {config.filter.q_arcsec2_s3:g} arcsec²/s³,"
+            f" gate NIS {config.filter.gate_nis:g}",
+        ),
+        ("Software", ", ".join(f"{name} {number}" for name, number in known.items()) or "–"),
+    ]
+
+
+def tried_words(tried: Mapping[str, Any]) -> str:
+    """Settings of a branch, as ``name = value``."""
+    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in tried.items())

@@ -1,0 +1,297 @@
+"""What the report says: figures of the night, its tracks, its course, what the operator did."""
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import assert_never
+
+from rsoconsole.control import command_words
+from rsoconsole.errors import ConfigError
+from rsoconsole.export import MeasuredRow
+from rsoconsole.notebook.night import Night, NightFrame, NightTrack
+from rsoconsole.pipeline.replay import TrackFigures, figures_of, replay
+from rsoconsole.reason_text import text
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.tracking.filters import consistency, mean_band
+
+GEO_RATE_ARCSEC_S = 15.041
+GEO_WITHIN_ARCSEC_S = 0.3
+MOST_TEXT = 400
+"""Letters of one entry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """A line of the night's course."""
+
+    t_utc: str
+    frame_id: int | None
+    kind: str
+    text: str
+    level: str = "info"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """What happened, in the order of the record."""
+
+    entries: tuple[Entry, ...]
+    actions: tuple[Entry, ...]
+    changes: tuple[Entry, ...]
+    locked_frame: int | None
+    """The frame with which a track was first had."""
+    last_state: str
+    alarms: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackFacts:
+    """One track at a glance."""
+
+    number: int
+    first: MeasuredRow
+    last: MeasuredRow
+    count: int
+    sigma_arcsec: tuple[float, float]
+    """Median one sigma of its measurements, right ascension on the sky and declination."""
+    rms_arcsec: float | None
+    rate_arcsec_s: tuple[float, float] | None
+    """On the sky at its end."""
+    known: NightTrack | None = None
+    """Its orbit, its name and how it ended; None where the record has nothing of that number."""
+
+    @property
+    def minutes(self) -> float:
+        """From its first measurement to its last."""
+        return (self.last.t_mid_utc_ns - self.first.t_mid_utc_ns) / 6e10
+
+    @property
+    def is_geostationary(self) -> bool:
+        """Whether it moves as what stands still over the turning Earth."""
+        if self.rate_arcsec_s is None:
+            return False
+        east, north = self.rate_arcsec_s
+        still = GEO_RATE_ARCSEC_S * math.cos(math.radians(self.last.dec_icrs_deg))
+        return math.hypot(east - still, north) < GEO_WITHIN_ARCSEC_S
+
+
+def clock(t_utc_ns: int) -> str:
+    """Time of day, to the second."""
+    return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19]
+
+
+def figures_on_record(session: Path, night: Night, state: str) -> TrackFigures:
+    """The figures that a what-if compares, of the night as it was followed."""
+    reader = SessionReader(session)
+    try:
+        replayed = figures_of(replay((record for _, _, record in reader.records()), night.config))
+    except ConfigError:  # a setting of another version
+        replayed = figures_of(())
+    updates = [f.corrected for f in night.frames if _innovation(f) is not None]
+    states = [s for s in updates if s is not None]
+    squares = [e * e + n * n for e, n in (s.innovation_arcsec or (0.0, 0.0) for s in states)]
+    nis = [s.nis for s in states if s.nis is not None]
+    inside = [_is_inside(s) for s in states]
+    # What stands on record has the last word, whatever a replay makes of it today.
+    return replace(
+        replayed,
+        frames=len(night.frames),
+        updates=len(states),
+        misses=sum(frame.missed is not None for frame in night.frames),
+        residual_rms_arcsec=math.sqrt(statistics.fmean(squares)) if squares else None,
+        nis_mean=statistics.fmean(nis) if nis else None,
+        nis_band=mean_band(len(nis)) if nis else None,
+        inside_3sigma=sum(inside) / len(inside) if inside else None,
+        state=state,
+    )
+
+
+def filter_words(night: Night) -> str:
+    """Whether the filter believed itself rightly at the end, in words."""
+    states = [f.corrected for f in night.frames if _innovation(f) is not None]
+    nis = [s.nis for s in states if s is not None and s.nis is not None]
+    residuals = [s.innovation_arcsec for s in states if s is not None and s.innovation_arcsec]
+    verdict = consistency(nis, residuals)
+    words = {
+        "sound": "the filter's errors are as large as it says",
+        "too few": "too few updates to judge the filter",
+        "over-confident": f"the filter trusts itself too much: {verdict.words}",
+        "under-confident": f"the filter trusts itself too little: {verdict.words}",
+    }
+    return words[verdict.verdict]
+
+
+def track_facts(
+    rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
+) -> tuple[TrackFacts, ...]:
+    """Every track that took something, in order; ``known``: what the record has of each."""
+    numbers = sorted({row.track for row in rows if row.track is not None})
+    return tuple(
+        replace(_track(number, [r for r in rows if r.track == number]), known=known.get(number))
+        for number in numbers
+    )
+
+
+def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
+    squares = [
+        row.residual_ra_arcsec**2 + row.residual_dec_arcsec**2
+        for row in rows
+        if row.residual_ra_arcsec is not None and row.residual_dec_arcsec is not None
+    ]
+    last = rows[-1]
+    rate = (last.rate_ra_arcsec_s, last.rate_dec_arcsec_s)
+    return TrackFacts(
+        number=number,
+        first=rows[0],
+        last=last,
+        count=len(rows),
+        sigma_arcsec=(
+            statistics.median(row.sigma_ra_arcsec for row in rows),
+            statistics.median(row.sigma_dec_arcsec for row in rows),
+        ),
+        rms_arcsec=math.sqrt(statistics.fmean(squares)) if squares else None,
+        rate_arcsec_s=None if rate[0] is None or rate[1] is None else (rate[0], rate[1]),
+    )
+
+
+def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -> Course:
+    """States, events, misses of all tracks, orders and changed settings. Raises SessionError."""
+    kinds = (StateChange, Event, OperatorAction, ParameterChange, Ruling)
+    told: list[tuple[int, Entry]] = []
+    actions: list[Entry] = []
+    changes: list[Entry] = []
+    locked: int | None = None
+    state, alarms = "", 0
+    for _, t_utc_ns, record in SessionReader(session).records(kinds=kinds):
+        match record:
+            case StateChange():
+                state = record.after
+                locked = record.frame_id if locked is None and state == "TRACK" else locked
+                words = f"{record.before} → {record.after}: {text(record.reason)}"
+                told.append((t_utc_ns, _entry(t_utc_ns, record.frame_id, "state", words)))
+            case Event():
+                alarms += record.level == "alarm"
+                entry = _entry(t_utc_ns, record.frame_id, record.level, record.text)
+                told.append((t_utc_ns, entry))
+            case OperatorAction():
+                words = command_words(record.verb, record.arguments)
+                actions.append(
+                    _entry(t_utc_ns, None, record.by, f"{words}: {text(record.outcome)}")
+                )
+            case ParameterChange():
+                words = f"{record.name}: {record.before} → {record.after}"
+                changes.append(_entry(t_utc_ns, None, record.by, words))
+            case Ruling():
+                refused = len(record.refused)
+                words = "one streak taken" if record.taken is not None else "nothing taken"
+                words += f", {refused} refused" if refused else ""
+                words += _of_tracks(record)
+                actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"ruling: {words}"))
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | Measurement()
+                | NotFollowed()
+                | Miss()
+                | TrackState()
+                | SlewCommand()
+                | CycleTiming()
+                | Closeup()
+                | FollowedAgain()
+                | OrbitEstimate()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
+            ):
+                pass  # not asked for
+            case _:
+                assert_never(record)
+    for frame in night.frames:
+        for words in _missed(frame, tracks):
+            entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", words)
+            told.append((frame.t_mid_utc_ns, entry))
+    told.sort(key=lambda pair: pair[0])
+    return Course(
+        entries=tuple(entry for _, entry in told),
+        actions=tuple(actions),
+        changes=tuple(changes),
+        locked_frame=locked,
+        last_state=state,
+        alarms=alarms,
+    )
+
+
+def _of_tracks(ruling: Ruling) -> str:
+    """What a ruling says of whole tracks."""
+    said = (("dropped", ruling.dropped), ("kept", ruling.kept), ("released", ruling.released))
+    return "".join(f", track {n} {what}" for what, numbers in said for n in numbers)
+
+
+def _missed(frame: NightFrame, tracks: Mapping[int, NightTrack]) -> list[str]:
+    """Why a frame did not show what was followed: once for tracks with the same reason."""
+    if len(tracks) < 2:
+        return [] if frame.missed is None else [frame.missed]
+    numbers: dict[str, list[int]] = {}
+    for each in tracks.values():
+        if frame.frame_id in each.missed:
+            numbers.setdefault(each.missed[frame.frame_id], []).append(each.number)
+    if not numbers:
+        return [] if frame.missed is None else [frame.missed]
+    return [
+        f"track{'s' if len(of) > 1 else ''} {' '.join(map(str, of))}: {why}"
+        for why, of in numbers.items()
+    ]
+
+
+def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
+    is_bad = kind in {"alarm", "warning", "missed"}
+    return Entry(
+        t_utc=clock(t_utc_ns),
+        frame_id=frame_id or None,
+        kind=kind,
+        text=text if len(text) <= MOST_TEXT else text[: MOST_TEXT - 1] + "…",
+        level=kind if is_bad else "info",
+    )
+
+
+def _innovation(frame: NightFrame) -> tuple[float, float] | None:
+    return None if frame.corrected is None else frame.corrected.innovation_arcsec
+
+
+def _is_inside(state: TrackState) -> bool:
+    residual, sigma = state.innovation_arcsec, state.sigma_innovation_arcsec
+    if residual is None or sigma is None:
+        return False
+    return all(abs(r) <= 3.0 * s for r, s in zip(residual, sigma, strict=True))

@@ -1,0 +1,17 @@
+from .catalogue import CatalogueEntry as CatalogueEntry
+from .catalogue import nearest_in_epoch_of_each as nearest_in_epoch_of_each
+from .catalogue import parse_catalogue as parse_catalogue
+from .catalogue import places_of as places_of
+from .catalogue import states_gcrs as states_gcrs
+from .elements import ElementSet as ElementSet
+from .elements import parse_elements as parse_elements
+from .names import find_object as find_object
+from .omm_messages import omm as omm
+from .satellite import Satellite as Satellite
+from .sgp4_fit import ANALYST_NUMBERS as ANALYST_NUMBERS
+from .sgp4_fit import MeanElements as MeanElements
+from .sgp4_fit import mean_elements as mean_elements
+from .sky_paths import Exposure as Exposure
+from .sky_paths import Seen as Seen
+from .sky_paths import array_of as array_of
+from .sky_paths import drawn as drawn

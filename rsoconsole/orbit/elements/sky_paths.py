@@ -1,0 +1,109 @@
+"""Where objects are seen from a site if they run ahead of their elements or behind them. Pure.
+
+An object that is ``ahead`` by so many seconds is now where its elements put it so much later, seen
+from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sgp4.api import Satrec, SatrecArray
+
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import (
+    LIGHT_KM_S,
+    NS_PER_S,
+    earth_velocity_km_s,
+    jd_utc,
+    site_gcrs,
+    teme_to_gcrs_rotation,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Seen:
+    """M objects at L leads; arrays (M, L, ...), NaN where SGP4 fails."""
+
+    u: FloatArray
+    """(M, L, 3) unit vectors."""
+    by_lead: FloatArray
+    """(M, L, 3) change of u by a second of lead, rad/s."""
+    by_time: FloatArray
+    """(M, L, 3) change of u in a second, rad/s."""
+    range_km: FloatArray
+    r_km: FloatArray
+    """(M, L, 3), GCRS."""
+    v_km_s: FloatArray
+
+
+class Lookout:
+    """A site at one instant."""
+
+    def __init__(self, site: Site, t_utc_ns: int) -> None:
+        self._t_utc_ns = t_utc_ns
+        at = np.array([t_utc_ns], np.int64)
+        position, velocity = site_gcrs(site, at)
+        self._site_km, self._site_km_s = position[0], velocity[0]
+        self._earth_km_s = earth_velocity_km_s(at)[0]
+        # What turns it in the seconds of a lead is 1e-9 of it.
+        self._rotation = teme_to_gcrs_rotation(at)[0]
+
+    def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> Seen:
+        """Objects at leads (L,)."""
+        t = self._t_utc_ns + np.rint(np.asarray(lead_s) * NS_PER_S).astype(np.int64)
+        jd_1, jd_2 = jd_utc(t)
+        failed, r_teme, v_teme = satellites.sgp4(
+            np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
+        )
+        is_good = (failed == 0)[..., None]
+        r = np.where(is_good, r_teme @ self._rotation.T, np.nan)
+        v = np.where(is_good, v_teme @ self._rotation.T, np.nan)
+        tau_s = np.linalg.norm(r - self._site_km, axis=-1, keepdims=True) / LIGHT_KM_S
+        # Light time once: what bends in it is a millimetre.
+        line = r - v * tau_s - self._site_km - self._earth_km_s * tau_s
+        range_km = np.linalg.norm(line, axis=-1, keepdims=True)
+        u = line / range_km
+        return Seen(
+            u=u,
+            by_lead=_across(v, u) / range_km,
+            by_time=_across(v - self._site_km_s, u) / range_km,
+            range_km=range_km[..., 0],
+            r_km=r,
+            v_km_s=v,
+        )
+
+
+class Exposure:
+    """A site while the shutter is open: at its opening, its middle and its closing."""
+
+    def __init__(self, site: Site, t_mid_utc_ns: int, exposure_s: float) -> None:
+        self.t_mid_utc_ns, self.exposure_s = t_mid_utc_ns, exposure_s
+        half_ns = round(exposure_s * NS_PER_S / 2.0)
+        self.middle = Lookout(site, t_mid_utc_ns)
+        self.opening = Lookout(site, t_mid_utc_ns - half_ns)
+        self.closing = Lookout(site, t_mid_utc_ns + half_ns)
+
+    def three(self, satellites: SatrecArray, lead_s: FloatArray) -> tuple[Seen, Seen, Seen]:
+        """Objects at leads (L,): opening, middle, closing."""
+        opening, middle, closing = (
+            each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
+        )
+        return opening, middle, closing
+
+
+def array_of(records: Sequence[Satrec]) -> SatrecArray:
+    """Objects for ``Lookout.seen``."""
+    return SatrecArray(list(records))
+
+
+def drawn(opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int) -> FloatArray:
+    """Unit vectors (..., parts, 3) at even steps of an exposure, by its three of (..., 3)."""
+    at = np.linspace(-1.0, 1.0, parts)[:, None]
+    before, now, after = (each[..., None, :] for each in (opening, middle, closing))
+    path = now + 0.5 * at * (after - before) + 0.5 * at**2 * (after + before - 2.0 * now)
+    return np.asarray(path / np.linalg.norm(path, axis=-1, keepdims=True))
+
+
+def _across(vector: FloatArray, u: FloatArray) -> FloatArray:
+    return np.asarray(vector - np.sum(vector * u, axis=-1, keepdims=True) * u)

@@ -1,0 +1,15 @@
+from .admissible import bending as bending
+from .directions import Sightings as Sightings
+from .directions import sightings as sightings
+from .gooding_iteration import GoodingOrbit as GoodingOrbit
+from .gooding_iteration import gooding as gooding
+from .initial_states import INWARD as INWARD
+from .initial_states import State as State
+from .initial_states import at_epoch as at_epoch
+from .initial_states import is_plausible as is_plausible
+from .initial_states import seeds as seeds
+from .initial_states import three_lines as three_lines
+from .line_of_sight import LineOfSight as LineOfSight
+from .population import Population as Population
+from .population import log_prior_density as log_prior_density
+from .population import population_of as population_of

@@ -1,0 +1,11 @@
+from .leap_track import LeapTrack as LeapTrack
+from .leap_track import begin as begin
+from .leap_track import path_of_orbit as path_of_orbit
+from .leap_track import unseen as unseen
+from .leap_track import updated as updated
+from .low_fit import LowOrbit as LowOrbit
+from .low_fit import Timing as Timing
+from .next_pass import ExpectedPass as ExpectedPass
+from .next_pass import passes_above as passes_above
+from .streak_ends import UNSEEN_ARCSEC as UNSEEN_ARCSEC
+from .streak_ends import StreakEnds as StreakEnds

@@ -1,0 +1,13 @@
+from .navigation import SIGMA_KM as SIGMA_KM
+from .navigation import SYSTEMS as SYSTEMS
+from .navigation import NavigationFile as NavigationFile
+from .navigation import NavigationSatellite as NavigationSatellite
+from .navigation import expect_covered as expect_covered
+from .rinex_nav import parse_rinex_nav as parse_rinex_nav
+from .sp3 import parse_sp3 as parse_sp3
+from .time_calibration import FEWEST as FEWEST
+from .time_calibration import Estimated as Estimated
+from .time_calibration import ShutterTiming as ShutterTiming
+from .time_calibration import TimeCalibration as TimeCalibration
+from .time_calibration import TimedDirections as TimedDirections
+from .time_calibration import calibrate as calibrate

@@ -1,0 +1,16 @@
+from .aim import SearchBase as SearchBase
+from .aim import beside as beside
+from .aim import field_number as field_number
+from .aim import fields_in_round as fields_in_round
+from .aim import fixed_direction as fixed_direction
+from .aim import flip_refusal as flip_refusal
+from .aim import follow_direction as follow_direction
+from .aim import needs_recentre as needs_recentre
+from .aim import search_base as search_base
+from .aim import search_base_at as search_base_at
+from .aim import search_direction as search_direction
+from .aim import search_target as search_target
+from .aim import side_at_arrival as side_at_arrival
+from .aim import slew_to as slew_to
+from .group_aim import group_direction as group_direction
+from .group_aim import tracks_inside as tracks_inside

@@ -1,0 +1,267 @@
+"""Where the telescope looks next: search patterns before lock, the prediction after it. Pure."""
+
+import math
+from dataclasses import dataclass
+
+from rsoconsole.config import AimConfig, FilterConfig, MountConfig, SearchConfig, TargetConfig
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import Site, SlewCommand, TrackState
+from rsoconsole.sky import (
+    PierSide,
+    belt_declination_deg,
+    hour_angle_icrs_deg,
+    hour_angle_jnow_deg,
+    icrs_of_hour_angle,
+    icrs_to_jnow,
+    pier_side,
+    separation_deg,
+    slot_direction,
+    wrap_360,
+)
+from rsoconsole.tracking.filters import direction_icrs_deg, predict, sky_rate_arcsec_s
+
+SPIRAL_FIELDS = 25
+"""Of a search that widens: two rings about its middle."""
+_LEAST_COSINE = 0.05
+"""Near the pole hour angles step no further than this makes them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchBase:
+    """The direction a search starts from, fixed to the ground."""
+
+    hour_angle_deg: float
+    """Of date, west positive."""
+    declination_deg: float | None
+    """Of date; None: the geostationary belt's at each hour angle."""
+    comes_before_targets: bool = False
+    """Whether a list of targets is preceded by this place: something was lost here."""
+    widens: bool = False
+    """Whether the search goes round this place in a spiral, whatever its pattern: something that
+    was followed is looked for here again."""
+
+
+def search_base(
+    search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
+) -> SearchBase:
+    """As configured; where the configuration is silent, where the telescope points now."""
+    here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
+    hour_angle_deg = search.hour_angle_deg
+    declination_deg = search.declination_deg
+    if declination_deg is None and search.pattern == "stay":
+        declination_deg = here.declination_deg
+    return SearchBase(
+        hour_angle_deg=here.hour_angle_deg if hour_angle_deg is None else hour_angle_deg,
+        declination_deg=declination_deg,
+    )
+
+
+def search_base_at(
+    site: Site,
+    ra_icrs_deg: float,
+    dec_icrs_deg: float,
+    t_utc_ns: int,
+    *,
+    comes_before_targets: bool = False,
+    widens: bool = False,
+) -> SearchBase:
+    """Around this direction, on its own declination: where something was lost."""
+    ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
+    return SearchBase(
+        hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
+        declination_deg=dec_jnow_deg,
+        comes_before_targets=comes_before_targets,
+        widens=widens,
+    )
+
+
+def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
+    """How many fields a search visits before it comes back to its first."""
+    if base.widens:
+        return SPIRAL_FIELDS
+    if search.pattern == "belt":
+        return search.belt_fields
+    if search.pattern == "targets":
+        return len(search.targets) + base.comes_before_targets
+    return 1
+
+
+def field_number(base: SearchBase, search: SearchConfig, exposure_number: int) -> int:
+    """Which field of the round the n-th exposure of a search belongs to, from 0."""
+    return exposure_number // search.frames_per_field % fields_in_round(base, search)
+
+
+def search_target(
+    base: SearchBase, search: SearchConfig, exposure_number: int
+) -> TargetConfig | None:
+    """The listed target of the n-th exposure; None where it is of no list."""
+    if base.widens:
+        return None
+    number = field_number(base, search, exposure_number) - base.comes_before_targets
+    return search.targets[number] if search.pattern == "targets" and number >= 0 else None
+
+
+def search_direction(
+    base: SearchBase,
+    search: SearchConfig,
+    site: Site,
+    *,
+    field_deg: tuple[float, float],
+    exposure_number: int,
+    t_utc_ns: int,
+) -> tuple[float, float]:
+    """ICRS direction of the n-th exposure of a search at the instant ``t_utc_ns``.
+
+    The hour angle stands still during a field's exposures: a geostationary satellite then stays
+    where it is in the field while the stars pass. Only a target given by its right ascension
+    stands still among the stars.
+    """
+    target = search_target(base, search, exposure_number)
+    if target is not None:
+        return target_direction(target, site, t_utc_ns)
+    visited = field_number(base, search, exposure_number)
+    if base.widens and base.declination_deg is not None:
+        right, up = spiral(visited)
+        dec_deg = base.declination_deg + up * search.belt_step_fields * field_deg[1]
+        dec_deg = min(max(dec_deg, -90.0), 90.0)
+        step_deg = search.belt_step_fields * field_deg[0]
+        step_deg /= max(math.cos(math.radians(dec_deg)), _LEAST_COSINE)
+        return fixed_direction(site, base.hour_angle_deg - right * step_deg, dec_deg, t_utc_ns)
+    field = 0
+    if search.pattern == "belt":
+        field = (visited + 1) // 2 * (1 if visited % 2 else -1)
+    hour_angle_deg = base.hour_angle_deg - field * search.belt_step_fields * field_deg[0]
+    return fixed_direction(site, hour_angle_deg, base.declination_deg, t_utc_ns)
+
+
+def spiral(number: int) -> tuple[int, int]:
+    """The n-th place of a square spiral: (0, 0), then round it, then round that; columns, rows."""
+    if number == 0:
+        return 0, 0
+    ring = math.ceil((math.sqrt(number + 1) - 1.0) / 2.0)
+    side, along = divmod(number - (2 * ring - 1) ** 2, 2 * ring)
+    corners = ((ring, 1 - ring), (ring - 1, ring), (-ring, ring - 1), (1 - ring, -ring))
+    steps = ((0, 1), (-1, 0), (0, -1), (1, 0))
+    (column, row), (right, up) = corners[side], steps[side]
+    return column + along * right, row + along * up
+
+
+def target_direction(target: TargetConfig, site: Site, t_utc_ns: int) -> tuple[float, float]:
+    """ICRS direction of a listed target at an instant.
+
+    Its declination is ICRS beside a right ascension, else of date; where it is not given, the
+    geostationary belt's.
+    """
+    if target.ra_icrs_deg is not None and target.declination_deg is not None:
+        return target.ra_icrs_deg, target.declination_deg
+    if target.slot_longitude_deg is not None:
+        hour_angle_deg, declination_deg = slot_direction(site, target.slot_longitude_deg)
+        if target.declination_deg is not None:
+            declination_deg = target.declination_deg
+        return fixed_direction(site, hour_angle_deg, declination_deg, t_utc_ns)
+    assert target.hour_angle_deg is not None, "a target says one place"
+    return fixed_direction(site, target.hour_angle_deg, target.declination_deg, t_utc_ns)
+
+
+def fixed_direction(
+    site: Site, hour_angle_deg: float, declination_deg: float | None, t_utc_ns: int
+) -> tuple[float, float]:
+    """ICRS direction of a place over the ground, of date; None: on the geostationary belt."""
+    if declination_deg is None:
+        declination_deg = belt_declination_deg(site, hour_angle_deg)
+    return icrs_of_hour_angle(site, hour_angle_deg, declination_deg, t_utc_ns)
+
+
+def side_at_arrival(
+    site: Site,
+    mount: MountConfig,
+    direction_icrs_deg: tuple[float, float],
+    t_utc_ns: int,
+    present: PierSide | None,
+) -> PierSide | None:
+    """The side of the pier the telescope will be on after a slew; None where the mount is mute.
+
+    A German mount changes sides where the direction is far enough past the meridian, not before.
+    """
+    if present is None or mount.type != "german":
+        return present
+    hour_angle_deg = hour_angle_icrs_deg(site, *direction_icrs_deg, t_utc_ns)
+    if abs(hour_angle_deg) < mount.flip_hysteresis_deg:
+        return present
+    return pier_side(hour_angle_deg)
+
+
+def flip_refusal(
+    site: Site,
+    mount: MountConfig,
+    direction_icrs_deg: tuple[float, float],
+    t_utc_ns: int,
+    present: PierSide | None,
+) -> SlewRefusal | None:
+    """Why the meridian policy forbids this slew while a track is followed; None when it may be."""
+    after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
+    if mount.meridian != "hold" or after == present:
+        return None
+    hour_angle_deg = hour_angle_icrs_deg(site, *direction_icrs_deg, t_utc_ns)
+    return SlewRefusal.by_policy(hour_angle_deg, after)
+
+
+def follow_direction(
+    track: TrackState, t_mid_utc_ns: int, settings: FilterConfig, aim: AimConfig | None = None
+) -> tuple[float, float]:
+    """Where the track will be at the middle of the next exposure, ICRS, beside it by ``aim``."""
+    aim = aim or AimConfig()
+    led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
+    ahead = predict(track, led_ns, settings, track.frame_id)
+    return beside(direction_icrs_deg(ahead), sky_rate_arcsec_s(ahead), aim)
+
+
+def beside(
+    direction_icrs_deg: tuple[float, float], rate_arcsec_s: tuple[float, float], aim: AimConfig
+) -> tuple[float, float]:
+    """A direction that moves at a rate (east, north), put beside itself by ``aim``'s offsets."""
+    ra_deg, dec_deg = direction_icrs_deg
+    dec_deg = min(max(dec_deg, -90.0), 90.0)
+    if aim.along_arcmin == 0.0 and aim.across_arcmin == 0.0:
+        return ra_deg, dec_deg
+    east, north = rate_arcsec_s
+    rate = math.hypot(east, north) or 1.0
+    east, north = east / rate, north / rate
+    # East is left of north on the sky: to the left of the motion is (-north, east).
+    offset_east = (aim.along_arcmin * east - aim.across_arcmin * north) / 60.0
+    offset_north = (aim.along_arcmin * north + aim.across_arcmin * east) / 60.0
+    dec_after = min(max(dec_deg + offset_north, -90.0), 90.0)
+    cos_dec = max(math.cos(math.radians(dec_after)), _LEAST_COSINE)
+    return float(wrap_360(ra_deg + offset_east / cos_dec)), dec_after
+
+
+def needs_recentre(
+    search: SearchConfig,
+    field_deg: tuple[float, float],
+    centre_icrs_deg: tuple[float, float] | None,
+    target_icrs_deg: tuple[float, float],
+) -> bool:
+    """Whether the telescope must move for this target: always, or out of the central part."""
+    if search.recentre == "every" or centre_icrs_deg is None:
+        return True
+    return separation_deg(*centre_icrs_deg, *target_icrs_deg) > search.recentre_fraction * min(
+        field_deg
+    )
+
+
+def slew_to(
+    frame_id: int,
+    direction: tuple[float, float],
+    t_aim_utc_ns: int,
+    reason: str,
+    track_id: int | None = None,
+) -> SlewCommand:
+    """The command for the record."""
+    return SlewCommand(
+        frame_id=frame_id,
+        ra_icrs_deg=direction[0],
+        dec_icrs_deg=direction[1],
+        t_aim_utc_ns=t_aim_utc_ns,
+        reason=reason,
+        track_id=track_id,
+    )

@@ -1,0 +1,203 @@
+"""Where the telescope looks when several satellites are followed: policy ``aim.policy``. Pure.
+
+``lead`` looks at the lead, whatever stands beside it. ``most`` has the largest weighted number in
+the usable field, ``group`` all of them as long as they fit, and then the most around the lead. A
+field is taken for the circle that fits into it, so that no turn of the camera matters; a place
+counts as far as its streak and its bounds fit in too.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, TrackState
+from rsoconsole.sky import separation_deg
+from rsoconsole.tracking.association import three_sigma_deg
+from rsoconsole.tracking.filters import Plane, direction_icrs_deg, predict, sky_rate_arcsec_s
+
+Policy: TypeAlias = Literal["lead", "most", "group"]
+LEAD_WEIGHT = 1.5
+"""Between two fields with as many the one with the lead is looked at."""
+TRIAL_WEIGHT = 0.5
+"""Of one that has been seen twice only: it may be of two false streaks."""
+UNSEEN_SHARE = 0.7
+"""What each frame leaves of the weight of one that is not seen."""
+_USABLE_SHARE = 0.95
+"""Of the circle that fits into the field: the mount's own errors."""
+_FARTHEST_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One track at the middle of the next exposure."""
+
+    x: float
+    """Degrees on the tangent plane at the lead."""
+    y: float
+    reach_deg: float
+    """How much of the field its streak and its 3-sigma bounds need about its place."""
+    weight: float
+
+
+def group_direction(
+    tracks: Sequence[TrackState],
+    lead_deg: tuple[float, float],
+    t_mid_utc_ns: int,
+    policy: Policy,
+    *,
+    field_deg: tuple[float, float],
+    exposure_s: float,
+    settings: FilterConfig,
+) -> tuple[tuple[float, float], int]:
+    """Where to look (ICRS) at an instant, and how many of the tracks are then in the field.
+
+    ``tracks``: the lead first, which is at ``lead_deg``.
+    """
+    plane = Plane.at(*lead_deg)
+    members = _members(tracks, plane, t_mid_utc_ns, exposure_s, settings)
+    radius_deg = _USABLE_SHARE * min(field_deg) / 2.0
+    if policy == "lead" or len(members) < 2:
+        centre = np.zeros(2)
+    else:
+        centre = best_centre(members, radius_deg, policy)
+    inside = sum(_holds(centre, member, radius_deg) for member in members)
+    return plane.direction_of(*(3600.0 * centre)), inside
+
+
+def tracks_inside(
+    tracks: Sequence[TrackState],
+    lead_deg: tuple[float, float],
+    centre_deg: tuple[float, float],
+    t_mid_utc_ns: int,
+    *,
+    field_deg: tuple[float, float],
+    exposure_s: float,
+    settings: FilterConfig,
+) -> tuple[bool, ...]:
+    """Which of the tracks are in the field about ``centre_deg`` (ICRS) at an instant.
+
+    ``tracks``: the lead first, which is at ``lead_deg``.
+    """
+    plane = Plane.at(*lead_deg)
+    centre = plane.place_of(*centre_deg) / 3600.0
+    radius_deg = _USABLE_SHARE * min(field_deg) / 2.0
+    inside = []
+    for track in tracks:
+        # The lead is the first of them; one that is far away is none of them.
+        found = _members([tracks[0], track], plane, t_mid_utc_ns, exposure_s, settings)
+        at = 0 if track is tracks[0] else 1
+        inside.append(at < len(found) and _holds(centre, found[at], radius_deg))
+    return tuple(inside)
+
+
+def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) -> FloatArray:
+    """(2,) where the circle lies best; the first of the members is the lead."""
+    fitting = [each for each in members if each.reach_deg < radius_deg]
+    lead = members[0]
+    if not fitting:
+        return np.array([lead.x, lead.y])
+    if policy == "group":
+        centre, needed_deg = _enclosing(fitting)
+        if needed_deg <= radius_deg:
+            return centre
+        # It does not fit: what is led by stays in the field.
+        fitting = [each for each in fitting if _can_be_with(each, lead, radius_deg)]
+    candidates = _candidates(fitting, radius_deg)
+    if policy == "group":
+        candidates = [each for each in candidates if _holds(each, lead, radius_deg)]
+    candidates.append(np.array([lead.x, lead.y]))
+
+    def worth(centre: FloatArray) -> tuple[float, float]:
+        held = sum(m.weight for m in fitting if _holds(centre, m, radius_deg))
+        return round(held, 6), -float(np.hypot(centre[0] - lead.x, centre[1] - lead.y))
+
+    best = max(candidates, key=worth)
+    held = [each for each in fitting if _holds(best, each, radius_deg)]
+    # In the middle of what it has: none of them at the edge.
+    return _enclosing(held)[0] if held else best
+
+
+def _members(
+    tracks: Sequence[TrackState],
+    plane: Plane,
+    t_mid_utc_ns: int,
+    exposure_s: float,
+    settings: FilterConfig,
+) -> list[Member]:
+    found = []
+    for number, track in enumerate(tracks):
+        ahead = predict(track, t_mid_utc_ns, settings, track.frame_id)
+        at = direction_icrs_deg(ahead)
+        if number and separation_deg(*plane.direction_deg, *at) > _FARTHEST_DEG:
+            continue
+        x, y = plane.place_of(*at) / 3600.0 if number else (0.0, 0.0)
+        streak_deg = exposure_s * math.hypot(*sky_rate_arcsec_s(ahead)) / 3600.0
+        weight = LEAD_WEIGHT if number == 0 else 1.0 if track.innovations else TRIAL_WEIGHT
+        found.append(
+            Member(
+                x=float(x),
+                y=float(y),
+                reach_deg=streak_deg / 2.0 + three_sigma_deg(ahead),
+                weight=weight * UNSEEN_SHARE**track.misses,
+            )
+        )
+    return found
+
+
+def _holds(centre: FloatArray, member: Member, radius_deg: float) -> bool:
+    away = math.hypot(member.x - centre[0], member.y - centre[1])
+    return away + member.reach_deg <= radius_deg + 1e-9
+
+
+def _can_be_with(member: Member, lead: Member, radius_deg: float) -> bool:
+    away = math.hypot(member.x - lead.x, member.y - lead.y)
+    return away + member.reach_deg + lead.reach_deg <= 2.0 * radius_deg + 1e-9
+
+
+def _candidates(members: Sequence[Member], radius_deg: float) -> list[FloatArray]:
+    """Some circle with the largest weight has two of its members at its edge, or one in its middle.
+
+    Each member's place may be away from the centre by what the radius leaves of its reach.
+    """
+    found = [np.array([each.x, each.y]) for each in members]
+    for one, other in itertools.combinations(members, 2):
+        found += _crossings(one, other, radius_deg)
+    return found
+
+
+def _crossings(one: Member, other: Member, radius_deg: float) -> list[FloatArray]:
+    """Where two circles of allowed centres cross."""
+    a, b = radius_deg - one.reach_deg, radius_deg - other.reach_deg
+    way = np.array([other.x - one.x, other.y - one.y])
+    length = float(np.hypot(*way))
+    if not abs(a - b) < length <= a + b:
+        return []
+    along = (a * a - b * b + length * length) / (2.0 * length)
+    across = math.sqrt(max(a * a - along * along, 0.0))
+    unit = way / length
+    foot = np.array([one.x, one.y]) + along * unit
+    normal = np.array([-unit[1], unit[0]])
+    return [foot + across * normal, foot - across * normal]
+
+
+def _enclosing(members: Sequence[Member]) -> tuple[FloatArray, float]:
+    """Centre and radius of about the smallest circle with all of them and their reach in it.
+
+    By Badoiu and Clarkson's steps towards the farthest (2003): within a hundredth.
+    """
+    places = np.array([(each.x, each.y) for each in members])
+    reach = np.array([each.reach_deg for each in members])
+    centre = places.mean(axis=0)
+    for step in range(1, 200):
+        needed = np.hypot(*(places - centre).T) + reach
+        farthest = int(np.argmax(needed))
+        way = places[farthest] - centre
+        length = float(np.hypot(*way))
+        if length > 0.0:
+            centre = centre + way / (step + 1.0)
+    return centre, float(np.max(np.hypot(*(places - centre).T) + reach))

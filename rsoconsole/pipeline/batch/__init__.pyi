@@ -1,0 +1,13 @@
+from . import batch_nights as batch_nights
+from .batch import Processed as Processed
+from .batch import process_files as process_files
+from .batch_nights import Night as Night
+from .batch_nights import NightOutcome as NightOutcome
+from .batch_nights import nights_in as nights_in
+from .batch_pool import Crew as Crew
+from .batch_pool import crew_for as crew_for
+from .batch_pool import share_out as share_out
+from .batch_what_if import Answer as Answer
+from .batch_what_if import Question as Question
+from .batch_what_if import answer as answer
+from .batch_what_if import no_answer as no_answer

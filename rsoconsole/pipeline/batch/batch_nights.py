@@ -1,0 +1,309 @@
+"""Nights of recorded frames, each made into a session; what is done already is not done again.
+
+A session is written beside its place and renamed when it is complete: what was interrupted,
+however hard, leaves nothing that could be taken for a night, and is begun again.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from rsoconsole import __version__
+from rsoconsole.config import Config
+from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError
+from rsoconsole.pipeline.batch.batch import Processed, process_files
+from rsoconsole.pipeline.batch.batch_pool import Crew, share_out
+from rsoconsole.pipeline.frame import open_reducer
+from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
+from rsoconsole.session.files import put_in_place
+from rsoconsole.session.log import DATABASE
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.writing import BatchRecording
+from rsoconsole.vision.detector import Network
+
+FRAME_SUFFIXES = (".fits", ".fit", ".fts", ".fz", ".gz", ".bz2", ".tif", ".tiff", ".png")
+LOCK = ".batch.lock"
+_DIGITS = re.compile(r"(\d+)")
+
+State: TypeAlias = Literal["done", "skipped", "failed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Night:
+    """Frames that belong together, and the session that becomes of them."""
+
+    source: Path
+    session: Path
+    frames: tuple[tuple[int, Path], ...]
+    """(number, file), in order."""
+    config: Config
+    is_again: bool = False
+    """Also where the session is there already."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightOutcome:
+    """What became of a night; the figures are those of its session."""
+
+    source: Path
+    session: Path
+    state: State
+    frames: int = 0
+    unreadable: tuple[str, ...] = ()
+    """What is wrong with each frame that could not be used."""
+    detections: int = 0
+    measurements: int = 0
+    misses: int = 0
+    locked_after_frames: int | None = None
+    last_state: str | None = None
+    error: str | None = None
+    """Why it failed as a whole."""
+
+
+def nights_in(
+    folders: Sequence[Path], root: Path, config: Config, *, is_again: bool = False
+) -> tuple[Night, ...]:
+    """A night for each folder of frames, or for each session's kept frames.
+
+    The frames of a folder are taken in the order of their names, numbers as numbers. Raises
+    BatchError where two would become the same session.
+    """
+    nights = []
+    for folder in folders:
+        source = folder.resolve()
+        frames = _frames_in(source)
+        nights.append(
+            Night(
+                source=folder,
+                session=root / source.name,
+                frames=frames,
+                config=config,
+                is_again=is_again,
+            )
+        )
+    names = [night.session.name for night in nights]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BatchError(f"two nights would become the session '{twice[0]}': rename one folder")
+    return tuple(nights)
+
+
+def process_nights(
+    nights: Sequence[Night],
+    crew_of: Callable[[int], Crew],
+    *,
+    on_done: Callable[[], None] = lambda: None,
+) -> Iterator[NightOutcome]:
+    """What becomes of each night, in order; those that are done already need nobody.
+
+    ``crew_of``: who does the work, by the number of nights that are left to do. Raises BatchError
+    where there is nobody.
+    """
+    done = [_already_done(night) for night in nights]
+    todo = [night for night, outcome in zip(nights, done, strict=True) if outcome is None]
+    paths = [path for night in todo for path in (night.session.parent, night.source)]
+    outcomes = share_out(
+        process_night,
+        todo,
+        crew_of(len(todo)),
+        failed=failed_night,
+        paths=paths,
+        on_done=on_done,
+    )
+    for outcome in done:
+        if outcome is not None:
+            on_done()
+        yield next(outcomes) if outcome is None else outcome
+
+
+def _already_done(night: Night) -> NightOutcome | None:
+    """The outcome of a night that is there; None where there is something to do or to say."""
+    if night.is_again or not (night.session / DATABASE).exists():
+        return None
+    try:
+        made = SessionReader(night.session).about()
+        if made.get("batch") != _identity(night) or made.get("is_closed") is not True:
+            return None
+        return _outcome(night, "skipped")
+    except RsoconsoleError:
+        return None
+
+
+def process_night(night: Night) -> NightOutcome:
+    """Make a night's session; never raises for what is broken. A session there is an error."""
+    try:
+        return _processed(night)
+    except (RsoconsoleError, OSError) as error:
+        return failed_night(night, str(error))
+    except Exception as error:  # one night must not end the others
+        return failed_night(night, f"something broke: {type(error).__name__}: {error}")
+
+
+def failed_night(night: Night, reason: str) -> NightOutcome:
+    """The outcome of a night that came to nothing."""
+    return NightOutcome(source=night.source, session=night.session, state="failed", error=reason)
+
+
+@contextlib.contextmanager
+def working_in(root: Path) -> Iterator[None]:
+    """Keep other batches out of a folder. Raises BatchError where there is one, or no folder."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        lock = (root / LOCK).open("w")
+    except OSError as error:
+        raise BatchError(f"{root} cannot hold sessions: {error}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise BatchError(f"another batch works in {root}: wait for it to end") from error
+        yield
+
+
+def _processed(night: Night) -> NightOutcome:
+    if not night.frames:
+        raise FrameError(f"{night.source} holds no frame: name folders of FITS, TIFF or PNG files")
+    identity = _identity(night)
+    if (night.session / DATABASE).exists():
+        made = SessionReader(night.session).about()
+        if "batch" not in made:
+            raise SessionError(f"{night.session} holds a session that no batch has made")
+        if not night.is_again:
+            raise SessionError(
+                f"{night.session} was made of other frames, by other settings or another version:"
+                " --again makes it anew"
+            )
+    elif night.session.exists():
+        raise SessionError(f"{night.session} is there and holds no session: move it away")
+    beside = night.session.with_name(f".{night.session.name}.part")
+    shutil.rmtree(beside, ignore_errors=True)
+    try:
+        _record(night, beside, identity)
+        put_in_place(beside, night.session)
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise
+    return _outcome(night, "done")
+
+
+def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
+    one_thread = night.config.detector.model_copy(update={"threads": 1})
+    config = night.config.model_copy(update={"detector": one_thread})
+    with open_reducer(config) as (reducer, sha256):
+        recording = BatchRecording(
+            folder, night.config, sha256, title=night.session.name, batch=identity
+        )
+        is_usable, first_error = False, ""
+        paths = [path for _, path in night.frames]
+        numbers = [number for number, _ in night.frames]
+        try:
+            for result in process_files(paths, reducer, config, numbers=numbers):
+                if isinstance(result, Processed):
+                    is_usable = True
+                    recording.append(result.records, result.t_mid_utc_ns)
+                else:
+                    path, error = result
+                    first_error = first_error or str(error)
+                    recording.append((Event(level="warning", text=f"{path.name}: {error}"),), None)
+        finally:
+            recording.close()
+    if not is_usable:
+        raise FrameError(f"none of its {len(paths)} frames can be used; the first: {first_error}")
+    if recording.faults:
+        raise SessionError("; ".join(recording.faults))
+
+
+def _outcome(night: Night, state: State) -> NightOutcome:
+    reader = SessionReader(night.session)
+    frames = detections = measurements = misses = 0
+    locked: int | None = None
+    last = "SEARCH"
+    unreadable = []
+    kinds = (FrameTaken, Detections, Measurement, Miss, StateChange, Event)
+    for _, _, record in reader.records(kinds=kinds):
+        match record:
+            case FrameTaken():
+                frames += 1
+            case Detections():
+                detections += len(record.detections)
+            case Measurement():
+                measurements += 1
+            case Miss():
+                misses += 1
+            case StateChange():
+                last = record.after
+                if record.after == "TRACK" and locked is None:
+                    locked = record.frame_id
+            case Event():
+                unreadable.append(record.text)
+    return NightOutcome(
+        source=night.source,
+        session=night.session,
+        state=state,
+        frames=frames,
+        unreadable=tuple(unreadable),
+        detections=detections,
+        measurements=measurements,
+        misses=misses,
+        locked_after_frames=locked,
+        last_state=last,
+    )
+
+
+def _identity(night: Night) -> dict[str, Any]:
+    """What makes a night the same: frames, settings, network and version."""
+    network = Network.load(night.config.detector.model, 1)
+    frames = []
+    for number, path in night.frames:
+        try:
+            found = path.stat()
+        except OSError as error:
+            raise FrameError(f"{path} cannot be read: {error}") from error
+        frames.append([number, path.name, found.st_size, found.st_mtime_ns])
+    return {
+        "frames": len(frames),
+        "frames_sha256": _digest(frames),
+        "config_sha256": _digest(night.config.model_dump(mode="json")),
+        "model_sha256": str(network.card["sha256"]),
+        "version": __version__,
+    }
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
+    if (folder / DATABASE).exists():
+        reader = SessionReader(folder)
+        numbers = [record.frame_id for _, _, record in _taken(reader)]
+        kept = ((number, reader.frame_path(number)) for number in numbers)
+        return tuple((number, path) for number, path in kept if path is not None)
+    try:
+        paths = [p for p in folder.iterdir() if p.is_file() and _is_frame(p.name)]
+    except OSError as error:
+        raise BatchError(f"{folder} cannot be looked into: {error}") from error
+    return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
+
+
+def _taken(reader: SessionReader) -> Iterator[tuple[int, int, FrameTaken]]:
+    for seq, t_utc_ns, record in reader.records(kinds=(FrameTaken,)):
+        if isinstance(record, FrameTaken):
+            yield seq, t_utc_ns, record
+
+
+def _is_frame(name: str) -> bool:
+    return not name.startswith(".") and name.lower().endswith(FRAME_SUFFIXES)
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Sorts frame_2 before frame_10."""
+    parts = _DIGITS.split(name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts if part]

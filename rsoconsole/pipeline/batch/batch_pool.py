@@ -1,0 +1,182 @@
+"""Work over many sessions, shared out: one after another, on this machine's cores, or on Dask.
+
+Results come in the order of the tasks and are the same whoever does the work. A task is a whole
+session: within one the reducer remembers, so that it cannot be divided. Every worker computes with
+one thread.
+"""
+
+import contextlib
+import importlib.util
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias, TypeVar
+
+from rsoconsole.errors import BatchError
+from rsoconsole.vision.frame import available_cores
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+Kind: TypeAlias = Literal["serial", "processes", "dask"]
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crew:
+    """Who does the work."""
+
+    kind: Kind
+    workers: int
+    scheduler: str | None = None
+    """Address of a Dask scheduler; None for a cluster of this machine's own."""
+
+
+def crew_for(
+    tasks: int,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    is_serial: bool = False,
+    is_dask_wanted: bool = True,
+) -> Crew:
+    """Who is to do so many tasks: Dask where it is installed, else processes; alone for one task.
+
+    Raises BatchError where a scheduler is named and Dask is not installed.
+    """
+    has_dask = importlib.util.find_spec("distributed") is not None
+    if scheduler is not None:
+        if not has_dask:
+            raise BatchError("--scheduler needs Dask: pip install 'rsoconsole[dask]'")
+        return Crew(kind="dask", workers=workers or tasks, scheduler=scheduler)
+    count = min(workers or available_cores(), tasks)
+    if is_serial or tasks <= 1 or (workers is None and count <= 1):
+        return Crew(kind="serial", workers=1)
+    return Crew(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
+
+
+def share_out(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    crew: Crew,
+    *,
+    failed: Callable[[Task, str], Result],
+    paths: Sequence[Path] = (),
+    on_done: Callable[[], None] = lambda: None,
+) -> Iterator[Result]:
+    """The result of each task, in order, as soon as those before it are there.
+
+    ``work`` and tasks go to other processes: a function of a module, and records. ``failed``
+    makes the result of a task whose worker died. ``paths``: what every worker must be able to
+    reach, asked for where they may run on other machines. ``on_done`` is called once a task.
+    Raises BatchError where there is nobody to do the work.
+    """
+    if crew.kind == "serial":
+        for task in tasks:
+            result = work(task)
+            on_done()
+            yield result
+    elif crew.kind == "processes":
+        yield from _by_processes(work, tasks, crew.workers, failed, on_done)
+    else:
+        from rsoconsole.pipeline.batch.batch_dask import by_dask
+
+        with one_thread():
+            yield from by_dask(
+                work,
+                tasks,
+                workers=crew.workers,
+                scheduler=crew.scheduler,
+                failed=failed,
+                paths=paths,
+                on_done=on_done,
+            )
+
+
+def _by_processes(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    workers: int,
+    failed: Callable[[Task, str], Result],
+    on_done: Callable[[], None],
+) -> Iterator[Result]:
+    done: dict[int, Result] = {}
+    given = 0
+    for number, result in _as_processes_end(work, tasks, workers):
+        done[number] = result
+        on_done()
+        while given in done:
+            yield done.pop(given)
+            given += 1
+    # A worker that died (killed, out of memory) takes its pool along: what is left gets a pool
+    # of its own each, so that the task it died of is known and the others are done.
+    for number in range(given, len(tasks)):
+        if number not in done:
+            alone = [result for _, result in _as_processes_end(work, tasks[number : number + 1], 1)]
+            reason = "its worker died: out of memory, or killed from outside"
+            done[number] = alone[0] if alone else failed(tasks[number], reason)
+            on_done()
+        yield done.pop(number)
+
+
+def _as_processes_end(
+    work: Callable[[Task], Result], tasks: Sequence[Task], workers: int
+) -> Iterator[tuple[int, Result]]:
+    """(number, result) as they come; ends early where a worker dies."""
+    ours = set(multiprocessing.active_children())
+    with one_thread():
+        executor = ProcessPoolExecutor(
+            max_workers=workers,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_become_worker,
+        )
+        try:
+            numbers: dict[Future[Result], int] = {}
+            for number, task in enumerate(tasks):
+                numbers[executor.submit(work, task)] = number
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        except BrokenProcessPool:
+            return
+        except BaseException:
+            # Interrupted: nothing that is under way is of use any more.
+            executor.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - ours:
+                child.terminate()
+            raise
+        finally:
+            executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _become_worker() -> None:
+    """End with the parent, whatever ended it, and leave Ctrl-C to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, name="parent", daemon=True).start()
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Processes begun meanwhile compute with one thread."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

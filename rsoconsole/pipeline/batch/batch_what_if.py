@@ -1,0 +1,74 @@
+"""What-ifs over many sessions: one question a session, answered wherever there is a core."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.pipeline.replay import (
+    RerunCounts,
+    TrackFigures,
+    check_name,
+    save_branch,
+    what_if_session,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What is asked of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
+
+    session: Path
+    tried: Mapping[str, float | str] = field(default_factory=dict)
+    detector: bool = False
+    solver: bool = False
+    save: str | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The figures without the night itself, which may be large."""
+
+    tried: Mapping[str, float | str]
+    before: Mapping[str, object] = field(default_factory=dict)
+    recorded: TrackFigures | None = None
+    what_if: TrackFigures | None = None
+    is_reproduced: bool = False
+    rerun: RerunCounts | None = None
+    branch: Path | None = None
+    error: str | None = None
+    """Why there is none."""
+
+
+def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> Answer:
+    """Try, and keep the result where a name is given; never raises for what is broken."""
+    try:
+        if question.save is not None:
+            check_name(question.session, question.save, force=question.force)
+        found = what_if_session(
+            question.session,
+            question.tried,
+            detector=question.detector,
+            solver=question.solver,
+            on_frame=on_frame,
+        )
+        branch = None
+        if question.save is not None:
+            branch = save_branch(found, question.save, force=question.force)
+    except (RsoconsoleError, OSError) as error:
+        return no_answer(question, str(error))
+    return Answer(
+        tried=dict(found.tried),
+        before=dict(found.before),
+        recorded=found.recorded,
+        what_if=found.what_if,
+        is_reproduced=found.is_reproduced,
+        rerun=found.rerun,
+        branch=branch,
+    )
+
+
+def no_answer(question: Question, reason: str) -> Answer:
+    """For a question that came to nothing."""
+    return Answer(tried=dict(question.tried), error=reason)

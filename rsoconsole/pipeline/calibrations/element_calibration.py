@@ -1,0 +1,195 @@
+"""What elements were off in recorded nights: rows from sessions, and from what identify printed."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
+from rsoconsole.orbit.elements import CatalogueEntry
+from rsoconsole.orbit.identification import (
+    ERROR_REGIMES,
+    SURE_NAMED,
+    ElementErrors,
+    ElementRow,
+    compared_with,
+    name_together,
+    row_of,
+)
+from rsoconsole.pipeline.orbits import longest_arc, read_observed
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_DAY, NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+
+GATE_DEG = 1.0
+"""Wider than where objects are sought: what is cut off there could not be measured."""
+_SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --json'"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightRows:
+    """What one night or file gave."""
+
+    sessions: tuple[str, ...]
+    """As the ledger names what it was read from: the session, or each frame."""
+    tracks: int
+    rows: tuple[ElementRow, ...]
+    """Of those that are surely named."""
+    is_simulated: bool
+
+
+def is_session(path: Path) -> bool:
+    """Whether a path is a session's, not a file of lines."""
+    return path.is_dir() or path.name == "session.db"
+
+
+def rows_of_session(
+    path: Path, entries: Sequence[CatalogueEntry], errors: ElementErrors
+) -> NightRows:
+    """Each track of a session against the set of its object that is nearest in epoch.
+
+    ``errors``: how far off it may be to be named. Raises SessionError where there is no track that
+    can be read.
+    """
+    folder = path if path.is_dir() else path.parent
+    about = SessionReader(folder).about()
+    tracks = read_observed(folder)
+    compared = [
+        compared_with(longest_arc(each.seen), each.site, entries, gate_deg=GATE_DEG, errors=errors)
+        for each in tracks
+    ]
+    named = name_together(compared, gate_deg=GATE_DEG)
+    first_utc_ns = min(int(each.seen.t_utc_ns[0]) for each in tracks)
+    session = _called(folder.resolve().name, first_utc_ns)
+    found = (
+        row_of(session, str(track.number), *pair)
+        for track, pair in zip(tracks, zip(compared, named, strict=True), strict=True)
+    )
+    return NightRows(
+        sessions=(session,),
+        tracks=len(tracks),
+        rows=tuple(each for each in found if each is not None),
+        is_simulated=about.get("is_simulated") is True,
+    )
+
+
+def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
+    """Streaks and movers of the lines that ``identify --field --json`` printed.
+
+    Raises OrbitError where it is no such file.
+    """
+    try:
+        text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
+    except FileNotFoundError as error:
+        raise OrbitError(f"{path} does not exist: name {_SHAPE}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise OrbitError(f"{path} cannot be read: {error}") from error
+    sessions: dict[str, None] = {}
+    tracks = 0
+    rows: list[ElementRow] = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not line.strip():
+            continue
+        try:
+            for session, track, seen in _seen_of(_object(line)):
+                sessions[session] = None
+                if track:
+                    tracks += 1
+                    rows.extend(_rows_of(session, track, seen))
+        except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError) as error:
+            raise OrbitError(
+                f"{path}, line {number} is none of 'rsoconsole identify --field --json' as this"
+                f" version prints it ({_fault(error)}): print it again, or name a session's folder"
+            ) from error
+    if not sessions:
+        raise OrbitError(f"{path} holds no frame: it must be {_SHAPE}")
+    return NightRows(
+        sessions=tuple(sessions), tracks=tracks, rows=tuple(rows), is_simulated=is_simulated
+    )
+
+
+def _fault(error: Exception) -> str:
+    return f"without {error}" if isinstance(error, KeyError) else str(error)
+
+
+def _object(line: str) -> Mapping[str, Any]:
+    said = json_of(line)
+    if not isinstance(said, dict):
+        raise TypeError("no object")
+    return said
+
+
+def _seen_of(said: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Of a line: session, track and what was seen; the track is empty where nothing was."""
+    if "error" in said:
+        return
+    if "movers" in said:
+        for each in said["movers"]:
+            name = Path(str(each["places"][0]["frame"])).name
+            at = iso_to_utc_ns(each["t_mid_utc"])
+            seen = {**each, "t_utc_ns": at, "observations": len(each["places"])}
+            yield _called(name, at), f"mover {each['mover']}", seen
+        return
+    at = iso_to_utc_ns(said["t_mid_utc"])
+    session = _called(Path(str(said["frame"])).name, at)
+    yield session, "", {}
+    for each in said["streaks"]:
+        yield session, f"streak {each['streak']}", {**each, "t_utc_ns": at, "observations": 1}
+
+
+def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[ElementRow]:
+    """One where it is surely named."""
+    if seen["verdict"] != "identified" or seen["matches"][0]["probability"] < SURE_NAMED:
+        return
+    best = seen["matches"][0]
+    if best["regime"] not in ERROR_REGIMES:
+        raise ValueError(f"{best['regime']!r} is no kind of orbit")
+    speed_km_s, range_km = float(best["speed_km_s"]), float(best["range_km"])
+    sigma_s, sigma_arcsec = (
+        float(best["sigma_along_track_s"]),
+        float(best["sigma_cross_track_arcsec"]),
+    )
+    if not min(speed_km_s, range_km, sigma_s, sigma_arcsec) > 0.0:
+        raise ValueError("an error, a speed or a distance is not above 0")
+    epoch = iso_to_utc_ns(best["tle_epoch_utc"])
+    row = ElementRow(
+        session=session,
+        track=track,
+        norad_id=int(best["norad_id"]),
+        name=str(best["name"]),
+        t_utc_ns=seen["t_utc_ns"],
+        tle_epoch_utc_ns=epoch,
+        age_days=(seen["t_utc_ns"] - epoch) / NS_PER_DAY,
+        regime=best["regime"],
+        along_s=float(best["along_track_s"]),
+        sigma_along_s=sigma_s,
+        along_km=float(best["along_track_s"]) * speed_km_s,
+        sigma_along_km=sigma_s * speed_km_s,
+        across_arcsec=float(best["cross_track_arcsec"]),
+        sigma_across_arcsec=sigma_arcsec,
+        across_km=float(best["cross_track_arcsec"]) * range_km * ARCSEC_RAD,
+        sigma_across_km=sigma_arcsec * range_km * ARCSEC_RAD,
+        along_by=(0.0, 1.0, 0.0),
+        across_by=(
+            float(best["cross_track_by_radial"]),
+            0.0,
+            float(best["cross_track_by_plane"]),
+        ),
+        observations=seen["observations"],
+        probability=float(best["probability"]),
+    )
+    numbers = [v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if _is_float(v)]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a value is not a number")
+    yield row
+
+
+def _is_float(value: object) -> bool:
+    return isinstance(value, float)
+
+
+def _called(name: str, t_utc_ns: int) -> str:
+    """Of folders and frames of one name, each has its instant; to the second, so that a corrected
+    clock makes no other of it."""
+    return f"{name}, {utc_ns_to_iso(round(t_utc_ns / NS_PER_S) * NS_PER_S, 0)}"

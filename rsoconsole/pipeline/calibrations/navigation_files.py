@@ -1,0 +1,133 @@
+"""Files with the orbits of navigation satellites, and which catalogued objects those are."""
+
+import gzip
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
+from rsoconsole.orbit.elements import (
+    CatalogueEntry,
+    Satellite,
+    nearest_in_epoch_of_each,
+    states_gcrs,
+)
+from rsoconsole.orbit.navigation import (
+    NavigationFile,
+    NavigationSatellite,
+    parse_rinex_nav,
+    parse_sp3,
+)
+from rsoconsole.pipeline.calibrations.time_calibration import FoundTiming, SeenSatellite
+from rsoconsole.sky import NS_PER_DAY
+
+_GZIP = b"\x1f\x8b"
+_REVOLUTIONS_A_DAY = (1.6, 2.4)
+_MOST_E = 0.1
+"""Medium orbits that are nearly round: navigation satellites and what has become of them."""
+_SAME_KM = 100.0
+"""Elements of days are good to a few km; two such satellites are thousands apart."""
+_DAYS = 30.0
+
+
+def read_rinex(files: Sequence[Path]) -> NavigationFile:
+    """Broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
+    return _read(files, parse_rinex_nav)
+
+
+def read_sp3(files: Sequence[Path]) -> NavigationFile:
+    """Precise orbits, plain or gzipped. Raises OrbitError in one line."""
+    return _read(files, parse_sp3)
+
+
+def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
+    """Navigation satellites by the element sets nearest to an instant: good to a kilometre."""
+    chosen = _medium(entries, t_utc_ns)
+    if not chosen:
+        raise OrbitError(
+            "the element files hold no navigation satellite within"
+            f" {_DAYS:g} days of the nights: give those of GPS and Galileo"
+        )
+    reach = round(_DAYS * NS_PER_DAY)
+    return NavigationFile(
+        kind="tle",
+        satellites=tuple(
+            NavigationSatellite(
+                name=entry.name or str(entry.norad_id),
+                kind="tle",
+                position_gcrs=Satellite(entry).position_gcrs,
+                norad_id=entry.norad_id,
+            )
+            for entry in chosen
+        ),
+        first_utc_ns=min(entry.epoch_utc_ns for entry in chosen) - reach,
+        last_utc_ns=max(entry.epoch_utc_ns for entry in chosen) + reach,
+        skipped={},
+    )
+
+
+def with_norad(
+    found: FoundTiming, file: NavigationFile, entries: Sequence[CatalogueEntry]
+) -> FoundTiming:
+    """The result, its satellites with the catalogue numbers of what is where they are."""
+    if not entries or not found.satellites:
+        return found
+    by_name = {each.name: each for each in file.satellites}
+    candidates = _medium(entries, found.satellites[0].t_utc_ns)
+    named = tuple(
+        each if each.norad_id is not None else _named(each, by_name[each.name], candidates)
+        for each in found.satellites
+    )
+    return replace(found, satellites=named)
+
+
+def _named(
+    seen: SeenSatellite, satellite: NavigationSatellite, entries: Sequence[CatalogueEntry]
+) -> SeenSatellite:
+    t = np.array([seen.t_utc_ns], np.int64)
+    here, _ = satellite.position_gcrs(t)
+    there, _ = states_gcrs(entries, t)
+    off_km = np.nan_to_num(np.linalg.norm(there[:, 0] - here[0], axis=-1), nan=np.inf)
+    if not len(off_km) or not np.min(off_km) <= _SAME_KM:
+        return seen
+    entry = entries[int(np.argmin(off_km))]
+    return replace(seen, norad_id=entry.norad_id, norad_name=entry.name)
+
+
+def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueEntry]:
+    low, high = _REVOLUTIONS_A_DAY
+    return [
+        entry
+        for entry in nearest_in_epoch_of_each(entries, t_utc_ns)
+        if low <= entry.revolutions_a_day <= high
+        and entry.eccentricity <= _MOST_E
+        and abs(entry.epoch_utc_ns - t_utc_ns) <= _DAYS * NS_PER_DAY
+        and not entry.record.error
+    ]
+
+
+def _read(
+    files: Sequence[Path], parse: Callable[[dict[str, str]], NavigationFile]
+) -> NavigationFile:
+    return parse({str(path): _text(path) for path in files})
+
+
+def _text(path: Path) -> str:
+    try:
+        # Comments in such files are in whatever encoding their station uses.
+        text = read_foreign(path, most_bytes=MOST_DATA_BYTES, encoding="latin-1")
+        if not text.startswith(_GZIP.decode("latin-1")):
+            return text
+        with gzip.open(path) as file:
+            content = file.read(MOST_DATA_BYTES + 1)
+    except FileNotFoundError as error:
+        raise OrbitError(f"{path} does not exist: name a file of orbits") from error
+    except (OSError, EOFError, zlib.error) as error:
+        raise OrbitError(f"{path} cannot be read: {error}") from error
+    if len(content) > MOST_DATA_BYTES:
+        raise OrbitError(f"{path} unpacks to more than {MOST_DATA_BYTES >> 20} MB")
+    return content.decode("latin-1").replace("\r\n", "\n")

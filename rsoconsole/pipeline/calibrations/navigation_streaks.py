@@ -1,0 +1,312 @@
+"""Which streaks of a night are navigation satellites', and how far off their orbits each is.
+
+A streak is a satellite's where it lies on its path within a few arcsec, goes its way and has its
+length; how far along is not asked, but for ten seconds.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.config import Config
+from rsoconsole.orbit.navigation import NavigationSatellite
+from rsoconsole.pipeline.frame import shutter_time
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    FloatArray,
+    FrameTaken,
+    Measurement,
+    Site,
+    measurement_id_of,
+)
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, Places, direction_to_unit, wrap_180
+
+MOST_LATE_S = 10.0
+"""A bias beyond is a clock that is wrong, not a shutter's."""
+_ACROSS_SIGMAS, _LEAST_ACROSS_ARCSEC = 5.0, 3.0
+_LENGTH_SHARE, _LENGTH_ARCSEC = 0.2, 6.0
+_SHORTEST_ARCSEC, _MOST_TURNED_DEG = 10.0, 10.0
+_LEAST_RATE_ARCSEC_S = 1.0
+_CHUNK = 4000
+_LEAST_SIGMA_ARCSEC = 0.03
+"""Of a streak's middle, once the error of its time is taken out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightAlong:
+    """A streak along itself by ends and light together (``vision/streaks/streak_middle.py``);
+    arcsec."""
+
+    offset_arcsec: float
+    """From the measurement's place towards the second of its ends."""
+    sigma_arcsec: float
+    length_arcsec: float
+    length_sigma_arcsec: float
+    ends_sigma_arcsec: float
+    """What the ends alone stated of the middle: part of the measurement's covariance."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Streak:
+    """One with both its ends in the frame; changed where it is matched."""
+
+    measurement: Measurement
+    taken: FrameTaken
+    session: int
+    """Its place among those of a calibration."""
+    covariance: FloatArray
+    """(2, 2) arcsec^2; once it is matched without the error of its time."""
+    time_sigma_s: float
+    """What its session took the shutter to scatter by."""
+    light: LightAlong | None = None
+    """What its light tells of its middle and length; None in sessions from before it was asked."""
+    satellite: NavigationSatellite | None = None
+    offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
+    rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightStreaks:
+    """A session's streaks."""
+
+    folder: Path
+    config: Config
+    streaks: list[Streak]
+    clock_offset_s: float | None
+    is_simulated: bool
+
+
+def read_streaks(folder: Path, session: int) -> NightStreaks:
+    """What a session has measured that may be used. Raises SessionError."""
+    reader = SessionReader(folder)
+    config = reader.config()
+    about = reader.about()
+    offset = about.get("clock_offset_s")
+    taken: dict[int, FrameTaken] = {}
+    streaks: dict[str, Streak] = {}
+    found: dict[str, Detection] = {}
+    for _, _, record in reader.records(kinds=(FrameTaken, Detections, Measurement)):
+        if isinstance(record, FrameTaken):
+            taken[record.frame_id] = record
+        elif isinstance(record, Detections):
+            for number, detection in enumerate(record.detections):
+                found[measurement_id_of(record.frame_id, number)] = detection
+        elif isinstance(record, Measurement) and record.frame_id in taken:
+            frame = taken[record.frame_id]
+            if _is_whole(record, frame):
+                east, both, north = record.cov_sky_arcsec2
+                streaks[record.measurement_id] = Streak(
+                    measurement=record,
+                    taken=frame,
+                    session=session,
+                    covariance=np.array([[east, both], [both, north]]),
+                    time_sigma_s=shutter_time(frame, config.exposure).sigma_s,
+                    light=_light_along(record, found.get(record.measurement_id)),
+                )
+    return NightStreaks(
+        folder=Path(folder),
+        config=config,
+        streaks=list(streaks.values()),
+        clock_offset_s=float(offset) if isinstance(offset, int | float) else None,
+        is_simulated=about.get("is_simulated") is True,
+    )
+
+
+def _is_whole(measurement: Measurement, taken: FrameTaken) -> bool:
+    return (
+        measurement.source == "network"
+        and not measurement.is_clipped
+        and not measurement.is_crossing
+        and taken.t_mid_utc_ns is not None
+    )
+
+
+def _along(measurement: Measurement) -> FloatArray | None:
+    """(2,) from one end of the streak to the other, arcsec east and north; None without ends."""
+    if measurement.ends_icrs_deg is None:
+        return None
+    (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
+    cos_dec = math.cos(math.radians(measurement.dec_icrs_deg))
+    return np.array([wrap_180(ra_b - ra_a) * cos_dec, dec_b - dec_a]) * 3600.0
+
+
+def _light_along(measurement: Measurement, detection: Detection | None) -> LightAlong | None:
+    way = _along(measurement)
+    if detection is None or way is None or detection.length_px <= 0.0:
+        return None
+    offset_px, sigma_px = detection.light_offset_px, detection.light_sigma_px
+    length_px, length_sigma_px = detection.light_length_px, detection.light_length_sigma_px
+    if offset_px is None or sigma_px is None or length_px is None or length_sigma_px is None:
+        return None
+    scale = float(np.hypot(*way)) / detection.length_px
+    return LightAlong(
+        offset_arcsec=scale * offset_px,
+        sigma_arcsec=scale * sigma_px,
+        length_arcsec=scale * length_px,
+        length_sigma_arcsec=scale * length_sigma_px,
+        ends_sigma_arcsec=scale * detection.sigma_along_px,
+    )
+
+
+def _ahead(streak: Streak) -> FloatArray:
+    """(2,) a unit vector along the streak, towards the second of its ends."""
+    way = _along(streak.measurement)
+    assert way is not None
+    return np.asarray(way / np.hypot(*way))
+
+
+def _without_time(streak: Streak) -> FloatArray:
+    """(2, 2) arcsec^2: the measurement's covariance without what its time added to it.
+
+    Along the streak by its light, where that is known.
+    """
+    late = streak.rate_arcsec_s * streak.time_sigma_s
+    own = streak.covariance - np.outer(late, late)
+    if streak.light is not None:
+        ahead, light = _ahead(streak), streak.light
+        own = own + (light.sigma_arcsec**2 - light.ends_sigma_arcsec**2) * np.outer(ahead, ahead)
+    values, vectors = np.linalg.eigh(own)
+    values = np.maximum(values, _LEAST_SIGMA_ARCSEC**2)
+    return np.asarray((vectors * values) @ vectors.T)
+
+
+def _shift(streak: Streak) -> FloatArray:
+    """(2,) arcsec from the measurement's place to the middle by the streak's light."""
+    if streak.light is None:
+        return np.zeros(2)
+    return np.asarray(streak.light.offset_arcsec * _ahead(streak))
+
+
+def length_arcsec(streak: Streak) -> tuple[float, float]:
+    """From end to end, and one sigma of that; NaN where the ends are not known."""
+    if streak.light is not None:
+        return streak.light.length_arcsec, streak.light.length_sigma_arcsec
+    way = _along(streak.measurement)
+    if way is None:
+        return math.nan, math.nan
+    # Of two ends: the length is off by their difference, the middle by half their sum.
+    ahead = _ahead(streak)
+    return float(np.hypot(*way)), 2.0 * math.sqrt(float(ahead @ streak.covariance @ ahead))
+
+
+def header_mid(streak: Streak) -> int:
+    """Mid-exposure by the header (UTC ns), whatever is known of the shutter."""
+    return streak.taken.t_mid_utc_ns or 0
+
+
+def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[NavigationSatellite]) -> None:
+    """Give each streak the satellite that it is, if any."""
+    best = [math.inf] * len(streaks)
+    for start in range(0, len(streaks), _CHUNK):
+        some = streaks[start : start + _CHUNK]
+        t = np.array([header_mid(streak) for streak in some], np.int64)
+        ra = np.array([streak.measurement.ra_icrs_deg for streak in some])
+        dec = np.array([streak.measurement.dec_icrs_deg for streak in some])
+        towards = direction_to_unit(ra, dec)
+        for satellite in satellites:
+            near = _near(satellite, t, towards)
+            if not len(near):
+                continue
+            places = satellite.places(site, t[near])
+            offset, rate = _offsets(places, ra[near], dec[near])
+            sigma = satellite.sigma_km / places.range_km / ARCSEC_RAD
+            for k, number in enumerate(near):
+                across = _fits(some[number], offset[k], rate[k], float(sigma[k]))
+                if across is not None and across < best[start + number]:
+                    best[start + number] = across
+                    some[number].satellite = satellite
+                    some[number].offset_arcsec, some[number].rate_arcsec_s = offset[k], rate[k]
+    for streak in streaks:
+        if streak.satellite is not None:
+            streak.covariance = _without_time(streak)
+            streak.offset_arcsec = streak.offset_arcsec + _shift(streak)
+
+
+_NEAR_COS = math.cos(math.radians(1.0))
+_PARALLAX_RAD = 0.3
+"""The widest angle between a direction from a site and from the Earth's centre: at 20,000 km."""
+
+
+def _near(
+    satellite: NavigationSatellite, t: npt.NDArray[np.int64], towards: FloatArray
+) -> npt.NDArray[np.int64]:
+    """Which instants have the satellite anywhere near the direction, seen from the centre."""
+    r, _ = satellite.position_gcrs(t)
+    with np.errstate(invalid="ignore"):
+        cos = np.sum(r * towards, axis=1) / np.linalg.norm(r, axis=1)
+        return np.flatnonzero(cos > math.cos(_PARALLAX_RAD))
+
+
+def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) measured minus predicted, arcsec, and (N, 2) the rate: east and north."""
+    cos_dec = np.cos(np.radians(places.dec_icrs_deg))
+    line, told = (
+        direction_to_unit(places.ra_icrs_deg, places.dec_icrs_deg),
+        direction_to_unit(ra, dec),
+    )
+    a, d = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
+    east = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)], axis=-1)
+    north = np.stack([-np.sin(d) * np.cos(a), -np.sin(d) * np.sin(a), np.cos(d)], axis=-1)
+    ahead = np.sum(line * told, axis=-1)
+    depth = np.where(ahead > _NEAR_COS, ahead, np.nan)
+    off = np.stack([np.sum(east * told, -1), np.sum(north * told, -1)], -1) / depth[:, None]
+    rate = np.stack([places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s], axis=-1) * 3600.0
+    return np.asarray(off / ARCSEC_RAD), np.asarray(rate)
+
+
+def _fits(
+    streak: Streak, offset: FloatArray, rate: FloatArray, sigma_arcsec: float
+) -> float | None:
+    """How far off its path, in arcsec; None where it is not this satellite's streak."""
+    speed = float(np.hypot(*rate))
+    if not np.all(np.isfinite(offset)) or not speed > _LEAST_RATE_ARCSEC_S:
+        return None
+    ahead = rate / speed
+    aside = np.array([-ahead[1], ahead[0]])
+    across = abs(float(offset @ aside))
+    allowed = _ACROSS_SIGMAS * math.hypot(
+        math.sqrt(float(aside @ streak.covariance @ aside)), sigma_arcsec
+    )
+    if across > max(allowed, _LEAST_ACROSS_ARCSEC):
+        return None
+    if abs(float(offset @ ahead)) > (MOST_LATE_S * speed + _ACROSS_SIGMAS * sigma_arcsec):
+        return None
+    return across if _has_shape_of(streak, speed, aside) else None
+
+
+def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
+    """Whether the streak goes the way and has the length; a light without ends has any."""
+    way, expected = _along(streak.measurement), speed * (streak.taken.exposure_s or 0.0)
+    if way is None:
+        return True
+    length = float(np.hypot(*way))
+    if abs(length - expected) > max(_LENGTH_SHARE * expected, _LENGTH_ARCSEC):
+        return False
+    turned = abs(float(way @ aside)) / max(length, _SHORTEST_ARCSEC)
+    return length <= _SHORTEST_ARCSEC or turned <= math.sin(math.radians(_MOST_TURNED_DEG))
+
+
+def label_of(streak: Streak) -> str:
+    """Of its satellite, unique among those of a file."""
+    assert streak.satellite is not None
+    return f"{streak.satellite.name} {streak.satellite.norad_id or ''}"
+
+
+def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
+    """Offsets of one satellite's streaks at instants that are later by so much."""
+    satellite = streaks[0].satellite
+    assert satellite is not None
+    t = np.array([header_mid(s) for s in streaks], np.int64)
+    t = t + np.rint(late_s * NS_PER_S).astype(np.int64)
+    places = satellite.places(site, t)
+    ra = np.array([s.measurement.ra_icrs_deg for s in streaks])
+    dec = np.array([s.measurement.dec_icrs_deg for s in streaks])
+    offset, rate = _offsets(places, ra, dec)
+    for k, streak in enumerate(streaks):
+        streak.offset_arcsec, streak.rate_arcsec_s = offset[k] + _shift(streak), rate[k]

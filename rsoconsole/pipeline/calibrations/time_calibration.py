@@ -1,0 +1,415 @@
+"""The shutter's timing from recorded nights: which streaks are navigation satellites, how late.
+
+All nights are adjusted together, each camera mode by itself; then each night alone, because a
+machine's clock may be off by something else another night.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.config import ExposureConfig
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbit.navigation import (
+    FEWEST,
+    SIGMA_KM,
+    Estimated,
+    NavigationFile,
+    ShutterTiming,
+    TimeCalibration,
+    TimedDirections,
+    calibrate,
+    expect_covered,
+)
+from rsoconsole.pipeline.calibrations.navigation_streaks import (
+    MOST_LATE_S,
+    NightStreaks,
+    Streak,
+    header_mid,
+    label_of,
+    length_arcsec,
+    match,
+    match_later,
+    read_streaks,
+)
+from rsoconsole.pipeline.frame import SAME_EXPOSURE, read_out_of, shutter_time
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_DAY, NS_PER_S
+
+_TYPICAL_RANGE_KM = 22_000.0
+_EPOCH = date(1970, 1, 1)
+_FEWEST_LENGTHS = 3
+"""Of a track: fewer do not tell what is usual."""
+_PAUSE_S = 1800
+"""Seen again later, a satellite stands before other stars."""
+_UNLIKELY = 3.0
+"""Sigma of chi squared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """A camera mode as the frames of a calibration have it."""
+
+    exposure_s: float | None
+    """None: several, each too rarely."""
+    read_out: tuple[object, ...]
+    """As ``CalibratedTiming.read_out``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenSatellite:
+    """One navigation satellite that was found in the nights."""
+
+    name: str
+    streaks: int
+    rate_arcsec_s: float
+    position_angle_deg: float
+    """Of its motion, from north through east."""
+    t_utc_ns: int
+    """Of its first streak."""
+    norad_id: int | None = None
+    """Of elements the satellite's own; of other files that of the elements nearest to it."""
+    norad_name: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Night:
+    """Sessions of one night and place: the star catalogue is off the same in all of them."""
+
+    day: date
+    """When it began, at the site."""
+    folders: tuple[Path, ...]
+    streaks: int
+    """Of navigation satellites."""
+    candidates: int
+    """Streaks that could be one's."""
+    clock_offset_s: float | None
+    """What was known of the machine's clock when it began; it is part of the bias."""
+
+    @property
+    def name(self) -> str:
+        """For people: the session's name, or the day where there are several."""
+        return self.folders[0].name if len(self.folders) == 1 else f"night of {self.day}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundTiming:
+    """The result, with what it rests on."""
+
+    kind: str
+    """broadcast, sp3 or tle."""
+    modes: tuple[tuple[Mode, ShutterTiming | None], ...]
+    calibration: TimeCalibration
+    nights: tuple[Night, ...]
+    satellites: tuple[SeenSatellite, ...]
+    measured_on: date
+    """Day of the last night."""
+    simulated: tuple[Path, ...] = ()
+    """Sessions of the simulated observatory, whose shutter is no camera's."""
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    """What of the orbits' files was not used, by reason, and how often."""
+
+
+def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
+    """What the nights tell of the shutter of each camera mode.
+
+    ``source``: the files' names, for people. Raises SessionError for what is no session, and
+    OrbitError where the file is of another day, where no streak is a navigation satellite's, or
+    too few are.
+    """
+    sessions = [read_streaks(folder, number) for number, folder in enumerate(folders)]
+    every = [streak for session in sessions for streak in session.streaks]
+    if not every:
+        raise OrbitError(
+            "these nights hold no streak with both its ends in the frame: expose navigation"
+            " satellites for some seconds"
+        )
+    instants = [header_mid(streak) for streak in every]
+    expect_covered(file, instants, source)
+    for session in sessions:
+        match(session.streaks, session.config.site.to_site(), file.satellites)
+    used = [streak for streak in every if streak.satellite is not None]
+    if not used:
+        raise OrbitError(
+            f"none of {len(every)} streaks is a satellite of {source} within {MOST_LATE_S:g} s of"
+            " its place: follow navigation satellites, or look at site and clock"
+        )
+    exposures = [session.config.exposure for session in sessions]
+    modes, number = _modes(used)
+    nights = _nights(sessions)
+    night_of = {each: k for k, (_, members) in enumerate(nights) for each in members}
+    seen, late_s = _about_the_middle(used, number, sessions, night_of)
+    lines_s = _configured_line_times(used, number, exposures, len(modes))
+    place_arcsec = SIGMA_KM[file.kind] / _TYPICAL_RANGE_KM / ARCSEC_RAD
+    found = calibrate(
+        seen,
+        modes=len(modes),
+        nights=len(nights),
+        line_time_s=lines_s,
+        place_arcsec=place_arcsec,
+    )
+    found = _by_night(seen, found, lines_s, place_arcsec)
+    moved = tuple(
+        timing and _later(timing, float(late_s[mode])) for mode, timing in enumerate(found.modes)
+    )
+    last_ns = max(streak.measurement.t_mid_utc_ns for streak in used)
+    return FoundTiming(
+        kind=file.kind,
+        modes=tuple(zip(modes, moved, strict=True)),
+        calibration=found,
+        nights=tuple(
+            _night(day, [(n, sessions[n]) for n in members], used) for day, members in nights
+        ),
+        satellites=_satellites(used),
+        simulated=tuple(each.folder for each in sessions if each.is_simulated),
+        skipped=file.skipped,
+        measured_on=datetime.fromtimestamp(last_ns / NS_PER_S, UTC).date(),
+    )
+
+
+def _by_night(
+    seen: TimedDirections,
+    found: TimeCalibration,
+    line_time_s: Sequence[float],
+    place_arcsec: float,
+) -> TimeCalibration:
+    """The biases with what nights differ by in their errors, where that is more than chance."""
+    nights = np.unique(seen.night)
+    if len(nights) < 2:
+        return found
+    alone: dict[int, list[Estimated]] = {}
+    for night in nights:
+        of_it = seen.of(seen.night == night)
+        of_it = replace(of_it, night=np.zeros_like(of_it.night))
+        modes = len(found.modes)
+        try:
+            told = calibrate(
+                of_it, modes=modes, nights=1, line_time_s=line_time_s, place_arcsec=place_arcsec
+            )
+        except OrbitError:
+            continue
+        for mode, (timing, whole) in enumerate(zip(told.modes, found.modes, strict=True)):
+            if timing is not None and whole is not None:
+                alone.setdefault(mode, []).append(_in_row(timing, whole))
+    return replace(
+        found,
+        modes=tuple(
+            timing and _widened(timing, alone.get(mode, []))
+            for mode, timing in enumerate(found.modes)
+        ),
+    )
+
+
+def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimated:
+    """The bias of one night in the row in which that of all is known best."""
+    # Nights that differ make one line time of both a wrong one.
+    of = timing if timing.is_line_time_found else whole
+    rows, line = whole.middle_row_px - timing.middle_row_px, of.line_time_s
+    at = timing.bias_at_middle_s
+    return replace(
+        at,
+        value=at.value + rows * line.value,
+        sigma=math.hypot(at.sigma, rows * line.sigma if of.is_line_time_found else 0.0),
+    )
+
+
+def _widened(timing: ShutterTiming, nights: Sequence[Estimated]) -> ShutterTiming:
+    """Its bias with the scatter between nights that their own errors do not explain."""
+    if len(nights) < 2:
+        return timing
+    value = np.array([each.value for each in nights])
+    variance = np.array([each.sigma for each in nights]) ** 2
+    mean = np.sum(value / variance) / np.sum(1.0 / variance)
+    chi2 = float(np.sum((value - mean) ** 2 / variance))
+    if chi2 <= len(nights) - 1 + _UNLIKELY * math.sqrt(2.0 * (len(nights) - 1)):
+        return timing
+    spread_s = float(np.std(value, ddof=1))
+    return replace(
+        timing,
+        bias_s=replace(timing.bias_s, sigma=math.hypot(timing.bias_s.sigma, spread_s)),
+        bias_at_middle_s=replace(
+            timing.bias_at_middle_s, sigma=math.hypot(timing.bias_at_middle_s.sigma, spread_s)
+        ),
+        night_spread_s=spread_s,
+    )
+
+
+def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:
+    """The day on which each night began, and which sessions are of it, by their numbers."""
+    found: dict[tuple[float, float, int], list[int]] = {}
+    for number, session in enumerate(sessions):
+        if not session.streaks:
+            continue
+        site = session.config.site.to_site()
+        t = min(header_mid(streak) for streak in session.streaks)
+        noons = math.floor(t / NS_PER_DAY + site.longitude_deg / 360.0 - 0.5)
+        place = (round(site.latitude_deg, 2), round(site.longitude_deg, 2), noons)
+        found.setdefault(place, []).append(number)
+    return [(_EPOCH + timedelta(days=day), members) for (_, _, day), members in found.items()]
+
+
+def _night(
+    day: date, sessions: Sequence[tuple[int, NightStreaks]], used: Sequence[Streak]
+) -> Night:
+    numbers = {number for number, _ in sessions}
+    offsets = [s.clock_offset_s for _, s in sessions if s.clock_offset_s is not None]
+    return Night(
+        day=day,
+        folders=tuple(session.folder for _, session in sessions),
+        streaks=sum(streak.session in numbers for streak in used),
+        candidates=sum(len(session.streaks) for _, session in sessions),
+        clock_offset_s=max(offsets, key=abs) if offsets else None,
+    )
+
+
+def _modes(used: Sequence[Streak]) -> tuple[list[Mode], list[int]]:
+    """The modes, and which each streak is of; exposures that are rare go together."""
+    read_outs = [read_out_of(streak.taken) for streak in used]
+    exposures = [streak.taken.exposure_s or 1.0 for streak in used]
+    named: dict[Mode, int] = {}
+    number = [0] * len(used)
+    for read_out in dict.fromkeys(read_outs):
+        of_it = [n for n, each in enumerate(read_outs) if each == read_out]
+        for group in _alike(of_it, exposures):
+            usual, _ = Counter(exposures[n] for n in group).most_common(1)[0]
+            mode = Mode(exposure_s=usual if len(group) >= FEWEST else None, read_out=read_out)
+            for n in group:
+                number[n] = named.setdefault(mode, len(named))
+    return list(named), number
+
+
+def _alike(chosen: Sequence[int], exposures: Sequence[float]) -> Iterator[list[int]]:
+    """Groups of exposures that differ by no more than ``SAME_EXPOSURE``."""
+    group: list[int] = []
+    for n in sorted(chosen, key=lambda k: exposures[k]):
+        if group and exposures[n] > SAME_EXPOSURE * exposures[group[0]]:
+            yield group
+            group = []
+        group.append(n)
+    yield group
+
+
+def _configured_line_times(
+    used: Sequence[Streak], number: Sequence[int], exposures: Sequence[ExposureConfig], modes: int
+) -> list[float]:
+    found = [0.0] * modes
+    for streak, mode in zip(used, number, strict=True):
+        found[mode] = shutter_time(streak.taken, exposures[streak.session]).line_time_us * 1e-6
+    return found
+
+
+def _about_the_middle(
+    used: Sequence[Streak],
+    number: Sequence[int],
+    sessions: Sequence[NightStreaks],
+    night_of: Mapping[int, int],
+) -> tuple[TimedDirections, FloatArray]:
+    """Directions against the orbits at the instants that are about right, and how late those are.
+
+    A satellite turns a little in the seconds that a header may be off.
+    """
+    late = np.array(
+        [
+            float(s.offset_arcsec @ s.rate_arcsec_s) / float(s.rate_arcsec_s @ s.rate_arcsec_s)
+            for s in used
+        ]
+    )
+    mode = np.array(number, np.int64)
+    late_s = np.array([float(np.median(late[mode == m])) for m in range(int(mode.max()) + 1)])
+    track = np.zeros(len(used), np.int64)
+    for place, chosen in enumerate(_tracks(used)):
+        track[chosen] = place
+        site = sessions[used[chosen[0]].session].config.site.to_site()
+        match_later([used[n] for n in chosen], site, late_s[mode[chosen]])
+    frames: dict[tuple[int, int], int] = {}
+    seen = TimedDirections(
+        offset_arcsec=np.array([s.offset_arcsec for s in used]),
+        rate_arcsec_s=np.array([s.rate_arcsec_s for s in used]),
+        covariance_arcsec2=np.array([s.covariance for s in used]),
+        row_px=np.array([s.measurement.y_px for s in used]),
+        mode=mode,
+        frame=np.array(
+            [frames.setdefault((s.session, s.taken.frame_id), len(frames)) for s in used], np.int64
+        ),
+        track=track,
+        length_off_arcsec=_lengths_off(used, track),
+        length_sigma_arcsec=np.array([length_arcsec(s)[1] for s in used]),
+        is_by_ends=np.array([s.light is None for s in used]),
+        tail=np.ones(len(used)),
+        night=np.array([night_of[s.session] for s in used], np.int64),
+    )
+    return seen, late_s
+
+
+def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatArray:
+    """By how much each streak is longer than the middle one of its track.
+
+    A mount that drifts makes all of a track longer or shorter than the rate says.
+    """
+    length = np.array([length_arcsec(streak)[0] for streak in used])
+    length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
+    off = np.full(len(used), np.nan)
+    for each in np.unique(track):
+        of_it = (track == each) & np.isfinite(length)
+        count = int(np.sum(of_it))
+        if count >= _FEWEST_LENGTHS:
+            apart = length[of_it] - np.median(length[of_it])
+            off[of_it] = apart * math.sqrt(count / (count - 1))
+    return off
+
+
+def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
+    """The streaks of one satellite in a session until it is left for a while, by their numbers."""
+    order = sorted(
+        range(len(used)),
+        key=lambda n: (used[n].session, label_of(used[n]), header_mid(used[n])),
+    )
+    track: list[int] = []
+    for n in order:
+        if track:
+            last = used[track[-1]]
+            is_same = (last.session, label_of(last)) == (used[n].session, label_of(used[n]))
+            if not is_same or header_mid(used[n]) - header_mid(last) > _PAUSE_S * NS_PER_S:
+                yield track
+                track = []
+        track.append(n)
+    yield track
+
+
+def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
+    """The same with the bias counted from the header."""
+    return replace(
+        timing,
+        bias_s=replace(timing.bias_s, value=timing.bias_s.value + late_s),
+        bias_at_middle_s=replace(
+            timing.bias_at_middle_s, value=timing.bias_at_middle_s.value + late_s
+        ),
+    )
+
+
+def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:
+    groups: dict[str, list[Streak]] = {}
+    for streak in used:
+        groups.setdefault(label_of(streak), []).append(streak)
+    found = []
+    for streaks in groups.values():
+        east, north = np.mean([s.rate_arcsec_s for s in streaks], axis=0)
+        satellite = streaks[0].satellite
+        assert satellite is not None
+        found.append(
+            SeenSatellite(
+                name=satellite.name,
+                streaks=len(streaks),
+                rate_arcsec_s=float(np.hypot(east, north)),
+                position_angle_deg=math.degrees(math.atan2(east, north)) % 360.0,
+                t_utc_ns=header_mid(streaks[0]),
+                norad_id=satellite.norad_id,
+            )
+        )
+    return tuple(sorted(found, key=lambda each: each.name))

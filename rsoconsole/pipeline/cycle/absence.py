@@ -1,0 +1,201 @@
+"""Why a frame does not show what is followed: cloud, the Earth's shadow, a refused slew. Pure.
+
+Everything is derived from what is on record of a session, so that a replay finds the same.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Told
+from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
+from rsoconsole.sky import (
+    GEO_RADIUS_KM,
+    NS_PER_S,
+    cirs_to_gcrs,
+    line_of_sight_gcrs,
+    lit_fraction,
+    separation_deg,
+    site_gcrs,
+    wrap_360,
+)
+
+FEW_STARS = 8
+"""Fewer than that in any field of a degree or so: there is something before the sky."""
+CLOUD_SHARE = 0.5
+"""Share of the usual number of stars below which it is cloud."""
+CLOUD_MAG = 0.7
+"""Loss of starlight from which it is cloud; the stars of a clear drifting field vary by 0.2."""
+KEPT_FRAMES = 60
+LEAST_FRAMES = 3
+SAME_SKY_DEG = 5.0
+"""How far star counts may be carried: across the Milky Way's edge they change within ten."""
+
+SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
+GEO_RA_RATE_OFF_ARCSEC_S = 2.0
+GEO_DEC_RATE_ARCSEC_S = 4.0
+"""What an inclination of 15 deg does to a geosynchronous satellite."""
+DAY_S = 86_400
+_STEP_S = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stars:
+    """The stars of one frame."""
+
+    count: int
+    flux_adu_s: float | None
+    """Of a middling one of the brightest; None where there are too few."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StarHistory:
+    """The stars that the last solved frames of this part of the sky showed."""
+
+    frames: tuple[Stars, ...] = ()
+    centre_icrs_deg: tuple[float, float] | None = None
+
+    @property
+    def usual_count(self) -> int | None:
+        """How many the clearest of them showed; None before there are enough."""
+        counts = sorted(stars.count for stars in self.frames)
+        return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= LEAST_FRAMES else None
+
+    @property
+    def usual_flux_adu_s(self) -> float | None:
+        """How bright they were in the clearest of them; None before there are enough."""
+        known = sorted(stars.flux_adu_s for stars in self.frames if stars.flux_adu_s is not None)
+        return known[(len(known) - 1) * 9 // 10] if len(known) >= LEAST_FRAMES else None
+
+
+def stars_of(detections: Detections, exposure_s: float) -> Stars | None:
+    """What the record of a frame says of its stars; None where nobody counted them."""
+    if detections.star_count is None:
+        return None
+    flux_adu = detections.star_flux_adu
+    return Stars(
+        count=detections.star_count,
+        flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
+    )
+
+
+def counted(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
+    """The history after one frame; only a solved one tells which sky its stars belong to."""
+    if stars is None or not isinstance(solution, Solution):
+        return before
+    centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
+    last = before.centre_icrs_deg
+    is_same_sky = last is None or separation_deg(*last, *centre) <= SAME_SKY_DEG
+    frames = (*(before.frames if is_same_sky else ()), stars)
+    return StarHistory(frames=frames[-KEPT_FRAMES:], centre_icrs_deg=centre)
+
+
+def explain_absence(
+    plain: Missed,
+    *,
+    stars: Stars | None,
+    stars_before: StarHistory,
+    track: TrackState | None,
+    site: Site,
+    t_utc_ns: int,
+    blocked: SlewRefusal | Told | None = None,
+) -> Missed:
+    """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
+
+    ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
+    only clouds are named then.
+    """
+    causes: list[HiddenBy | None] = []
+    if blocked is not None and track is not None:
+        causes.append(HiddenBy(kind="slew refused", refusal=blocked))
+    causes.append(cloud_before(stars, stars_before))
+    if track is not None:
+        causes.append(eclipse_of(track, site, t_utc_ns))
+    return replace(plain, hidden_by=tuple(cause for cause in causes if cause is not None))
+
+
+def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
+    """Cloud, where the stars are gone, far fewer or fainter than before; None for a clear sky."""
+    if stars is None:
+        return None
+    usual_count, usual_flux = before.usual_count, before.usual_flux_adu_s
+    if usual_count is not None and stars.count < CLOUD_SHARE * usual_count:
+        return HiddenBy(kind="fewer stars", stars=stars.count, usual_stars=usual_count)
+    if usual_flux and stars.flux_adu_s and stars.flux_adu_s > 0.0:
+        lost_mag = 2.5 * math.log10(usual_flux / stars.flux_adu_s)
+        if lost_mag > CLOUD_MAG:
+            return HiddenBy.by_faint_stars(lost_mag)
+    if usual_count is None and stars.count < FEW_STARS:
+        return HiddenBy(kind="few stars", stars=stars.count)
+    return None
+
+
+def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
+    """Eclipse, where the track is geostationary-like and the Earth is before its Sun."""
+    if not is_geostationary_like(track):
+        return None
+    lit = float(lit_fraction(_at_geo_km(direction_at(track, t_utc_ns), site, t_utc_ns), t_utc_ns))
+    if lit <= 0.0:
+        return HiddenBy(kind="shadow")
+    if lit < 1.0:
+        return HiddenBy.by_penumbra(lit)
+    return None
+
+
+def is_geostationary_like(track: TrackState) -> bool:
+    """Whether the motion is that of something that stays over the ground, or nearly so."""
+    ra_off_arcsec_s = abs(track.x[1] - SIDEREAL_DEG_S) * 3600.0
+    dec_arcsec_s = abs(track.x[3]) * 3600.0
+    return ra_off_arcsec_s < GEO_RA_RATE_OFF_ARCSEC_S and dec_arcsec_s < GEO_DEC_RATE_ARCSEC_S
+
+
+def direction_at(track: TrackState, t_utc_ns: int) -> tuple[float, float]:
+    """RA and Dec of the track at an instant, at its constant rates, ICRS degrees."""
+    dt_s = (t_utc_ns - track.t_utc_ns) / NS_PER_S
+    dec_deg = min(max(track.x[2] + track.x[3] * dt_s, -90.0), 90.0)
+    return wrap_360(track.x[0] + track.x[1] * dt_s), dec_deg
+
+
+def next_eclipse_utc_ns(
+    direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int
+) -> int | None:
+    """When a geostationary satellite in this direction next loses some of the Sun.
+
+    To the second and within a day; the instant itself where it is eclipsed, None where it will
+    not be. The satellite is taken to stand still over the ground.
+    """
+    start_km = _at_geo_km(direction_icrs_deg, site, t_utc_ns)
+    pole = cirs_to_gcrs(t_utc_ns)[:, 2]
+
+    def is_dimmed(since_s: FloatArray) -> FloatArray:
+        instants = t_utc_ns + np.rint(since_s * NS_PER_S).astype(np.int64)
+        return np.asarray(lit_fraction(_turned(start_km, pole, since_s), instants) < 1.0)
+
+    dimmed = np.flatnonzero(is_dimmed(np.arange(0.0, DAY_S + _STEP_S, _STEP_S)))
+    if not dimmed.size:
+        return None
+    if dimmed[0] == 0:
+        return t_utc_ns
+    fine_s = np.arange((dimmed[0] - 1.0) * _STEP_S, dimmed[0] * _STEP_S + 1.0)
+    return t_utc_ns + round(float(fine_s[np.flatnonzero(is_dimmed(fine_s))[0]])) * NS_PER_S
+
+
+def _at_geo_km(direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int) -> FloatArray:
+    """GCRS position (3,) where a line of sight meets the sphere of the geostationary belt."""
+    at = np.array([t_utc_ns])
+    ra, dec = (np.array([value]) for value in direction_icrs_deg)
+    line = line_of_sight_gcrs(ra, dec, at)[0]
+    site_km = site_gcrs(site, at)[0][0]
+    along = float(line @ site_km)
+    range_km = -along + math.sqrt(along**2 + GEO_RADIUS_KM**2 - float(site_km @ site_km))
+    return np.asarray(site_km + range_km * line)
+
+
+def _turned(position_km: FloatArray, pole: FloatArray, since_s: FloatArray) -> FloatArray:
+    """A position (3,) carried round the pole with the Earth; (N, 3). Source: Rodrigues 1840."""
+    angle = np.radians(SIDEREAL_DEG_S * since_s)[:, None]
+    along = float(pole @ position_km) * pole
+    return np.asarray(
+        along + np.cos(angle) * (position_km - along) + np.sin(angle) * np.cross(pole, position_km)
+    )

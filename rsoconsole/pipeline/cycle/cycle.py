@@ -1,0 +1,181 @@
+"""One cycle: a frame, what it shows, what is followed after it, and all that goes on record.
+
+The engine, ``process`` and every replay run this, so that the same frames give the same track;
+``pipeline.fold`` is the half of it that needs no pixels.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.cycle.absence import StarHistory, cloud_before, stars_of
+from rsoconsole.pipeline.cycle.frame_fold import Shown, fold, looked_at, when
+from rsoconsole.pipeline.cycle.hand_track import HandTrack
+from rsoconsole.pipeline.cycle.rulings import Fold, Folds, on_record_again
+from rsoconsole.pipeline.frame import FrameReducer, Glance, Reduction
+from rsoconsole.reasons import HiddenBy, SlewRefusal
+from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
+from rsoconsole.tracking.association import Following
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CycleResult:
+    """What one frame led to."""
+
+    reduction: Reduction
+    after: Following
+    records: tuple[Record, ...]
+    """All that belongs on the record behind ``FrameTaken``, in order."""
+
+
+class Cycle:
+    """Reducer and fold under one configuration."""
+
+    def __init__(self, reducer: FrameReducer, config: Config) -> None:
+        self._reducer = reducer
+        self._config = config
+        self._stars = StarHistory()
+        self._folds = Folds()
+        self._hand = HandTrack()
+        self._cloud: HiddenBy | None = None
+        self._star_count: int | None = None
+        self._said: set[str] = set()
+        """Kinds of cautions that are on record already."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables; in force from the next frame."""
+        self._config = config
+        self._reducer.configure(config)
+
+    def forget_plate(self) -> None:
+        """The camera has turned: the last plate says nothing any more."""
+        self._reducer.forget_plate()
+
+    @property
+    def cloud(self) -> HiddenBy | None:
+        """What the last frame's stars say of cloud; None for a clear sky."""
+        return self._cloud
+
+    @property
+    def star_count(self) -> int | None:
+        """How many stars the last frame showed; None where nobody counted them."""
+        return self._star_count
+
+    def _look_at_clouds(self, shown: Shown) -> None:
+        exposure_s = shown.taken.exposure_s
+        self._star_count = shown.detections.star_count
+        if exposure_s is not None:
+            self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
+
+    def _on_record(self, reduction: Reduction, frame_id: int) -> tuple[Record, ...]:
+        """What a frame gave, and each caution when it is first met."""
+        solution = () if reduction.solution is None else (reduction.solution,)
+        fresh = [each for each in reduction.cautions if each.kind not in self._said]
+        self._said |= {each.kind for each in fresh}
+        events = (Event(level=each.level, text=each.words, frame_id=frame_id) for each in fresh)
+        return (reduction.detections, *solution, *reduction.measurements, *events)
+
+    @property
+    def folds(self) -> Folds:
+        """The last frames followed, on which the operator may say a word."""
+        return self._folds
+
+    @property
+    def hand(self) -> HandTrack:
+        """The last frames that belong to no track, on which the operator may say a word, too."""
+        return self._hand
+
+    def rule_by_hand(
+        self, ruling: Ruling, kept: Following | None, last_track_id: int
+    ) -> tuple[Following | None, tuple[Record, ...]]:
+        """The operator's word on a frame that nobody followed.
+
+        The track that is kept then, and what belongs on the record. Raises ValueError where
+        nothing can be said on the frame any more.
+        """
+        after, again = self._hand.rule(ruling, kept, last_track_id)
+        return after, on_record_again(ruling, again)
+
+    def rule(self, ruling: Ruling) -> tuple[Following, tuple[Record, ...]]:
+        """Follow a frame and those after it again by the operator's word.
+
+        What is followed then, and what belongs on the record. Raises ValueError where nothing
+        can be said on the frame any more.
+        """
+        again = self._folds.rule(ruling)
+        return again[-1].folded.following, on_record_again(ruling, again)
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        """A frame's middle, so many pixels about its centre, before the frame is run."""
+        return self._reducer.glance(frame, reach_px)
+
+    def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
+        """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
+        reduction = self._reducer.reduce(frame)
+        shown = _shown(taken_record(frame), reduction, {})
+        self._look_at_clouds(shown)
+        self._stars = looked_at(self._stars, shown)
+        self._hand.add(shown, self._config)
+        return reduction, self._on_record(reduction, frame.frame_id)
+
+    def run(
+        self,
+        frame: Frame,
+        before: Following,
+        blocked: SlewRefusal | None = None,
+        orbits: Mapping[int, OrbitEstimate] | None = None,
+    ) -> CycleResult:
+        """Reduce one frame and fold it. Raises FrameError for a frame without a time.
+
+        ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
+        carries it; ``orbits``: the last one of each track on record, by track id.
+        """
+        taken = taken_record(frame, blocked)
+        when(taken, self._config)  # before the work: such a frame cannot be folded
+        reduction = self._reducer.reduce(frame)
+        shown = _shown(taken, reduction, orbits or {})
+        self._look_at_clouds(shown)
+        folded = fold(before, self._stars, shown, self._config)
+        self._folds.add(
+            Fold(
+                before=before,
+                stars_before=self._stars,
+                shown=shown,
+                config=self._config,
+                folded=folded,
+            )
+        )
+        self._stars = folded.stars
+        if folded.following.track is None:
+            self._hand.add(shown, self._config)
+        return CycleResult(
+            reduction=reduction,
+            after=folded.following,
+            records=(*self._on_record(reduction, frame.frame_id), *folded.records),
+        )
+
+
+def _shown(taken: FrameTaken, reduction: Reduction, orbits: Mapping[int, OrbitEstimate]) -> Shown:
+    return Shown(
+        taken=taken,
+        detections=reduction.detections,
+        solution=reduction.solution,
+        measurements=reduction.measurements,
+        orbits=orbits,
+    )
+
+
+def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
+    """What the session keeps of a frame beside its pixels; ``blocked`` as ``Cycle.run`` has it."""
+    return FrameTaken(
+        frame_id=frame.frame_id,
+        name=frame.name,
+        t_start_utc_ns=frame.t_start_utc_ns,
+        exposure_s=frame.exposure_s,
+        width_px=frame.width_px,
+        height_px=frame.height_px,
+        pointing_ra_icrs_deg=frame.pointing_ra_icrs_deg,
+        pointing_dec_icrs_deg=frame.pointing_dec_icrs_deg,
+        blocked=blocked,
+        camera=frame.camera,
+    )

@@ -1,0 +1,211 @@
+"""What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from rsoconsole.config import Config
+from rsoconsole.errors import FrameError
+from rsoconsole.orbit.first import bending
+from rsoconsole.orbit.motion import known, predict_motion
+from rsoconsole.pipeline.cycle.absence import StarHistory, counted, explain_absence, stars_of
+from rsoconsole.pipeline.cycle.better_predictor import may_guide
+from rsoconsole.pipeline.frame import (
+    at_its_row,
+    calibrated_for,
+    plain_absence,
+    shutter_mid_utc_ns,
+    shutter_time,
+)
+from rsoconsole.reasons import Missed
+from rsoconsole.records import (
+    Detections,
+    Frame,
+    FrameTaken,
+    Measurement,
+    NotSolved,
+    OrbitEstimate,
+    Record,
+    Ruling,
+    Site,
+    Solution,
+    TrackState,
+)
+from rsoconsole.tracking import follow
+from rsoconsole.tracking.association import (
+    CROSSED,
+    Field,
+    Following,
+    FollowSettings,
+    Seen,
+    three_sigma_deg,
+)
+from rsoconsole.tracking.filters import Bend, estimator
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """What a frame showed, as the record has it."""
+
+    taken: FrameTaken
+    detections: Detections
+    solution: Solution | NotSolved | None
+    measurements: tuple[Measurement, ...]
+    ruling: Ruling | None = None
+    """The operator's word on them."""
+    rulings: int = 0
+    """How many words have been said on them."""
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+    """The last orbit of each track on record when the frame came, by track id."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Folded:
+    """What is known after a frame."""
+
+    following: Following
+    stars: StarHistory
+    records: tuple[Record, ...]
+    """What the fold puts on record, in order."""
+
+
+def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Config) -> Folded:
+    """What is followed after a frame. Pure. Raises FrameError for a frame without a time."""
+    taken = shown.taken
+    t_mid_ns, exposure_s = when(taken, config)
+    stars = stars_of(shown.detections, exposure_s)
+    plain = Missed(kind="nothing fits")
+    if not shown.measurements:
+        plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
+    elif all(m.is_crossing for m in shown.measurements):
+        plain = CROSSED
+    # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
+    absence = functools.partial(
+        explain_absence,
+        plain,
+        stars=stars,
+        stars_before=stars_before,
+        track=before.track,
+        site=config.site.to_site(),
+        t_utc_ns=t_mid_ns,
+        blocked=taken.blocked,
+    )
+    ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
+    shutter = shutter_time(taken, config.exposure)
+    refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in ruling.refused)
+    chosen = ruling.taken and at_its_row(ruling.taken, t_mid_ns, shutter)
+    # The ruling's own instant is the recorded one: another where its latency is tried.
+    measurements = tuple(m for m in shown.measurements if m not in refused)
+    if chosen is not None and chosen not in measurements:
+        measurements = (*measurements, chosen)
+    seen = Seen(
+        frame_id=taken.frame_id,
+        t_mid_utc_ns=t_mid_ns,
+        exposure_s=exposure_s,
+        measurements=measurements,
+        absence=absence,
+        field=_field_of(shown),
+        star_width_arcsec=_star_width_arcsec(shown),
+        chosen=chosen,
+        refused=refused,
+        dropped=ruling.dropped,
+        kept=ruling.kept,
+        released=ruling.released,
+        by_orbit=_asks_orbit(before, shown.orbits, config, t_mid_ns),
+    )
+    after, records = follow(before, seen, follow_settings(config, taken))
+    return Folded(
+        following=after, stars=counted(stars_before, stars, shown.solution), records=records
+    )
+
+
+def _star_width_arcsec(shown: Shown) -> float | None:
+    """Of the frame's stars, where they and its scale are known."""
+    width_px = None if shown.detections is None else shown.detections.star_fwhm_px
+    if width_px is None or not isinstance(shown.solution, Solution):
+        return None
+    return width_px * shown.solution.scale_arcsec_px
+
+
+def _asks_orbit(
+    before: Following, orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int
+) -> Callable[[TrackState], TrackState | None] | None:
+    """Where the orbit of this very track may speak for a filter that fails."""
+    if not may_guide(config):
+        return None
+    known_of = {
+        each.track.track_id: orbit
+        for each in before.tracks
+        if (orbit := orbits.get(each.track.track_id)) is not None
+        # With other settings the track may be another one than that which the orbit is of.
+        and each.taken is not None
+        and each.taken.frame_id == orbit.frame_id
+        and orbit.label != "not observable"
+    }
+    return functools.partial(_by_orbit, known_of, config, t_mid_ns) if known_of else None
+
+
+def _by_orbit(
+    orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int, failed: TrackState
+) -> TrackState | None:
+    """What the track's orbit predicts, if it is surer than the field is wide."""
+    orbit = orbits.get(failed.track_id)
+    if orbit is None:
+        return None
+    motion = predict_motion(known(orbit), config.site.to_site(), t_mid_ns)
+    if motion is None:
+        return None
+    state = estimator.begun_from(
+        (motion.ra_icrs_deg, motion.dec_icrs_deg),
+        motion.rate_arcsec_s,
+        motion.covariance,
+        t_mid_ns,
+        failed,
+        config.filter,
+    )
+    widest_deg = min(min(config.optics.field_deg) / 2.0, config.filter.max_3sigma_arcmin / 60.0)
+    return state if three_sigma_deg(state) <= widest_deg else None
+
+
+def _field_of(shown: Shown) -> Field | None:
+    if not isinstance(shown.solution, Solution):
+        return None
+    size = (shown.taken.width_px, shown.taken.height_px)
+    return Field(wcs=shown.solution.wcs, width_px=size[0], height_px=size[1])
+
+
+def when(taken: FrameTaken, config: Config) -> tuple[int, float]:
+    """Mid-exposure by the shutter, and the exposure's length. Raises FrameError without a time."""
+    t_mid_ns = shutter_mid_utc_ns(taken, config.exposure)
+    if t_mid_ns is None or taken.exposure_s is None:
+        raise FrameError(
+            f"{taken.name} has no DATE-OBS or EXPTIME: it can be detected and solved,"
+            " not followed; have the camera's driver write them"
+        )
+    return t_mid_ns, taken.exposure_s
+
+
+def looked_at(stars_before: StarHistory, shown: Shown) -> StarHistory:
+    """The stars known after a frame that is not followed."""
+    if shown.taken.exposure_s is None:
+        return stars_before
+    return counted(stars_before, stars_of(shown.detections, shown.taken.exposure_s), shown.solution)
+
+
+def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings:
+    """The fold's settings for a frame of this size."""
+    half_field_px = min(frame.width_px, frame.height_px) / 2.0
+    return FollowSettings(
+        filter=config.filter,
+        half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
+        choice=config.search.follow,
+        bend=functools.partial(_bend, config.site.to_site()),
+        is_shutter_known=calibrated_for(frame, config.exposure) is not None,
+    )
+
+
+def _bend(
+    site: Site, t_utc_ns: int, direction_deg: tuple[float, float], rate: tuple[float, float]
+) -> Bend | None:
+    told = bending(site, t_utc_ns, direction_deg, rate)
+    return None if told is None else (told.mean, told.covariance)

@@ -1,0 +1,200 @@
+"""A track made of the operator's word on frames that nobody followed. Pure but for its memory.
+
+While autonomy does not have the mount, frames are looked at and not followed. What the operator
+marks or chooses in two of them starts a track as two detections do; it is kept, and followed once
+the mount is given back. Engine and replay keep one of these each: they come to the same track.
+"""
+
+import threading
+from dataclasses import dataclass, replace
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.cycle.absence import StarHistory
+from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
+from rsoconsole.pipeline.cycle.rulings import KEPT, Fold
+from rsoconsole.pipeline.frame import HELD, HeldFrames, shutter_mid_utc_ns
+from rsoconsole.records import Measurement, Ruling, StateChange
+from rsoconsole.tracking.association import Following
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Looked:
+    shown: Shown
+    config: Config
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Made:
+    """What the marks so far come to."""
+
+    kept: Following | None
+    candidates: tuple[Measurement, ...] = ()
+    last_track_id: int
+
+
+class HandTrack:
+    """The last frames that were looked at, and what the operator said of them."""
+
+    def __init__(self) -> None:
+        self._looked: tuple[_Looked, ...] = ()
+        # Replaced as a whole, never changed: other threads look in.
+        self._base: _Made | None = None
+        """Before the first word; None while none was said."""
+        self._held = HeldFrames(HELD)  # the second mark of a track may take as long as the first
+        self._lock = threading.Lock()
+
+    def add(self, shown: Shown, config: Config) -> None:
+        """One more frame; one without a time can be no part of a track."""
+        if shutter_mid_utc_ns(shown.taken, config.exposure) is not None:
+            plain = replace(shown, orbits={}, ruling=None, rulings=0)
+            with self._lock:
+                self._held.count()
+                looked = (*self._looked, _Looked(shown=plain, config=config))
+                self._looked = tuple(
+                    each
+                    for n, each in enumerate(looked)
+                    if n >= len(looked) - KEPT or each.shown.taken.frame_id in self._held
+                )
+
+    def hold(self, frame_id: int) -> None:
+        """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
+        with self._lock:
+            self._held.hold(frame_id)
+
+    def let_go(self, frame_id: int) -> None:
+        """It need not be kept any more (any thread)."""
+        with self._lock:
+            known = [each.shown for each in self._looked if each.shown.taken.frame_id == frame_id]
+            is_ruled = any(shown.ruling is not None for shown in known)
+            (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
+
+    def forget(self) -> None:
+        """Somebody else has the mount: what was said led to what is kept, and to no more."""
+        self._base = None
+        with self._lock:
+            self._held.forget()
+            self._looked = tuple(
+                replace(each, shown=replace(each.shown, ruling=None)) for each in self._looked
+            )[-KEPT:]
+
+    def shown(self, frame_id: int) -> Shown:
+        """What a frame showed. Raises ValueError where nothing can be said on it any more."""
+        return self._looked[self._place(frame_id)].shown
+
+    def newest(self) -> Shown:
+        """The last frame. Raises ValueError where there is none."""
+        looked = self._looked
+        if not looked:
+            raise ValueError("no frame has been looked at yet that a word could be said on")
+        return looked[-1].shown
+
+    def said_last(self) -> int | None:
+        """The newest frame that a word was said on; None where there is none."""
+        said = [each.shown.taken.frame_id for each in self._looked if each.shown.ruling is not None]
+        return said[-1] if said else None
+
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+        return tuple(each.shown.taken.frame_id for each in self._looked)
+
+    def taken(self, frame_id: int) -> Measurement | None:
+        """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
+        ruling = self.shown(frame_id).ruling
+        return None if ruling is None else ruling.taken
+
+    def rule(
+        self, ruling: Ruling, kept: Following | None, last_track_id: int
+    ) -> tuple[Following | None, tuple[Fold, ...]]:
+        """The operator's word on a frame: (the track that is kept now, frames followed by it).
+
+        ``kept``: what was kept before the first word; ``last_track_id``: of the session. Raises
+        ValueError as ``shown`` does.
+        """
+        place = self._place(ruling.frame_id)
+        old = self._looked[place]
+        shown = replace(old.shown, ruling=ruling, rulings=old.shown.rulings + 1)
+        self._looked = (
+            *self._looked[:place],
+            replace(old, shown=shown),
+            *self._looked[place + 1 :],
+        )
+        with self._lock:
+            self._held.ruled(ruling.frame_id)
+        if self._base is None:
+            self._base = _Made(kept=kept, last_track_id=last_track_id)
+        made, again = self._base, list[Fold]()
+        for number, looked in enumerate(self._looked):
+            if looked.shown.ruling is None:
+                continue
+            before = made
+            made, folded = _with(made, looked)
+            if number >= place:
+                again.append(_fold_of(before, looked, folded))
+        return made.kept, tuple(again)
+
+    def _place(self, frame_id: int) -> int:
+        for number, each in enumerate(self._looked):
+            if each.shown.taken.frame_id == frame_id:
+                return number
+        raise ValueError(
+            f"frame {frame_id} is none of those looked at since nobody follows: mark a newer one"
+        )
+
+
+def _with(made: _Made, looked: _Looked) -> tuple[_Made, Folded]:
+    """One marked frame more: the second of a track, one of a track that is kept, or a first."""
+    ruling = looked.shown.ruling
+    nothing = Folded(following=Following(state="MANUAL"), stars=StarHistory(), records=())
+    if ruling is None or ruling.taken is None:
+        return made, nothing
+    if made.candidates:
+        folded = _folded(_waiting(made), looked)
+        if folded.following.track is not None:
+            return _begun(folded), folded
+        if not _goes_on(made, looked):
+            return replace(made, candidates=folded.following.candidates), folded
+    if made.kept is not None and _goes_on(made, looked):
+        before = replace(made.kept, state="COAST", candidates=())
+        folded = _folded(before, looked)
+        if folded.following.track_id == made.kept.track_id:
+            return _begun(folded), folded
+    folded = _folded(_waiting(replace(made, candidates=())), looked)
+    return replace(made, candidates=folded.following.candidates), folded
+
+
+def _goes_on(made: _Made, looked: _Looked) -> bool:
+    """Whether a frame comes after all that the kept track has."""
+    if made.kept is None or made.kept.track is None:
+        return False
+    t_mid_ns = shutter_mid_utc_ns(looked.shown.taken, looked.config.exposure)
+    return t_mid_ns is not None and t_mid_ns > made.kept.track.t_utc_ns
+
+
+def _waiting(made: _Made) -> Following:
+    state = "ACQUIRE" if made.candidates else "SEARCH"
+    return Following(
+        state=state,  # type: ignore[arg-type]
+        candidates=made.candidates,
+        last_track_id=made.last_track_id,
+    )
+
+
+def _begun(folded: Folded) -> _Made:
+    return _Made(kept=folded.following, last_track_id=folded.following.last_track_id)
+
+
+def _folded(before: Following, looked: _Looked) -> Folded:
+    """By what the operator gave alone; who has the mount does not change by it."""
+    folded = fold(before, StarHistory(), replace(looked.shown, measurements=()), looked.config)
+    kept = tuple(each for each in folded.records if not isinstance(each, StateChange))
+    return replace(folded, records=kept)
+
+
+def _fold_of(before: _Made, looked: _Looked, folded: Folded) -> Fold:
+    return Fold(
+        before=before.kept or _waiting(before),
+        stars_before=StarHistory(),
+        shown=looked.shown,
+        config=looked.config,
+        folded=folded,
+    )

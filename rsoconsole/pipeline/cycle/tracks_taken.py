@@ -1,0 +1,212 @@
+"""Which measurements each track took, as the records name them."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import assert_never
+
+from rsoconsole.pipeline.frame import BEGIN_MARK, HELD
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+WHOLE = 32
+"""So many of a track's last steps stay whole, more than an operator's word reaches back; of older
+ones only counts which measurement was taken. A mark that has been begun reaches further."""
+
+
+@dataclass(slots=True)
+class Track:
+    """One track, from the two measurements that began it."""
+
+    measurements: list[Measurement]
+    """In order of time."""
+    last: TrackState
+    """The filter after the last of them."""
+    predicted: TrackState | None = None
+    """And before it; None where it began the track."""
+
+    @property
+    def track_id(self) -> int:
+        """As in the records."""
+        return self.last.track_id
+
+
+@dataclass(slots=True)
+class _Steps:
+    """What a track made of one frame in the end."""
+
+    predicted: TrackState | None = None
+    corrected: TrackState | None = None
+
+    @property
+    def is_lead(self) -> bool:
+        state = self.corrected or self.predicted
+        return state is not None and state.is_lead
+
+
+@dataclass(slots=True)
+class _Frame:
+    """By track."""
+
+    steps: dict[int, _Steps] = field(default_factory=dict)
+
+
+class TracksTaken:
+    """Takes a session's records in order."""
+
+    KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
+    """Those that it needs; others pass by."""
+
+    def __init__(self) -> None:
+        self._frames: dict[int, _Frame] = {}
+        self._measured: dict[str, Measurement] = {}
+        """By id."""
+        self._whole: dict[int, deque[_Steps]] = {}
+        """By track: its last steps that took a measurement."""
+        self._known: dict[int, Track] = {}
+        """The tracks up to a frame, so that each frame is gone through once."""
+        self._known_to = -1
+        self._most_whole = WHOLE
+
+    def hear(self, record: Record) -> None:
+        """One record."""
+        match record:
+            case Measurement():
+                self._measured[record.measurement_id] = record
+            case FollowedAgain():
+                self._frames.pop(record.frame_id, None)
+                self._begin_again()
+            case TrackState():
+                if record.frame_id <= self._known_to:
+                    self._begin_again()
+                frame = self._frames.setdefault(record.frame_id, _Frame())
+                steps = frame.steps.setdefault(record.track_id, _Steps())
+                if record.kind == "predicted":
+                    steps.predicted = record
+                else:
+                    steps.corrected = record
+                    self._let_go(record.track_id, steps)
+            case OperatorAction() if record.verb == BEGIN_MARK:
+                self._most_whole = WHOLE + HELD
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | NotFollowed()
+                | Miss()
+                | SlewCommand()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | OrbitEstimate()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
+                | Event()
+            ):
+                pass  # no direction of a track
+            case _:
+                assert_never(record)
+
+    def tracks(self) -> list[Track]:
+        """All of them, in order of time."""
+        for number in sorted(each for each in self._frames if each > self._known_to):
+            for track_id, steps in self._frames[number].steps.items():
+                if steps.corrected is not None:
+                    self._go_on(self._known, track_id, steps.corrected, steps.predicted)
+            self._known_to = number
+        return list(self._known.values())
+
+    def _begin_again(self) -> None:
+        """What is known of the tracks is of steps that hold no more."""
+        self._known, self._known_to = {}, -1
+
+    def _let_go(self, track_id: int, newest: _Steps) -> None:
+        """Covariances and mixtures of a night's steps do not stay in memory: some 5 kB a step."""
+        whole = self._whole.setdefault(track_id, deque())
+        if not whole or whole[-1] is not newest:
+            whole.append(newest)
+        if len(whole) > self._most_whole:
+            old = whole.popleft()
+            old.predicted = None
+            if old.corrected is not None:
+                old.corrected = replace(old.corrected, P=(), mixture=None, memory=None)
+
+    @property
+    def newest_frame_id(self) -> int:
+        """Of the newest frame that any track was predicted to; -1 before the first."""
+        return max(self._frames, default=-1)
+
+    def live(self) -> list[Track]:
+        """Those of the newest frame that any track was predicted to, the lead first."""
+        if not self._frames:
+            return []
+        newest = self._frames[max(self._frames)].steps
+        is_anew = any(
+            each.corrected is not None and each.corrected.kind == "initial" and each.is_lead
+            for each in newest.values()
+        )
+        # A lead that was only predicted where another begins has been given up for it; of what
+        # stands beside it the new track says which.
+        ended: set[int | None]
+        ended = {n for n, s in newest.items() if is_anew and s.corrected is None and s.is_lead}
+        ended |= {s.corrected.replaces for s in newest.values() if s.corrected is not None}
+        found = [
+            track
+            for track in self.tracks()
+            if track.track_id in newest and track.track_id not in ended
+        ]
+        return sorted(found, key=lambda track: not newest[track.track_id].is_lead)
+
+    def _go_on(
+        self,
+        found: dict[int, Track],
+        track_id: int,
+        corrected: TrackState,
+        predicted: TrackState | None,
+    ) -> None:
+        """A track has taken a measurement."""
+        taken = self._named((corrected.measurement_id,))
+        if not taken:
+            return  # its record has been lost
+        if corrected.shared_with is not None:
+            taken = []  # lies between two satellites: no direction of either
+        if track_id not in found:
+            earlier = (*(corrected.begun_with or ())[:1], *corrected.begun_through)
+            found[track_id] = Track(self._named(earlier), corrected)
+        track = found[track_id]
+        track.measurements += taken
+        track.last, track.predicted = corrected, predicted
+
+    def _named(self, ids: Sequence[str | None]) -> list[Measurement]:
+        return [self._measured[each] for each in ids if each in self._measured]

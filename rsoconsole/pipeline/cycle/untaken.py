@@ -1,0 +1,131 @@
+"""Directions that no track took, and which of them an orbit knows as its own.
+
+A track begins with the first two frames that agree, and coasts beside what its gate refuses: what
+was seen before, or refused then, may be the very object. An orbit that has grown since can tell:
+a direction is its own where the density that it gives to it outweighs that of strangers.
+"""
+
+import math
+from collections.abc import Collection, Iterable
+from itertools import chain
+
+import numpy as np
+
+from rsoconsole.orbit.motion import KnownOrbit, predict
+from rsoconsole.records import (
+    FloatArray,
+    FollowedAgain,
+    Measurement,
+    NotFollowed,
+    Record,
+    Site,
+    TrackState,
+)
+from rsoconsole.sky import NS_PER_S, wrap_180
+from rsoconsole.tracking import STRANGERS_ARCSEC2
+from rsoconsole.tracking.association import MAY_BE_FOLLOWED, SURE_ODDS
+from rsoconsole.tracking.initiation import REFUSED
+
+KEPT_S = 7200.0
+"""Older ones are let go: no track has lasted unseen for longer."""
+_MOST = 600
+_GATE_NIS = 9.21
+"""Of two numbers; a hundredth of what belongs lies beyond."""
+
+
+class Untaken:
+    """Takes a session's records in order; remembers the last two hours."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, Measurement] = {}
+        """By id, in order of time."""
+        self._settled: dict[int, set[str]] = {}
+        """By frame: the ids that tracks took there, and those that the operator refused."""
+
+    def hear(self, record: Record) -> None:
+        """One record; others than the four kinds that matter pass by."""
+        if isinstance(record, Measurement):
+            self._seen[record.measurement_id] = record
+            self._let_go(record.t_mid_utc_ns)
+        elif isinstance(record, FollowedAgain):
+            self._settled.pop(record.frame_id, None)
+        elif isinstance(record, TrackState) and record.kind != "predicted":
+            ids = (record.measurement_id, *(record.begun_with or ()), *record.begun_through)
+            self._settle(record.frame_id, ids)
+        elif isinstance(record, NotFollowed) and record.reason == REFUSED:
+            self._settle(record.frame_id, (record.measurement.measurement_id,))
+
+    def of(
+        self, orbit: KnownOrbit, site: Site, without: Collection[int], learnt: tuple[float, float]
+    ) -> tuple[Measurement, ...]:
+        """Those that are the object's of this orbit, in order of time; at most one of a frame.
+
+        ``without``: frames in which it is known already which streak is its; ``learnt``: scatter
+        along the motion (s) and the scale of variances, as the track has learnt them.
+        """
+        settled = set(chain.from_iterable(self._settled.values()))
+        asked = [
+            m
+            for m in self._seen.values()
+            if m.measurement_id not in settled
+            and m.frame_id not in without
+            and not m.is_clipped
+            and m.object_class in MAY_BE_FOLLOWED
+            and _is_direction(m)
+        ]
+        if not asked:
+            return ()
+        own = _are_own(asked, orbit, site, learnt)
+        found: dict[int, list[Measurement]] = {}
+        for m, is_own in zip(asked, own, strict=True):
+            if is_own:
+                found.setdefault(m.frame_id, []).append(m)
+        return tuple(each[0] for each in found.values() if len(each) == 1)
+
+    def _settle(self, frame_id: int, ids: Iterable[str | None]) -> None:
+        self._settled.setdefault(frame_id, set()).update(each for each in ids if each)
+
+    def _let_go(self, now_utc_ns: int) -> None:
+        while self._seen:
+            oldest = next(iter(self._seen))
+            m = self._seen[oldest]
+            is_old = now_utc_ns - m.t_mid_utc_ns > KEPT_S * NS_PER_S
+            if not is_old and len(self._seen) <= _MOST:
+                return
+            del self._seen[oldest]
+            for frame_id in [each for each in self._settled if each < m.frame_id]:
+                del self._settled[frame_id]
+
+
+def _is_direction(m: Measurement) -> bool:
+    ee, en, nn = m.cov_sky_arcsec2
+    numbers = (m.ra_icrs_deg, m.dec_icrs_deg, ee, en, nn)
+    return all(map(math.isfinite, numbers)) and min(ee, nn) > 0.0 and ee * nn > en * en
+
+
+def _are_own(
+    asked: list[Measurement], orbit: KnownOrbit, site: Site, learnt: tuple[float, float]
+) -> FloatArray:
+    """(N,) whether the orbit gives each a density far above that of strangers."""
+    ahead = predict(orbit, site, np.array([m.t_mid_utc_ns for m in asked], np.int64))
+    places = ahead.places
+    cos_dec = np.cos(np.radians(places.dec_icrs_deg))
+    off = 3600.0 * np.stack(
+        [
+            wrap_180(np.array([m.ra_icrs_deg for m in asked]) - places.ra_icrs_deg) * cos_dec,
+            np.array([m.dec_icrs_deg for m in asked]) - places.dec_icrs_deg,
+        ],
+        axis=-1,
+    )
+    scatter_s, scale = learnt
+    along = 3600.0 * np.stack([places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s], axis=-1)
+    ee, en, nn = (ahead.cov_sky_arcsec2 + scale * np.array([m.cov_sky_arcsec2 for m in asked])).T
+    spread = np.stack([np.stack([ee, en], axis=-1), np.stack([en, nn], axis=-1)], axis=-2)
+    spread = spread + scatter_s**2 * along[:, :, None] * along[:, None, :]
+    is_finite = np.isfinite(spread).all(axis=(-2, -1)) & np.isfinite(off).all(axis=-1)
+    spread = np.where(is_finite[:, None, None], spread, np.eye(2))
+    off = np.where(is_finite[:, None], off, 0.0)
+    nis = np.einsum("ni,nij,nj->n", off, np.linalg.inv(spread), off)
+    log_density = -nis / 2.0 - np.log(2.0 * math.pi) - np.linalg.slogdet(spread)[1] / 2.0
+    is_sure = log_density - math.log(STRANGERS_ARCSEC2) >= math.log(SURE_ODDS)
+    return np.asarray(is_finite & (nis <= _GATE_NIS) & is_sure)

@@ -1,0 +1,281 @@
+"""A frame that stands alone: its plate, its lines and its points, ready for the catalogue."""
+
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.errors import FrameError, SolverError
+from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.orbit.identification import FieldOfView, Line
+from rsoconsole.pipeline.field.field_points import Points, points_of
+from rsoconsole.pipeline.frame import (
+    Calibration,
+    FrameReducer,
+    Part,
+    PlateFinder,
+    measure,
+    shutter_mid_utc_ns,
+    shutter_time,
+)
+from rsoconsole.reasons import BelowTau
+from rsoconsole.records import Detection, FloatArray, Frame, NotSolved, Solution
+from rsoconsole.sky import (
+    ARCSEC_RAD,
+    describe,
+    direction_to_unit,
+    pixel_to_sky,
+    sky_to_pixel,
+    unit_to_direction,
+    wcs_from_cards,
+)
+from rsoconsole.vision.detector import ConfidenceCurve, Network
+from rsoconsole.vision.stars import StarList, find_stars
+
+PlateMode = Literal["auto", "solve", "header"]
+_HEADER_RMS_PX = 0.5
+"""What the plate of a header is believed to be good to, which does not say it."""
+_BOX_SIGMA_DEG = 30.0
+_FAINT_STRANGERS = 5.0
+"""Lines below tau that are nothing catalogued, at least."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldFrame:
+    """A frame with a time and a plate."""
+
+    t_mid_utc_ns: int
+    exposure_s: float
+    width_px: int
+    height_px: int
+    solution: Solution
+    plate_from: Literal["solved", "header"]
+    detections: tuple[Detection, ...]
+    """Those that were taken, then those below tau, which count where an object explains one."""
+    taken: int
+    """How many of them were taken."""
+    lines: tuple[Line, ...]
+    """One for each detection."""
+    points: Points
+    notes: tuple[str, ...]
+
+    def contains(self, u: FloatArray) -> np.ndarray:
+        """Whether unit vectors (..., 3) are in the frame, (...,)."""
+        x, y = sky_to_pixel(self.solution.wcs, *unit_to_direction(u))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(
+                (x >= -0.5) & (x <= self.width_px - 0.5) & (y >= -0.5) & (y <= self.height_px - 0.5)
+            )
+
+    def view(self, config: Config) -> FieldOfView:
+        """What it looks at, for the catalogue."""
+        wcs = self.solution.wcs
+        x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
+        y = np.array([-0.5, -0.5, self.height_px - 0.5, self.height_px - 0.5])
+        corners = direction_to_unit(*pixel_to_sky(wcs, x, y))
+        centre = direction_to_unit(self.solution.ra_icrs_deg, self.solution.dec_icrs_deg)
+        scale_rad = self.solution.scale_arcsec_px * ARCSEC_RAD
+        return FieldOfView(
+            site=config.site.to_site(),
+            t_mid_utc_ns=self.t_mid_utc_ns,
+            exposure_s=self.exposure_s,
+            centre=centre,
+            radius_rad=float(np.arccos(np.clip(corners @ centre, -1.0, 1.0)).max()),
+            area_rad2=self.width_px * self.height_px * scale_rad**2,
+            contains=self.contains,
+        )
+
+
+class FieldPlate:
+    """A frame's plate: solved, or as its header has it."""
+
+    def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
+        """``finder``: None where there is no solver, and ``no_solver`` why."""
+        self._finder, self._no_solver, self._mode = finder, no_solver, mode
+        self.source: Literal["solved", "header"] = "solved"
+        self.why_header = ""
+        """Why the last plate was taken from its header."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        if self._finder is not None:
+            self._finder.configure(config)
+
+    def forget(self) -> None:
+        """What was known of the camera holds no more."""
+        if self._finder is not None:
+            self._finder.forget()
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
+        """The plate of one frame."""
+        self.source, self.why_header = "solved", ""
+        if self._mode == "header":
+            return self._of_header(frame, "")
+        if self._finder is None:
+            solved: Solution | NotSolved = NotSolved(
+                frame_id=frame.frame_id, reason=self._no_solver, ms=0.0
+            )
+        else:
+            solved = self._finder.solve(frame, stars)
+        if isinstance(solved, Solution) or self._mode == "solve" or not _has_plate(frame):
+            return solved
+        return self._of_header(frame, solved.reason)
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """Nobody looks at a part of such a frame."""
+        _ = frame, stars, part
+        return None
+
+    def _of_header(self, frame: Frame, why: str) -> Solution | NotSolved:
+        try:
+            wcs = wcs_from_cards(frame.header)
+            field = describe(wcs, frame.width_px, frame.height_px)
+        except FrameError as error:
+            return NotSolved(frame_id=frame.frame_id, reason=str(error), ms=0.0)
+        self.source, self.why_header = "header", why
+        return Solution(
+            frame_id=frame.frame_id,
+            wcs=wcs,
+            ra_icrs_deg=field.ra_icrs_deg,
+            dec_icrs_deg=field.dec_icrs_deg,
+            scale_arcsec_px=field.scale_arcsec_px,
+            rotation_deg=field.rotation_deg,
+            is_flipped=field.is_flipped,
+            matched=0,
+            rms_arcsec=_HEADER_RMS_PX * field.scale_arcsec_px,
+            path="full",
+            ms=0.0,
+        )
+
+
+def _has_plate(frame: Frame) -> bool:
+    return str(frame.header.get("CTYPE1", "")).startswith("RA---TAN")
+
+
+class FieldReader:
+    """Makes frames ready, one after another."""
+
+    def __init__(self, reducer: FrameReducer, plate: FieldPlate, config: Config) -> None:
+        self._reducer, self._plate, self._config = reducer, plate, config
+        self._calibration = Calibration(config)
+
+    def read(self, frame: Frame) -> FieldFrame:
+        """Raises FrameError naming what is missing: the time, the plate."""
+        t_mid_utc_ns = shutter_mid_utc_ns(frame, self._config.exposure)
+        if t_mid_utc_ns is None or frame.exposure_s is None:
+            raise FrameError(
+                f"{frame.name}: no time of exposure: DATE-OBS (UTC) and EXPTIME are needed in the"
+                " header to know what crossed"
+            )
+        even, _ = self._calibration.prepare(frame)
+        stars = find_stars(even.pixels, max_stars=1500, saturation_adu=even.saturation_adu)
+        reduction = self._reducer.reduce(frame)
+        solution = reduction.solution
+        if solution is None:
+            solution = self._plate.solve(frame, stars)
+        if isinstance(solution, NotSolved):
+            raise FrameError(f"{frame.name}: no plate: {solution.reason}")
+        taken = reduction.detections.detections
+        faint = tuple(
+            each.detection
+            for each in reduction.detections.rejected
+            if isinstance(each.reason, BelowTau) and each.detection.method == "line"
+        )
+        strangers = max(_FAINT_STRANGERS, float(len(faint)))
+        lines = [line_of(each, solution, frame, self._config) for each in taken]
+        lines += [
+            replace(line_of(each, solution, frame, self._config), strangers=strangers)
+            for each in faint
+        ]
+        notes = [each.words for each in reduction.cautions]
+        if self._plate.why_header:
+            notes.append(f"not solved ({self._plate.why_header}): the header's plate is taken")
+        return FieldFrame(
+            t_mid_utc_ns=t_mid_utc_ns,
+            exposure_s=frame.exposure_s,
+            width_px=frame.width_px,
+            height_px=frame.height_px,
+            solution=solution,
+            plate_from=self._plate.source,
+            detections=(*taken, *faint),
+            taken=len(taken),
+            lines=tuple(lines),
+            points=points_of(stars, solution, t_mid_utc_ns, frame, taken, self._config),
+            notes=tuple(notes),
+        )
+
+
+@contextmanager
+def open_field_reader(config: Config, mode: PlateMode) -> Iterator[FieldReader]:
+    """A reader ready to work.
+
+    Raises ModelError when the network cannot be loaded; SolverError without index files where the
+    plates have to be solved.
+    """
+    network = Network.load(config.detector.model, config.detector.threads)
+    curve = ConfidenceCurve.from_card(network.card)
+    with ExitStack() as stack:
+        finder, why = None, ""
+        if mode != "header":
+            try:
+                solver = stack.enter_context(
+                    PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
+                )
+                finder = PlateFinder(solver, config)
+            except SolverError as error:
+                if mode == "solve":
+                    raise
+                why = str(error)
+        plate = FieldPlate(finder, why, mode)
+        yield FieldReader(FrameReducer(network, curve, plate, config), plate, config)
+
+
+def line_of(detection: Detection, solution: Solution, frame: Frame, config: Config) -> Line:
+    """A detection on the sky."""
+    x = np.array([detection.x_a_px, detection.x_b_px, detection.x_px])
+    y = np.array([detection.y_a_px, detection.y_b_px, detection.y_px])
+    a, b, middle = direction_to_unit(*pixel_to_sky(solution.wcs, x, y))
+    scale_rad = solution.scale_arcsec_px * ARCSEC_RAD
+    measured = measure(detection, solution, frame, config.exposure, measurement_id="")
+    sigma_deg = detection.sigma_angle_deg
+    if detection.method == "box":
+        sigma_deg = _BOX_SIGMA_DEG
+    elif sigma_deg is None:
+        across_px = max(detection.sigma_across_px, 0.1)
+        sigma_deg = math.degrees(2.0 * across_px / max(detection.length_px, 1.0))
+    is_end_a, is_end_b = _ends_within(detection, frame)
+    east, both, north = (0.0, 0.0, 0.0) if measured is None else measured.cov_sky_arcsec2
+    # A light of some width has ends less sure than its middle.
+    length_px = 2.0 * detection.sigma_along_px + 0.5 * max(detection.width_px, 1.0)
+    return Line(
+        a=a,
+        b=b,
+        middle=middle,
+        is_end_a=is_end_a,
+        is_end_b=is_end_b,
+        is_ordered=False,
+        after_s=detection.y_px * shutter_time(frame, config.exposure).line_time_us * 1e-6,
+        cov_sky_rad2=(east * ARCSEC_RAD**2, both * ARCSEC_RAD**2, north * ARCSEC_RAD**2),
+        sigma_direction_rad=math.radians(sigma_deg),
+        sigma_length_rad=length_px * scale_rad,
+    )
+
+
+def _ends_within(detection: Detection, frame: Frame) -> tuple[bool, bool]:
+    """Which of its ends the object had when the shutter moved; the rim cuts the others."""
+    if detection.kind == "streak":
+        return True, True
+    if detection.kind == "crossing":
+        return False, False
+    to_rim = [
+        min(x, y, frame.width_px - 1 - x, frame.height_px - 1 - y)
+        for x, y in (
+            (detection.x_a_px, detection.y_a_px),
+            (detection.x_b_px, detection.y_b_px),
+        )
+    ]
+    return to_rim[0] > to_rim[1], to_rim[0] <= to_rim[1]

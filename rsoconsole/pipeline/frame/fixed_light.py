@@ -1,0 +1,211 @@
+"""Streaks of a solved frame against the frame before it and the star catalogue.
+
+One frame cannot tell a flashing streak from stars in a row. Light that an earlier frame shows at
+the same places of the sky, or that catalogue stars have, is no satellite's; light that neither has
+is no star's. What stays at the same pixels while the sky moves is the sensor's own, unless it
+moves as what the telescope keeps pace with does. The order of the frames is that of the record.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol
+
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.pipeline.frame.known_stars import KnownStars
+from rsoconsole.pipeline.frame.look_back import LookBack
+from rsoconsole.pipeline.frame.solved_field import SolvedField, Word
+from rsoconsole.reasons import BelowTau, NotAStreak, NotAStreakKind
+from rsoconsole.records import Detection, Detections, Frame, Rejection, Solution
+from rsoconsole.sky.stars import StarCatalogue
+from rsoconsole.vision.detector import FrameAnalysis, is_same_streak
+from rsoconsole.vision.streaks import (
+    PRIOR,
+    SHINES_ON,
+    Compared,
+    Likelihood,
+    decided,
+    updated,
+    with_company,
+)
+
+log = logging.getLogger(__name__)
+
+MOST_LOOKS = 8
+"""Streaks of a frame that are looked at, most confident first."""
+FIXED_CONFIDENCE = 0.02
+"""Times its confidence is what is fixed still believed."""
+_LED_TO: dict[NotAStreakKind, Compared | None] = {
+    "fixed in the sky": "same light",
+    "catalogue stars": "catalogue stars",
+    "fixed on the sensor": None,
+}
+"""What the comparison was that led to a reason."""
+_NOTHING = Word()
+
+
+class Comparison(Protocol):
+    """What compares a solved frame's streaks with what is known beside the frame."""
+
+    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
+        """The frame's streaks with what the comparison makes of them; raises nothing.
+
+        ``frame``: with its pixels as ``analysis`` has seen them.
+        """
+
+
+class FixedLight:
+    """Knows the last solved frame, whose pixels it holds until the next one."""
+
+    def __init__(self, catalogue: StarCatalogue | None = None) -> None:
+        """``catalogue``: None for the shipped stars."""
+        self._catalogue = catalogue
+        self._before: SolvedField | None = None
+
+    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
+        """As ``Comparison`` has it; frames come in the order of the record."""
+        here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
+        before, self._before = self._before, here
+        asked = _worth_a_look(analysis)
+        return _after(here, analysis, lambda: words_of(here, before, asked, self._catalogue))
+
+
+class RecordedComparison:
+    """Says what is on record, of a frame that is looked at again without the one before it."""
+
+    def __init__(self, recorded: Detections | None) -> None:
+        """``recorded``: what was found in that frame; None where it was never reduced."""
+        rejected = () if recorded is None else recorded.rejected
+        self._fixed = [
+            each
+            for each in rejected
+            if isinstance(each.reason, NotAStreak) and each.reason.kind in _LED_TO
+        ]
+
+    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
+        """As ``Comparison`` has it; the catalogue is asked once more."""
+        here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
+        asked = _worth_a_look(analysis)
+        return _after(here, analysis, lambda: words_of(here, None, asked) | self._words(asked))
+
+    def _words(self, streaks: list[Detection]) -> dict[Detection, Word]:
+        words: dict[Detection, Word] = {}
+        for each in streaks:
+            for one in self._fixed:
+                reason = one.reason
+                if isinstance(reason, NotAStreak) and is_same_streak(each, one.detection):
+                    words[each] = Word(comparison=_LED_TO[reason.kind], reason=reason)
+        return words
+
+
+def _after(
+    here: SolvedField, analysis: FrameAnalysis, compare: Callable[[], dict[Detection, Word]]
+) -> Detections:
+    """The frame's streaks after a comparison; as they were where it breaks."""
+    found = analysis.detections
+    try:
+        words = compare()
+        return with_words(found, words, analysis.class_shares, here.frame) if words else found
+    except Exception:
+        # A look beside the frame must not cost the frame.
+        log.exception("frame %d: its streaks are not compared", here.frame.frame_id)
+        return found
+
+
+def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
+    """What was taken, and what another tau would take."""
+    found = analysis.detections
+    below = [r.detection for r in found.rejected if isinstance(r.reason, BelowTau)]
+    seen = [each for each in (*found.detections, *below) if each.width_px > 0.0]
+    return seen[:MOST_LOOKS]
+
+
+def words_of(
+    here: SolvedField,
+    before: SolvedField | None,
+    streaks: list[Detection],
+    catalogue: StarCatalogue | None = None,
+) -> dict[Detection, Word]:
+    """What earlier frame and catalogue say of a frame's streaks; nothing of those left out. Pure.
+
+    Without streaks nothing is looked up. ``catalogue``: None for the shipped stars.
+    """
+    if not streaks or here.stars.trail is not None:
+        return {}
+    words: dict[Detection, Word] = {}
+    back = None if before is None else LookBack.of(here, before)
+    if back is not None:
+        words = {each: word for each in streaks if (word := back.word(each)) is not None}
+    left = [each for each in streaks if each not in words]
+    known = _known_stars(here, catalogue) if left else None
+    if known is not None:
+        words |= {each: word for each in left if (word := known.word(each)) is not None}
+    return words
+
+
+def _known_stars(here: SolvedField, catalogue: StarCatalogue | None) -> KnownStars | None:
+    """None, too, where the catalogue cannot be read: what the frame before says stands."""
+    try:
+        return KnownStars.of(here, catalogue)
+    except RsoconsoleError as error:
+        log.warning(
+            "frame %d: its streaks are held against no star: %s", here.frame.frame_id, error
+        )
+        return None
+
+
+def with_words(
+    found: Detections,
+    words: Mapping[Detection, Word],
+    shares: Mapping[Detection, Likelihood],
+    frame: Frame,
+) -> Detections:
+    """A frame's streaks after what was said of them: classes, and what is no streak. Pure."""
+    kept: list[Detection] = []
+    rejected: list[Rejection] = []
+    for each in found.detections:
+        word = words.get(each, _NOTHING)
+        told = _renamed(each, word, shares, frame)
+        if word.reason is None:
+            kept.append(told)
+        else:
+            rejected.append(Rejection(detection=told, reason=word.reason))
+    for one in found.rejected:
+        word = words.get(one.detection, _NOTHING)
+        told = _renamed(one.detection, word, shares, frame)
+        rejected.append(Rejection(detection=told, reason=word.reason or one.reason))
+    rejected.sort(key=lambda each: -each.detection.confidence)
+    per_px = None
+    if frame.scale_arcsec_px is not None and frame.exposure_s:
+        per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
+    detections = tuple(with_company(kept, per_px))
+    return replace(found, detections=detections, rejected=tuple(rejected))
+
+
+def _renamed(
+    streak: Detection, word: Word, shares: Mapping[Detection, Likelihood], frame: Frame
+) -> Detection:
+    if word == _NOTHING:
+        return streak
+    before = shares.get(streak, PRIOR)
+    if word.reason is None and decided(before) != (streak.object_class, streak.class_probability):
+        return streak  # its company has named it
+    after = PRIOR if word.comparison is None else updated(before, word.comparison)
+    name, probability = decided(after)
+    if word.reason is not None:
+        streak = replace(streak, confidence=FIXED_CONFIDENCE * streak.confidence, train=0)
+    return replace(
+        streak,
+        object_class=name,
+        class_probability=probability,
+        modulation_period_s=_period_s(streak, frame) if name in SHINES_ON else None,
+    )
+
+
+def _period_s(streak: Detection, frame: Frame) -> float | None:
+    """Of its pulse in time."""
+    period_px, exposure_s = streak.modulation_period_px, frame.exposure_s
+    if streak.kind != "streak" or period_px is None or not exposure_s:
+        return None
+    known = streak.modulation_period_s
+    return exposure_s * period_px / streak.length_px if known is None else known

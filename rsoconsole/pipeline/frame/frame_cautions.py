@@ -1,0 +1,49 @@
+"""What a user should know of a frame besides what was found in it, each in one sentence."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from rsoconsole.config import Config
+from rsoconsole.instruments.frames import NOTES_KEY
+from rsoconsole.pipeline.frame.hints import hint_of, wrong_hints
+from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.vision.detector import range_cautions
+
+CALIBRATION = "calibration"
+"""How the kinds of cautions about master frames begin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Caution:
+    """A warning, or what is to be known of every frame that follows."""
+
+    kind: str
+    """Who repeats frames says each kind once."""
+    words: str
+    level: Literal["info", "warning"] = "warning"
+
+
+def cautions(
+    frame: Frame, solution: Solution | NotSolved | None, config: Config
+) -> tuple[Caution, ...]:
+    """What its reader noted, where camera or exposure leave what was calibrated, wrong hints.
+
+    The scale is the stars' where they told it, else the header's.
+    """
+    notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
+    found = [Caution(kind=note, words=note) for note in notes]
+    scale_arcsec_px = frame.scale_arcsec_px
+    if isinstance(solution, Solution):
+        scale_arcsec_px = solution.scale_arcsec_px
+        wrong = wrong_hints(hint_of(frame, config), solution, frame, config)
+        found += [Caution(kind=f"{each.hint} hint", words=each.words) for each in wrong]
+    about = range_cautions(scale_arcsec_px, frame.exposure_s, frame.width_px, frame.height_px)
+    return (*found, *(Caution(kind=kind, words=words) for kind, words in about.items()))
+
+
+def calibration_warnings(told: Iterable[Caution]) -> Iterator[str]:
+    """Warnings about master frames: a comparison with the record depends on them."""
+    for each in told:
+        if each.level == "warning" and each.kind.startswith(CALIBRATION):
+            yield each.words

@@ -1,0 +1,165 @@
+"""A streak in pixels and a plate solution make a direction on the sky with its covariance."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rsoconsole.config import ExposureConfig
+from rsoconsole.pipeline.frame.shutter_state import ShutterTime, shutter_time
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    Frame,
+    FrameTaken,
+    Measurement,
+    Solution,
+    Source,
+    measurement_id_of,
+)
+from rsoconsole.sky import jacobian_arcsec_px, pixel_to_sky
+
+AIR_ARCSEC_ROOT_S = 0.40
+"""Wander of the satellite against stars half a degree off, times the root of the exposure.
+
+1.3 arcsec theta^0.25 T^-0.5, theta in radians. Source: Lindegren 1980.
+"""
+
+
+def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
+    """Middle of the exposure by the shutter: the header's plus the camera's known latency.
+
+    With a rolling shutter that of the first row.
+    """
+    if frame.t_mid_utc_ns is None:
+        return None
+    return frame.t_mid_utc_ns + round(shutter_time(frame, exposure).late_s * 1e9)
+
+
+def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime) -> Measurement:
+    """A measurement of the frame whose first row has this mid-exposure, at that of its own row."""
+    t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, shutter)
+    if t_row_ns == measurement.t_mid_utc_ns:
+        return measurement
+    return replace(measurement, t_mid_utc_ns=t_row_ns)
+
+
+def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, shutter: ShutterTime) -> int:
+    """Mid-exposure of a row: with a rolling shutter later than the first row's.
+
+    A streak over several rows has the mid-exposure of its middle one, as its motion is even.
+    """
+    return t_mid_utc_ns + round(y_px * shutter.line_time_us * 1e3)
+
+
+def measure(
+    detection: Detection,
+    solution: Solution,
+    frame: Frame | FrameTaken,
+    exposure: ExposureConfig,
+    *,
+    measurement_id: str,
+    source: Source = "network",
+) -> Measurement | None:
+    """The streak's midpoint on the sky at mid-exposure; None when the frame has no time.
+
+    The covariance is that of the midpoint along and across the streak, turned to the sky, plus
+    (rate x timing sigma)^2 along it, plus the air's wander and the plate solution's own error
+    in every direction. The catalogue's own error is in the plate's residuals as far as it differs
+    from star to star (about 0.1 arcsec where proper motions are known); what all stars of a field
+    share (0.5 mas/yr) is the same in the next frame and hides from a track's innovations.
+    """
+    t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+    if t_mid_ns is None or frame.exposure_s is None:
+        return None
+    shutter = shutter_time(frame, exposure)
+    wcs = solution.wcs
+    x, y = detection.x_px, detection.y_px
+    ra, dec = pixel_to_sky(wcs, x, y)
+    ra_ends, dec_ends = pixel_to_sky(
+        wcs,
+        np.array([detection.x_a_px, detection.x_b_px]),
+        np.array([detection.y_a_px, detection.y_b_px]),
+    )
+    return Measurement(
+        measurement_id=measurement_id,
+        frame_id=frame.frame_id,
+        t_mid_utc_ns=_row_mid_utc_ns(t_mid_ns, y, shutter),
+        ra_icrs_deg=float(ra),
+        dec_icrs_deg=float(dec),
+        cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, shutter),
+        x_px=x,
+        y_px=y,
+        confidence=detection.confidence,
+        source=source,
+        ends_icrs_deg=(
+            None
+            if detection.method == "box"
+            else (
+                (float(ra_ends[0]), float(dec_ends[0])),
+                (float(ra_ends[1]), float(dec_ends[1])),
+            )
+        ),
+        is_crossing=detection.kind == "crossing",
+        object_class=detection.object_class,
+        is_clipped=detection.is_clipped,
+    )
+
+
+def measured(
+    found: Detections,
+    solution: Solution,
+    frame: Frame | FrameTaken,
+    exposure: ExposureConfig,
+) -> tuple[Measurement, ...]:
+    """What is measured of a frame's detections, in their order."""
+    made = (
+        measure(
+            each,
+            solution,
+            frame,
+            exposure,
+            measurement_id=measurement_id_of(frame.frame_id, number),
+        )
+        for number, each in enumerate(found.detections)
+    )
+    return tuple(m for m in made if m is not None)
+
+
+def numbered_like(
+    measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
+) -> tuple[Measurement, ...]:
+    """What a frame shows when it is reduced once more, under ids that mean nothing else.
+
+    What is as ``recorded`` keeps its id; all else gets a number behind the recorded candidates
+    (``found``), which the operator may have spoken of.
+    """
+    numbers = itertools.count(len(found.detections) + len(found.rejected))
+    same = {replace(each, measurement_id=""): each.measurement_id for each in recorded}
+    return tuple(
+        replace(
+            each,
+            measurement_id=same.get(replace(each, measurement_id=""))
+            or measurement_id_of(each.frame_id, next(numbers)),
+        )
+        for each in measurements
+    )
+
+
+def _covariance(
+    detection: Detection, solution: Solution, exposure_s: float, shutter: ShutterTime
+) -> tuple[float, float, float]:
+    jacobian = jacobian_arcsec_px(solution.wcs, detection.x_px, detection.y_px)
+    angle = math.radians(detection.angle_deg)
+    along = jacobian @ np.array([math.cos(angle), math.sin(angle)])
+    across = jacobian @ np.array([-math.sin(angle), math.cos(angle)])
+    timing_px = detection.length_px / exposure_s * shutter.sigma_s
+    variance_along = detection.sigma_along_px**2 + timing_px**2
+    cov = variance_along * np.outer(along, along)
+    cov += detection.sigma_across_px**2 * np.outer(across, across)
+    plate_arcsec2 = solution.rms_arcsec**2 / max(solution.matched, 1)
+    air_arcsec2 = AIR_ARCSEC_ROOT_S**2 / max(exposure_s, 0.01)
+    cov += np.eye(2) * (plate_arcsec2 + air_arcsec2)
+    return float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])

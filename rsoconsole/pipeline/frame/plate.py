@@ -1,0 +1,158 @@
+"""A frame's plate: the last one moved onto its stars where that fits, a full solution where not.
+
+A field that fails with its hints (scale, position) is tried without them in what is left of the
+deadline: a wrong hint must not look like cloud. ``pipeline.hints`` says which one was wrong.
+"""
+
+import time
+from dataclasses import replace
+
+from rsoconsole.config import Config
+from rsoconsole.errors import SolverError
+from rsoconsole.instruments.solver import MIN_STARS, PlateSolver, SolveHint
+from rsoconsole.pipeline.frame.frame_part import Part
+from rsoconsole.pipeline.frame.hints import hint_of, relaxed, rescaled
+from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.sky import wrap_180
+from rsoconsole.vision.stars import StarList
+
+LEAST_S = 0.2
+"""Less than this of a deadline is not worth another search."""
+
+
+class PlateFinder:
+    """Remembers the last plate and where the mount said it pointed then."""
+
+    def __init__(self, solver: PlateSolver, config: Config) -> None:
+        self._solver = solver
+        self._config = config
+        self._last: Solution | None = None
+        self._last_frame: Frame | None = None
+        self._failures = 0
+        """Frames in a row that were not solved."""
+        self._scale_factor = 1.0
+        """The stars' scale over the header's, where that was wrong."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def forget(self) -> None:
+        """After a flip or a change of the camera the last plate says nothing."""
+        self._last = self._last_frame = None
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
+        """Refit from the last plate, else solve in full with the header's hints.
+
+        Without the hints only the first, second, fourth, eighth... frame in a row that fails is
+        tried: a search of the whole sky takes as long as it may, and a cloud lasts. Frames that
+        tell no position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
+        """
+        solution: Solution | NotSolved | None = self._refit(frame, stars)
+        if solution is None:
+            turn = self._failures + 1
+            is_turn = turn & (turn - 1) == 0
+            hint = rescaled(hint_of(frame, self._config), self._scale_factor)
+            solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
+        self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
+        if isinstance(solution, Solution):
+            self._scale_factor = self._factor_of(frame, solution)
+            self._last = solution
+            # Only the pointing and the size are kept: a frame holds 33 MB.
+            self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
+        return solution
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part, which stays the last plate.
+
+        ``stars`` in the part's pixels, the solution in the frame's. None where it does not fit.
+        """
+        last = self._last
+        if last is None:
+            return None
+        here = self._refit(frame, stars, part, replace(last, wcs=part.of_part(last.wcs)))
+        return None if here is None else replace(here, wcs=part.of_frame(here.wcs))
+
+    def _factor_of(self, frame: Frame, solution: Solution) -> float:
+        """So that a wrong focal length costs one search, not one a frame."""
+        if frame.scale_arcsec_px is None:
+            return 1.0
+        factor = solution.scale_arcsec_px / frame.scale_arcsec_px
+        return 1.0 if abs(factor - 1.0) <= self._config.solver.scale_tolerance else factor
+
+    def solve_in_full(
+        self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
+    ) -> Solution | NotSolved:
+        """A solution from the hint, and in what is left of the deadline from less of it.
+
+        ``is_relaxed``: whether it may be tried without what the hint says. Without a position the
+        longer deadline holds for all, but for a frame that may not be relaxed.
+        """
+        settings = self._config.solver
+        started_s = time.monotonic()
+        is_blind = hint.position_deg is None and is_relaxed
+        deadline_s = settings.blind_deadline_s if is_blind else settings.deadline_s
+        end_s = started_s + deadline_s
+        first = found = self._attempt(frame, stars, hint, deadline_s)
+        weaker = relaxed(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
+        tried = 0
+        for number, less in enumerate(weaker):
+            left_s = end_s - time.monotonic()
+            if isinstance(found, Solution) or left_s < LEAST_S:
+                break
+            # The last one may take all that is left: it is the one that knows nothing.
+            found = self._attempt(frame, stars, less, left_s / (len(weaker) - number))
+            tried += 1
+        ms = 1e3 * (time.monotonic() - started_s)
+        if isinstance(found, Solution):
+            return replace(found, ms=ms)
+        words = first.reason if isinstance(first, NotSolved) else ""
+        if tried and tried == len(weaker):
+            words += "; nor without these hints"
+        return NotSolved(frame_id=frame.frame_id, reason=words, ms=ms)
+
+    def _attempt(
+        self, frame: Frame, stars: StarList, hint: SolveHint, deadline_s: float
+    ) -> Solution | NotSolved:
+        try:
+            return self._solver.solve(
+                stars,
+                frame_id=frame.frame_id,
+                width_px=frame.width_px,
+                height_px=frame.height_px,
+                hint=hint,
+                deadline_s=deadline_s,
+                t_utc_ns=frame.t_mid_utc_ns,
+            )
+        except SolverError as error:
+            # A solver that cannot be started now may be again at the next frame.
+            return NotSolved(frame_id=frame.frame_id, reason=str(error), ms=0.0)
+
+    def _refit(
+        self,
+        frame: Frame,
+        stars: StarList,
+        part: Part | None = None,
+        last: Solution | None = None,
+    ) -> Solution | None:
+        last, before = last or self._last, self._last_frame
+        size_px = (frame.width_px, frame.height_px) if part is None else part.size_px
+        if last is None or before is None or before.width_px != frame.width_px:
+            return None
+        if before.pointing_ra_icrs_deg is None or before.pointing_dec_icrs_deg is None:
+            return None
+        if frame.pointing_ra_icrs_deg is None or frame.pointing_dec_icrs_deg is None:
+            return None
+        shift_deg = (
+            float(wrap_180(frame.pointing_ra_icrs_deg - before.pointing_ra_icrs_deg)),
+            frame.pointing_dec_icrs_deg - before.pointing_dec_icrs_deg,
+        )
+        return self._solver.refit_from(
+            last,
+            stars,
+            frame_id=frame.frame_id,
+            width_px=size_px[0],
+            height_px=size_px[1],
+            shift_deg=shift_deg,
+            t_utc_ns=frame.t_mid_utc_ns,
+        )

@@ -1,0 +1,195 @@
+"""One frame to measurements: detect, solve, measure. The engine and every replay run this."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.frame.calibration import Calibration
+from rsoconsole.pipeline.frame.fixed_light import Comparison, FixedLight
+from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
+from rsoconsole.pipeline.frame.frame_part import Part, middle_of
+from rsoconsole.pipeline.frame.glance import Glance
+from rsoconsole.pipeline.frame.measurement import measured
+from rsoconsole.pipeline.frame.zero_point import ZeroPoint
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Missed
+from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
+from rsoconsole.vision.detector import ConfidenceCurve, Proposer, StreakDetector
+from rsoconsole.vision.stars import PsfMemory, StarList
+
+BRIGHTEST_STARS = slice(20, 60)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduction:
+    """All that one frame gave."""
+
+    detections: Detections
+    solution: Solution | NotSolved | None
+    """None when nobody asked for one."""
+    measurements: tuple[Measurement, ...]
+    star_count: int
+    fwhm_px: float | None
+    """Of the frame's own stars; None where they are too few to tell."""
+    absence: str
+    """Why there is no measurement, when there is none; ``pipeline.absence`` tells what hides it."""
+    stage_ms: dict[str, float] = field(default_factory=dict)
+    cautions: tuple[Caution, ...] = ()
+    """What is unusual about frame, camera or hints."""
+
+
+class Plate(Protocol):
+    """Who tells a frame's plate; ``pipeline.plate.PlateFinder`` finds it."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+
+    def forget(self) -> None:
+        """What was known of the camera holds no more."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """The plate of one frame; None where nobody asks for one."""
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part, remembering nothing of it."""
+
+
+class FrameReducer:
+    """Detector and plate finder in the order of Algorithm 1."""
+
+    def __init__(
+        self,
+        network: Proposer,
+        curve: ConfidenceCurve,
+        plate: Plate,
+        config: Config,
+        *,
+        calibration: Calibration | None = None,
+        comparison: Comparison | None = None,
+    ) -> None:
+        """``calibration``: of the same configuration, where it has been made already;
+        ``comparison``: None for the frame before and the shipped stars.
+        """
+        self._network = network
+        self._curve = curve
+        self._memory = PsfMemory()
+        self._detector = StreakDetector(network, config.detector, curve, self._memory)
+        self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
+        self._plate = plate
+        self._comparison = comparison or FixedLight()
+        self._zero_point = ZeroPoint()
+        self._config = config
+        self._calibration = calibration or Calibration(config)
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables; in force from the next frame."""
+        self._config = config
+        if not self._calibration.is_for(config):
+            self._calibration = Calibration(config)
+        self._detector = StreakDetector(self._network, config.detector, self._curve, self._memory)
+        self._glancer = StreakDetector(self._network, config.detector, self._curve, is_quick=True)
+        self._plate.configure(config)
+
+    def make_ready(self) -> None:
+        """Read the master frames now, so that the first frame does not wait for them."""
+        self._calibration.make_ready(self._config)
+
+    def forget_plate(self) -> None:
+        """The camera has turned: the next frame is solved in full."""
+        self._plate.forget()
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        """Streaks and plate by the frame's middle alone; the whole is still to be reduced.
+
+        None where that is no smaller, or where its stars do not fit the last plate.
+        """
+        middle = middle_of(frame, reach_px)
+        if middle is None:
+            return None
+        even, _ = self._calibration.prepare(frame)
+        analysis = self._glancer.analyse(middle.cut(even))
+        found = middle.streaks_of_frame(analysis.detections, frame)
+        if not found.detections:
+            return None
+        solution = self._plate.moved(frame, analysis.stars, middle)
+        return None if solution is None else Glance(detections=found, solution=solution)
+
+    def reduce(self, frame: Frame) -> Reduction:
+        """Detections, solution and measurements of one frame.
+
+        The plate is solved where something was detected, and also without it where the header
+        tells the direction: that costs little and shows where the telescope really points. With
+        it the streaks are compared with the frame before and the star catalogue. A detection
+        whose frame cannot be solved makes no measurement: the mount's word never poses as one.
+        """
+        stage_ms: dict[str, float] = {}
+        with _timed(stage_ms, "detect"):
+            even, told = self._calibration.prepare(frame)
+            analysis = self._detector.analyse(even)
+        found = analysis.detections
+        network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
+        stage_ms["process"] = stage_ms["detect"] - network_ms
+        stage_ms["detect"] = network_ms
+        solution: Solution | NotSolved | None = None
+        if found.detections or frame.pointing_ra_icrs_deg is not None:
+            with _timed(stage_ms, "solve"):
+                solution = self._plate.solve(frame, analysis.stars)
+        measurements: tuple[Measurement, ...] = ()
+        if isinstance(solution, Solution):
+            with _timed(stage_ms, "compare"):
+                found = self._comparison.compared(even, analysis, solution)
+            measurements = measured(found, solution, frame, self._config.exposure)
+        star_count = len(analysis.stars.x_px)
+        is_measured = analysis.stars.width_source == "measured" and star_count > 0
+        fwhm_px = analysis.stars.median_fwhm_px if is_measured else None
+        return Reduction(
+            detections=replace(
+                found,
+                star_count=star_count,
+                star_fwhm_px=fwhm_px,
+                star_flux_adu=typical_flux_adu(analysis.stars),
+                background_adu=float(np.median(analysis.background.level)),
+                zero_point_mag=self._zero_point.of(even, analysis.stars, solution),
+            ),
+            solution=solution,
+            measurements=measurements,
+            star_count=star_count,
+            fwhm_px=fwhm_px,
+            absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
+            stage_ms=stage_ms,
+            cautions=(*told, *cautions(frame, solution, self._config)),
+        )
+
+
+def typical_flux_adu(stars: StarList) -> float | None:
+    """Median flux of the 20th to 60th brightest star; None where there are fewer.
+
+    What cloud takes away shows in it before stars disappear; the very brightest are saturated
+    and few, so that each that enters the field would count.
+    """
+    if len(stars) < BRIGHTEST_STARS.stop:
+        return None
+    return float(np.median(stars.flux[BRIGHTEST_STARS]))
+
+
+def plain_absence(
+    found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
+) -> Missed:
+    """Why a frame without a measurement has none, by its own records alone."""
+    if not found.detections:
+        return Missed(kind="no detection")
+    if isinstance(solution, NotSolved):
+        return Missed(kind="not solved", detail=solution.reason)
+    return Missed(kind="no time" if t_mid_utc_ns is None else "not measured")
+
+
+@contextmanager
+def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+    started_s = time.perf_counter()
+    yield
+    stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

@@ -1,0 +1,178 @@
+"""A mark made roughly by hand, refined on the light beneath it. Pure.
+
+The line is traced near the two marked ends, which may be off by what one square of the picture is;
+a short one is fitted then. What is found has the sigma of that measurement; where nothing is found
+the mark stays as it was made.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from rsoconsole.records import Detection, PixelArray
+from rsoconsole.vision.frame import Background, local_background
+from rsoconsole.vision.lines import Box
+from rsoconsole.vision.stars import StarList, find_stars
+from rsoconsole.vision.streaks import StreakFit, Trace, fit_streak, trace_line
+
+MARGIN_PX = 80.0
+"""Of sky about what is looked at."""
+LARGEST_SIDE_PX = 2200
+"""Of the piece that is looked at: a mark across more of the frame stays rough."""
+LEAST_SNR, LEAST_QUARTILE_SNR, MOST_ROUGH = 8.0, 3.0, 0.9
+"""Of a line that is believed; the last as far as neither slow change nor one period explains it."""
+LEAST_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
+"""Under a rougher mark than that there is more sky, and more in it that is like a line."""
+OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
+"""How far off the ends are looked for, the nearest first; none further than the mark is rough."""
+ENDS_SIGMAS = 2.5
+TURNS_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0)
+"""From the marked direction, where the mark is as rough as it is long."""
+SURE_DIRECTION = 3.0
+"""Lengths over sigma from which on two ends say where the line runs."""
+LONGEST_FIT_PX = 450.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Piece:
+    """A piece of the frame with what is known of it."""
+
+    pixels: PixelArray
+    sky: Background
+    stars: StarList
+    x0: int
+    y0: int
+
+
+def refined_mark(
+    pixels: PixelArray, mark: Detection, *, star_fwhm_px: float | None = None
+) -> Detection | None:
+    """The streak under a mark, measured; None where no line stands out there.
+
+    ``pixels``: (height, width) ADU; ``mark``: as made by hand, its sigma that of its ends;
+    ``star_fwhm_px``: of the frame's stars, where that is known.
+    """
+    sigma = max(mark.sigma_along_px, mark.sigma_across_px)
+    piece = _piece_of(pixels, mark, sigma)
+    if piece is None:
+        return None
+    fwhm = star_fwhm_px or piece.stars.median_fwhm_px
+    best: Trace | None = None
+    for off_px in _offs(sigma):
+        for ends in _proposals(mark, sigma):
+            trace = trace_line(
+                piece.pixels, piece.sky, _shifted(ends, piece), piece.stars, fwhm, off_px=off_px
+            )
+            if (
+                trace is None
+                or not _is_believed(trace, sigma)
+                or not _is_meant(trace, piece, mark, sigma)
+            ):
+                continue
+            if best is None or trace.snr > best.snr:
+                best = trace
+    return None if best is None else _measured(best, piece, mark, fwhm)
+
+
+def _offs(sigma: float) -> Iterator[float]:
+    yield OFFS_PX[0]
+    yield from (off for off in OFFS_PX[1:] if off <= 1.5 * sigma)
+
+
+def _proposals(mark: Detection, sigma: float) -> Iterator[Box]:
+    """The marked line; turned about its middle as far as its ends do not say."""
+    is_sure = mark.length_px >= SURE_DIRECTION * sigma
+    half = 0.5 * mark.length_px
+    angle = math.atan2(mark.y_b_px - mark.y_a_px, mark.x_b_px - mark.x_a_px)
+    for turn in TURNS_DEG[:1] if is_sure else TURNS_DEG:
+        dx, dy = (half * f(angle + math.radians(turn)) for f in (math.cos, math.sin))
+        yield mark.x_px - dx, mark.y_px - dy, mark.x_px + dx, mark.y_px + dy
+
+
+def _piece_of(pixels: PixelArray, mark: Detection, sigma: float) -> _Piece | None:
+    height, width = pixels.shape
+    far = MARGIN_PX + ENDS_SIGMAS * sigma
+    x0 = max(math.floor(min(mark.x_a_px, mark.x_b_px) - far), 0)
+    y0 = max(math.floor(min(mark.y_a_px, mark.y_b_px) - far), 0)
+    x1 = min(math.ceil(max(mark.x_a_px, mark.x_b_px) + far) + 1, width)
+    y1 = min(math.ceil(max(mark.y_a_px, mark.y_b_px) + far) + 1, height)
+    if max(x1 - x0, y1 - y0) > LARGEST_SIDE_PX:
+        return None
+    piece = pixels[y0:y1, x0:x1]
+    sky = local_background(piece)
+    return _Piece(pixels=piece, sky=sky, stars=find_stars(piece, sky), x0=x0, y0=y0)
+
+
+def _shifted(ends: Box, piece: _Piece) -> Box:
+    return ends[0] - piece.x0, ends[1] - piece.y0, ends[2] - piece.x0, ends[3] - piece.y0
+
+
+def _is_believed(trace: Trace, sigma: float) -> bool:
+    return (
+        trace.snr >= (LEAST_SNR if sigma <= FAR_SIGMA_PX else LEAST_SNR_FAR)
+        and trace.lower_quartile_snr >= LEAST_QUARTILE_SNR
+        and trace.roughness <= MOST_ROUGH
+    )
+
+
+def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> bool:
+    """Whether its ends lie where they were marked, as well as the mark is good for."""
+    reach = ENDS_SIGMAS * sigma + OFFS_PX[0]
+    a = trace.x_a_px + piece.x0, trace.y_a_px + piece.y0
+    b = trace.x_b_px + piece.x0, trace.y_b_px + piece.y0
+    marked = (mark.x_a_px, mark.y_a_px), (mark.x_b_px, mark.y_b_px)
+    return any(
+        math.dist(one, marked[0]) <= reach and math.dist(other, marked[1]) <= reach
+        for one, other in ((a, b), (b, a))
+    )
+
+
+def _measured(trace: Trace, piece: _Piece, mark: Detection, fwhm: float) -> Detection:
+    ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+    length = math.dist(ends[:2], ends[2:])
+    is_clipped = any(trace.is_open)
+    sigma_along = 0.5 * math.hypot(*trace.sigma_end_px)
+    found = replace(
+        mark,
+        x_px=piece.x0 + 0.5 * (ends[0] + ends[2]),
+        y_px=piece.y0 + 0.5 * (ends[1] + ends[3]),
+        x_a_px=piece.x0 + ends[0],
+        y_a_px=piece.y0 + ends[1],
+        x_b_px=piece.x0 + ends[2],
+        y_b_px=piece.y0 + ends[3],
+        length_px=length,
+        width_px=trace.width_px,
+        snr=trace.snr,
+        sigma_along_px=max(sigma_along, length) if is_clipped else sigma_along,
+        sigma_across_px=trace.sigma_across_px,
+        sigma_angle_deg=trace.sigma_angle_deg,
+        is_clipped=is_clipped,
+        kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
+    )
+    if length > LONGEST_FIT_PX or is_clipped:
+        return found
+    box = min(ends[0], ends[2]), min(ends[1], ends[3]), max(ends[0], ends[2]), max(ends[1], ends[3])
+    fit = fit_streak(piece.pixels, piece.sky, box, stars=piece.stars, psf_fwhm_px=fwhm, ends=ends)
+    if not isinstance(fit, StreakFit) or math.dist((fit.x_px, fit.y_px), _middle(ends)) > length:
+        return found
+    return replace(
+        found,
+        x_px=piece.x0 + fit.x_px,
+        y_px=piece.y0 + fit.y_px,
+        x_a_px=piece.x0 + fit.x_a_px,
+        y_a_px=piece.y0 + fit.y_a_px,
+        x_b_px=piece.x0 + fit.x_b_px,
+        y_b_px=piece.y0 + fit.y_b_px,
+        length_px=fit.length_px,
+        width_px=fit.width_px,
+        snr=fit.snr,
+        sigma_along_px=fit.sigma_along_px,
+        sigma_across_px=fit.sigma_across_px,
+        sigma_angle_deg=fit.sigma_angle_deg,
+        is_clipped=fit.is_clipped,
+        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
+    )
+
+
+def _middle(ends: Box) -> tuple[float, float]:
+    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])

@@ -1,0 +1,105 @@
+"""What a frame says of low satellites: its streaks by their two ends on the sky. Pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import ExposureConfig
+from rsoconsole.orbit.low import UNSEEN_ARCSEC, StreakEnds, Timing
+from rsoconsole.pipeline.frame import AIR_ARCSEC_ROOT_S, shutter_mid_utc_ns, shutter_time
+from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
+from rsoconsole.sky import NS_PER_S, pixel_to_sky
+from rsoconsole.tracking.association import MAY_BE_FOLLOWED
+
+LEAST_SIGMA_PX = 0.3
+"""Of an end, however well its streak fits."""
+UNKNOWN_BIAS_S = 0.1
+"""What a shutter may be off in all frames together, where nobody has measured it."""
+RIM_PX = 6.0
+"""So near to the frame's edge an end is not the light's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameStreak:
+    """One streak of a frame."""
+
+    ends: StreakEnds
+    detection: Detection
+
+
+def streaks_of(
+    found: Detections,
+    solution: Solution,
+    frame: Frame | FrameTaken,
+    exposure: ExposureConfig,
+) -> tuple[FrameStreak, ...]:
+    """Streaks that may be satellites, whole or cut at one end; the most confident first."""
+    t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s
+    if t_mid_ns is None or exposure_s is None:
+        return ()
+    half_ns = round(exposure_s / 2.0 * NS_PER_S)
+    shutter = shutter_time(frame, exposure)
+    size_px = (frame.width_px, frame.height_px)
+    made = []
+    for each in sorted(found.detections, key=lambda one: -one.confidence):
+        if each.kind == "crossing" or each.method == "box":
+            continue
+        if each.object_class not in MAY_BE_FOLLOWED:
+            continue
+        along, across = _sigmas(each, solution, exposure_s)
+        x = np.array([each.x_a_px, each.x_b_px])
+        y = np.array([each.y_a_px, each.y_b_px])
+        cut = _is_cut(each, x, y, size_px)
+        if np.all(cut):
+            continue
+        ra, dec = pixel_to_sky(solution.wcs, x, y)
+        ends = StreakEnds(
+            t_open_utc_ns=t_mid_ns - half_ns,
+            t_close_utc_ns=t_mid_ns + half_ns,
+            ra_icrs_deg=np.asarray(ra),
+            dec_icrs_deg=np.asarray(dec),
+            sigma_along_arcsec=np.where(cut, UNSEEN_ARCSEC, along),
+            sigma_across_arcsec=np.full(2, across),
+            delay_s=y * shutter.line_time_us * 1e-6,
+        )
+        made.append(FrameStreak(ends=ends, detection=each))
+    return tuple(made)
+
+
+def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
+    """What the times of frames like this one are worth."""
+    shutter = shutter_time(frame, exposure)
+    is_gps = frame.camera is not None and frame.camera.time_by == "gps"
+    unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
+    return Timing(scatter_s=shutter.sigma_s, bias_sigma_s=shutter.bias_sigma_s or unknown_s)
+
+
+def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tuple[float, float]:
+    """Arcsec of either end, along and across: both of the midpoint's, by what parts them."""
+    scale = solution.scale_arcsec_px
+    # Two ends that err by themselves make a midpoint that errs by a root of two less.
+    along_px = max(math.sqrt(2.0) * detection.sigma_along_px, LEAST_SIGMA_PX)
+    turn_deg = detection.sigma_angle_deg or 0.0
+    lever_px = detection.length_px / 2.0 * math.radians(turn_deg)
+    across_px = max(math.hypot(detection.sigma_across_px, lever_px), LEAST_SIGMA_PX)
+    plate_arcsec2 = solution.rms_arcsec**2 / max(solution.matched, 1)
+    shared = plate_arcsec2 + AIR_ARCSEC_ROOT_S**2 / max(exposure_s, 0.01)
+    return (
+        math.sqrt((along_px * scale) ** 2 + shared),
+        math.sqrt((across_px * scale) ** 2 + shared),
+    )
+
+
+def _is_cut(
+    detection: Detection,
+    x: np.ndarray[tuple[int], np.dtype[np.float64]],
+    y: np.ndarray[tuple[int], np.dtype[np.float64]],
+    size_px: tuple[int, int],
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(2,) which ends lie at the rim; of a streak called clipped at least the nearer one."""
+    room = np.minimum(np.minimum(x, size_px[0] - 1 - x), np.minimum(y, size_px[1] - 1 - y))
+    cut = room < RIM_PX
+    if detection.is_clipped and not np.any(cut):
+        cut[int(np.argmin(room))] = True
+    return np.asarray(cut)

@@ -1,0 +1,256 @@
+"""Where and when to meet a low satellite next, and for how long to expose it. Pure.
+
+The telescope cannot keep up with it: it goes to where it will be, waits there, exposes while it
+passes, and goes ahead again. Exposures are so long that the streak is well measured, and so short
+that both its ends are in the field.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from math import erf, sqrt
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.orbit.motion import SkyAhead, SkyPath
+from rsoconsole.pipeline.leaps.mount_motion import MountMotion
+from rsoconsole.sky import NS_PER_S, PierSide
+from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+
+LENGTH_PX = 250.0
+"""Of a streak that is measured well; from 500 px on the detector is less sure."""
+LEAST_LENGTH_PX = 40.0
+BINNED_LENGTH_PX = 100.0
+"""Of a binned camera's streak, at least: with half the pixels it is as long on the sky."""
+SHORTEST_S, LONGEST_S = 0.05, 1.0
+BESIDE_ARCSEC = 180.0
+"""What a mount may look beside where it was sent, its offset known."""
+RIM = 0.96
+"""Share of the field within which ends count as in it."""
+LEAST_WITHIN = 0.2
+"""Less likely to be in the field, a leap is not worth it."""
+_WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
+_ROUNDS = 30
+_SAME_S = 0.05
+"""So near to the earliest instant is near enough."""
+_GAINING = 0.97
+"""Steps that shrink by less lead nowhere in time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeapTerms:
+    """What camera and mount need beside the slew."""
+
+    field_deg: tuple[float, float]
+    scale_arcsec_px: float
+    settle_s: float
+    """From the arrival until an exposure may be ordered."""
+    latency_s: float
+    """From the order of an exposure to its beginning."""
+    readout_s: float
+    """From its end until the next order can be given."""
+    binning: int = 1
+    """Pixels that are joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
+
+    @property
+    def length_px(self) -> float:
+        """Of a streak that is measured well."""
+        return max(LENGTH_PX / self.binning, BINNED_LENGTH_PX)
+
+    @property
+    def half_short_deg(self) -> float:
+        """Of the field, however the camera is turned."""
+        return RIM * min(self.field_deg) / 2.0
+
+
+BINNED_SCALE_ARCSEC_PX = 4.0
+"""Of joined pixels, at most, where nothing else is set: coarser, stars fall into one pixel."""
+MANY_PX = 6_000_000
+"""Fewer pixels are read out and examined fast enough as they are."""
+
+
+def binning_for(config: Config) -> int:
+    """As many pixels joined as leave a streak well measured, where that saves time."""
+    optics = config.optics
+    if optics.width_px * optics.height_px < MANY_PX:
+        return 1
+    return 2 if 2.0 * optics.scale_arcsec_px <= BINNED_SCALE_ARCSEC_PX else 1
+
+
+def terms_of(config: Config, binning: int = 1) -> LeapTerms:
+    """As configured, with so many pixels of the configured ones joined on each axis."""
+    exposure = config.exposure
+    return LeapTerms(
+        field_deg=config.optics.field_deg,
+        scale_arcsec_px=binning * config.optics.scale_arcsec_px,
+        settle_s=config.mount.settle_s,
+        latency_s=exposure.start_latency_s,
+        readout_s=exposure.readout_s / binning**2,
+        binning=binning,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Telescope:
+    """What it can do and may do."""
+
+    motion: MountMotion
+    terms: LeapTerms
+    limits: Limits
+    lifted: Collection[LimitName] = ()
+    """Limits that are not held."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Leap:
+    """One of them: the slew, the wait, the exposure."""
+
+    t_order_utc_ns: int
+    """When the slew is ordered."""
+    t_expose_utc_ns: int
+    """When the exposure is ordered, with the mount settled."""
+    t_mid_utc_ns: int
+    exposure_s: float
+    place: SkyAhead
+    """Where it then is: the middle of the field."""
+    side: PierSide | None
+    """Of the pier, at arrival."""
+    slew_s: float
+    within: float
+    """Probability that both ends are in the field."""
+    flips: bool
+    binning: int = 1
+    """Of the camera."""
+
+    @property
+    def t_close_utc_ns(self) -> int:
+        """When the shutter closes."""
+        return self.t_mid_utc_ns + round(self.exposure_s / 2.0 * NS_PER_S)
+
+    @property
+    def length_arcsec(self) -> float:
+        """Of the streak."""
+        return self.place.speed_arcsec_s * self.exposure_s
+
+    def reach_px(self, terms: LeapTerms) -> float:
+        """From the middle of the field either end is surely no farther."""
+        off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
+        return off_arcsec / terms.scale_arcsec_px
+
+
+NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoLeap:
+    """Why it is not followed further."""
+
+    kind: NoLeapKind
+    refusal: Refusal | None = None
+
+
+def next_leap(
+    path: SkyPath,
+    start: Pose,
+    now_utc_ns: int,
+    telescope: Telescope,
+) -> Leap | NoLeap:
+    """The first place where the mount can be in time, and may be.
+
+    ``start``: where the telescope looks, as of now.
+    """
+    last: NoLeap = NoLeap(kind="it sets")
+    for wait_s in _WAITS_S:
+        earliest_ns = now_utc_ns + round(wait_s * NS_PER_S)
+        found = _meeting(path, start, now_utc_ns, earliest_ns, telescope)
+        if isinstance(found, NoLeap):
+            # Later it is nearer to its end; what was refused before it says more.
+            return last if last.kind == "limit" else found
+        refusal = telescope.limits.refuse_slew(
+            start,
+            *found.place.direction_deg,
+            t_aim_utc_ns=found.t_mid_utc_ns,
+            t_until_utc_ns=found.t_close_utc_ns + round(telescope.terms.readout_s * NS_PER_S),
+            lifted=telescope.lifted,
+        )
+        if refusal is None:
+            return found if found.within >= LEAST_WITHIN else NoLeap(kind="too unsure")
+        last = NoLeap(kind="limit", refusal=refusal)
+    return last
+
+
+def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
+    """Seconds: as long a streak as is measured well, with room for three sigma to either side."""
+    speed = max(place.speed_arcsec_s, 1e-3)
+    sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
+    room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
+    long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, LEAST_LENGTH_PX))
+    wanted_s = long_px * terms.scale_arcsec_px / speed
+    return float(np.clip(wanted_s, SHORTEST_S, LONGEST_S))
+
+
+def within_field(place: SkyAhead, exposure_s: float, terms: LeapTerms) -> float:
+    """Probability that both ends are in a field whose middle is the place itself."""
+    along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 1e-6))
+    half = 3600.0 * terms.half_short_deg
+    room = max(half - place.speed_arcsec_s * exposure_s / 2.0, 0.0)
+    return erf(room / along / sqrt(2.0)) * erf(half / across / sqrt(2.0))
+
+
+def _meeting(
+    path: SkyPath,
+    start: Pose,
+    now_utc_ns: int,
+    earliest_ns: int,
+    telescope: Telescope,
+) -> Leap | NoLeap:
+    """Where the mount has arrived and settled just when the satellite comes.
+
+    Near a pole the polar axis gains on it slowly: steps that shrink by a steady factor are summed
+    up at once, and where that leads too far it goes half the way back.
+    """
+    motion, terms, limits = telescope.motion, telescope.terms, telescope.limits
+    t_ns = max(earliest_ns, path.from_utc_ns)
+    late_ns, soon_ns, step_ns = t_ns, 0, 0
+    exposure_s, good = SHORTEST_S, None
+    for _ in range(_ROUNDS):
+        near = path.at(t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S))
+        if near is not None:
+            exposure_s = exposure_for(near, terms)
+        t_mid_ns = t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
+        met = path.at(t_mid_ns)
+        if met is None:
+            return NoLeap(kind="it sets")
+        slew_s = motion.surely_s(limits.travel_deg(start, *met.direction_deg))
+        there_ns = now_utc_ns + round((slew_s + terms.settle_s) * NS_PER_S)
+        if there_ns <= t_ns:
+            good = (t_ns, t_mid_ns, exposure_s, met, slew_s)
+            if t_ns <= late_ns or t_ns - max(there_ns, late_ns) <= _SAME_S * NS_PER_S:
+                break
+            soon_ns = t_ns
+        else:
+            late_ns, before_ns, step_ns = t_ns, step_ns, there_ns - t_ns
+            ratio = step_ns / before_ns if before_ns > 0 else 0.0
+            more_s = _SAME_S / 2.0 * NS_PER_S
+            if 0.0 < ratio < _GAINING:
+                more_s += step_ns * ratio / (1.0 - ratio)
+            t_ns = there_ns + round(more_s)
+        if soon_ns and not late_ns < t_ns < soon_ns:
+            t_ns = (late_ns + soon_ns) // 2
+    if good is None:
+        return NoLeap(kind="too fast")
+    t_ns, t_mid_ns, exposure_s, met, slew_s = good
+    side = limits.arrival_side(start, *met.direction_deg, now_utc_ns)
+    return Leap(
+        t_order_utc_ns=now_utc_ns,
+        t_expose_utc_ns=t_ns,
+        t_mid_utc_ns=t_mid_ns,
+        exposure_s=exposure_s,
+        place=met,
+        side=side,
+        slew_s=slew_s,
+        within=within_field(met, exposure_s, terms),
+        flips=None not in (side, start.pier_side) and side != start.pier_side,
+        binning=terms.binning,
+    )

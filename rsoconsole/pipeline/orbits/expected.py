@@ -1,0 +1,306 @@
+"""Which catalogued objects should be in a frame and are not followed, as it goes on record."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.orbit.elements import (
+    CatalogueEntry,
+    nearest_in_epoch_of_each,
+    places_of,
+    states_gcrs,
+)
+from rsoconsole.orbit.identification import (
+    ASSUMED,
+    ElementErrors,
+    covariance_rtn,
+    manoeuvred_probability,
+    regime_of,
+)
+from rsoconsole.pipeline.frame import shutter_mid_utc_ns
+from rsoconsole.pipeline.orbits.element_errors_of import errors_of
+from rsoconsole.reasons import Missed
+from rsoconsole.records import (
+    Event,
+    ExpectedMembers,
+    FrameTaken,
+    Identified,
+    Miss,
+    Record,
+    Site,
+    Solution,
+    TrackState,
+    UnseenMember,
+)
+from rsoconsole.sky import (
+    ARCSEC_RAD,
+    LIT_SHARE,
+    NS_PER_DAY,
+    lit_fraction,
+    pixel_to_sky,
+    separation_deg,
+    site_gcrs,
+    sky_to_pixel,
+)
+from rsoconsole.tracking.filters import direction_icrs_deg
+
+EVERY = 4
+"""Frames from one look at the catalogue to the next; of long catalogues more."""
+_SETS_A_FRAME = 500
+"""Of longer ones a look takes so many frames for each of these sets."""
+_EDGE_DEG = 0.3
+"""Beside the frame: what light time and aberration move, and more."""
+_MAY_BE = 0.05
+"""Probability from which on a track may be of an object."""
+_SAID_AFTER = 3
+"""Looks in a row that did not find an object before it is said."""
+_KEPT_NS = 6 * 3_600_000_000_000
+"""For so long the sets nearest in epoch are the same."""
+
+Entries = Callable[[], Sequence[CatalogueEntry]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownFrame:
+    """What is asked of a frame."""
+
+    taken: FrameTaken
+    solution: Solution
+    t_utc_ns: int
+    """Middle of the exposure."""
+
+
+class Expected:
+    """Hears the log; fed with its records alone."""
+
+    def __init__(self, config: Config, entries: Entries) -> None:
+        """``entries``: the catalogue; raises OrbitError where it cannot be read."""
+        self._config = config
+        self._entries = entries
+        self._sets: tuple[CatalogueEntry, ...] = ()
+        self._sets_utc_ns: int | None = None
+        self._taken: FrameTaken | None = None
+        self._solution: Solution | None = None
+        self._tracks: dict[int, TrackState] = {}
+        """Of the frame."""
+        self._names: dict[int, Identified] = {}
+        self._frames = 0
+        """Solved ones since the last look."""
+        self._missing: dict[int, int] = {}
+        """By catalogue number: looks in a row that did not find it."""
+        self._uncatalogued: tuple[int, ...] = ()
+        self.last: ExpectedMembers | None = None
+        """Of the last look; other threads look in."""
+
+    @property
+    def uncatalogued(self) -> tuple[int, ...]:
+        """Tracks of the last frame that no catalogued object explains; from any thread."""
+        return self._uncatalogued
+
+    def configure(self, config: Config, entries: Entries) -> None:
+        """Take new tunables."""
+        self._config, self._entries = config, entries
+        self._sets, self._sets_utc_ns = (), None
+
+    def hear(self, record: Record) -> None:
+        """One record of the log."""
+        match record:
+            case FrameTaken():
+                self._taken, self._solution, self._tracks = record, None, {}
+            case Solution():
+                self._solution = record
+            case TrackState():
+                self._tracks[record.track_id] = record
+            case Miss(reason=Missed(lost=lost)) if lost is not None:
+                self._tracks.pop(record.track_id or 0, None)
+            case Identified():
+                self._names[record.track_id] = record
+            case _:
+                pass
+
+    def refine(self) -> tuple[Record, ...]:
+        """What belongs on record behind a frame. Raises OrbitError for a catalogue not read."""
+        self._uncatalogued = tuple(
+            n
+            for n in sorted(self._tracks)
+            if n in self._names and self._names[n].verdict == "unknown"
+        )
+        taken, solution = self._taken, self._solution
+        self._taken = None
+        if taken is None or solution is None or solution.frame_id != taken.frame_id:
+            return ()
+        t_utc_ns = shutter_mid_utc_ns(taken, self._config.exposure)
+        if t_utc_ns is None:
+            return ()
+        self._frames += 1
+        if self.last is not None and self._frames < max(EVERY, len(self._sets) // _SETS_A_FRAME):
+            return ()
+        self._frames = 0
+        frame = ShownFrame(taken=taken, solution=solution, t_utc_ns=t_utc_ns)
+        sets = self._sets_at(t_utc_ns)
+        if not sets:
+            return ()
+        return self._look(frame, sets)
+
+    def _sets_at(self, t_utc_ns: int) -> tuple[CatalogueEntry, ...]:
+        if self._sets_utc_ns is None or abs(t_utc_ns - self._sets_utc_ns) > _KEPT_NS:
+            self._sets = nearest_in_epoch_of_each(self._entries(), t_utc_ns)
+            self._sets_utc_ns = t_utc_ns
+        return self._sets
+
+    def _look(self, frame: ShownFrame, sets: Sequence[CatalogueEntry]) -> tuple[Record, ...]:
+        errors = errors_of(self._config.catalogue)
+        there = members_in(frame, sets, self._config.site.to_site(), errors)
+        claimed = self._claimed()
+        unnamed = [
+            direction_icrs_deg(state)
+            for number, state in self._tracks.items()
+            if number not in self._names
+        ]
+        gate_deg = self._config.catalogue.gate_deg
+        unseen = tuple(
+            each
+            for each in there
+            if each.norad_id not in claimed
+            and not any(_may_be(each, direction, gate_deg) for direction in unnamed)
+        )
+        told = ExpectedMembers(
+            frame_id=frame.taken.frame_id,
+            t_utc_ns=frame.t_utc_ns,
+            compared=len(sets),
+            in_frame=len(there),
+            unseen=unseen,
+        )
+        is_news = self.last is None or bool(unseen or self.last.unseen)
+        is_news = is_news or (self.last is not None and self.last.in_frame != told.in_frame)
+        self.last = told
+        words = self._words(told)
+        return (told, *words) if is_news else words
+
+    def _claimed(self) -> set[int]:
+        """Catalogue numbers that a track of the frame is of, or may be."""
+        found: set[int] = set()
+        for number in self._tracks:
+            name = self._names.get(number)
+            if name is None or name.verdict == "unknown" or not name.matches:
+                continue
+            found.add(name.matches[0].norad_id)
+            if name.verdict == "ambiguous":
+                found |= {m.norad_id for m in name.matches if m.probability > _MAY_BE}
+        return found
+
+    def _words(self, told: ExpectedMembers) -> tuple[Event, ...]:
+        """Once of each object, when several looks have not found it where it should be whole."""
+        missing = {each.norad_id for each in told.unseen if each.is_usable and each.is_lit}
+        for number in [each for each in self._missing if each not in missing]:
+            if self._missing[number] < _SAID_AFTER:
+                del self._missing[number]
+        words: list[Event] = []
+        for each in told.unseen:
+            if each.norad_id not in missing:
+                continue
+            looks = self._missing[each.norad_id] = self._missing.get(each.norad_id, 0) + 1
+            if looks == _SAID_AFTER:
+                text = f"expected, not seen: {called(each)} at x {each.x_px:.0f}, y {each.y_px:.0f}"
+                words.append(Event(level="info", text=text, frame_id=told.frame_id))
+        return tuple(words)
+
+
+def called(member: UnseenMember) -> str:
+    """Name and number."""
+    return f"{member.name} ({member.norad_id})" if member.name else str(member.norad_id)
+
+
+def members_in(
+    frame: ShownFrame,
+    sets: Sequence[CatalogueEntry],
+    site: Site,
+    errors: ElementErrors = ASSUMED,
+) -> tuple[UnseenMember, ...]:
+    """Of the sets those whose objects should be in a frame, the nearest to its middle first."""
+    taken, wcs = frame.taken, frame.solution.wcs
+    width, height = taken.width_px, taken.height_px
+    centre = ((width - 1) / 2.0, (height - 1) / 2.0)
+    corners = pixel_to_sky(wcs, np.array([centre[0], -0.5]), np.array([centre[1], -0.5]))
+    ra_deg, dec_deg = (np.asarray(each, float) for each in corners)
+    radius_deg = float(separation_deg(ra_deg[0], dec_deg[0], ra_deg[1], dec_deg[1])) + _EDGE_DEG
+    near = _within(sets, site, frame.t_utc_ns, (float(ra_deg[0]), float(dec_deg[0])), radius_deg)
+    found = [_member(each, frame, site, errors) for each in near]
+    inside = [
+        each
+        for each in found
+        if each is not None and 0 <= each.x_px <= width - 1 and 0 <= each.y_px <= height - 1
+    ]
+    return tuple(
+        sorted(inside, key=lambda each: np.hypot(each.x_px - centre[0], each.y_px - centre[1]))
+    )
+
+
+def _within(
+    sets: Sequence[CatalogueEntry],
+    site: Site,
+    t_utc_ns: int,
+    direction_deg: tuple[float, float],
+    radius_deg: float,
+) -> list[CatalogueEntry]:
+    """Those about a direction; elements that SGP4 refuses are left out."""
+    t = np.array([t_utc_ns], np.int64)
+    line = states_gcrs(sets, t)[0][:, 0] - site_gcrs(site, t)[0]
+    ra, dec = np.radians(direction_deg)
+    towards = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    cosine = line @ towards / np.linalg.norm(line, axis=-1)
+    is_near = cosine > np.cos(np.radians(radius_deg))  # NaN is not
+    return [sets[int(n)] for n in np.flatnonzero(is_near)]
+
+
+def _member(
+    entry: CatalogueEntry, frame: ShownFrame, site: Site, errors: ElementErrors
+) -> UnseenMember | None:
+    t = np.array([frame.t_utc_ns], np.int64)
+    places = places_of(entry, site, t)
+    ra_deg, dec_deg = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
+    half_s = (frame.taken.exposure_s or 0.0) / 2.0
+    beside = np.array([-half_s, 0.0, half_s])
+    x_px, y_px = sky_to_pixel(
+        frame.solution.wcs,
+        ra_deg + beside * float(places.ra_rate_deg_s[0]),
+        dec_deg + beside * float(places.dec_rate_deg_s[0]),
+    )
+    if not np.all(np.isfinite([x_px, y_px])):
+        return None
+    width, height = frame.taken.width_px, frame.taken.height_px
+    is_usable = bool(np.all((x_px > 0) & (x_px < width - 1) & (y_px > 0) & (y_px < height - 1)))
+    age_days = (frame.t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
+    off_km = _sigma_km(entry, age_days, errors)
+    return UnseenMember(
+        norad_id=entry.norad_id,
+        name=entry.name,
+        ra_icrs_deg=ra_deg % 360.0,
+        dec_icrs_deg=dec_deg,
+        x_px=round(float(x_px[1]), 1),
+        y_px=round(float(y_px[1]), 1),
+        sigma_arcsec=round(off_km / float(places.range_km[0]) / ARCSEC_RAD, 1),
+        tle_age_days=round(age_days, 2),
+        is_usable=is_usable,
+        is_lit=bool(lit_fraction(places.position_gcrs_km, t)[0] >= LIT_SHARE),
+    )
+
+
+def _sigma_km(entry: CatalogueEntry, age_days: float, errors: ElementErrors) -> float:
+    """Of its place along its orbit, with the chance that it has been moved."""
+    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    rate_rad_s = entry.record.no_kozai / 60.0
+    kept, moved = (
+        covariance_rtn(errors.of(regime, is_moved=is_moved), age_days, rate_rad_s)[1, 1]
+        for is_moved in (False, True)
+    )
+    share = manoeuvred_probability(regime, age_days)
+    return float(np.sqrt((1.0 - share) * kept + share * moved))
+
+
+def _may_be(member: UnseenMember, direction_deg: tuple[float, float], gate_deg: float) -> bool:
+    """Whether a track that has no name yet may be of it."""
+    away_deg = separation_deg(member.ra_icrs_deg, member.dec_icrs_deg, *direction_deg)
+    return float(away_deg) <= max(gate_deg, 3.0 * member.sigma_arcsec / 3600.0)

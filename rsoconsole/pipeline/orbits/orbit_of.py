@@ -1,0 +1,213 @@
+"""One orbit from all that was observed of an object, in one arc or over many nights. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.orbit.determination import (
+    LEAST_SIGHTINGS,
+    Alone,
+    Orbit,
+    PriorName,
+    alone,
+    carried,
+    common_error_arcsec,
+    determine,
+    log_odds_of_more,
+    probability_of,
+    sigma_of_a_km,
+    through,
+    together,
+)
+from rsoconsole.orbit.first import (
+    GoodingOrbit,
+    Sightings,
+    at_epoch,
+    gooding,
+    is_plausible,
+    three_lines,
+)
+from rsoconsole.orbit.motion import propagate
+from rsoconsole.pipeline.orbits.sightings_of import Observed, arcs
+from rsoconsole.sky import NS_PER_S
+
+Method = Literal["least squares", "gooding"]
+SAME_OBJECT = 0.9
+"""Probability from which on another track of a session is taken to be of the same object."""
+_MOST_TRACKS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One arc, and whether it is of the same object as those before it."""
+
+    name: str
+    observations: int
+    t_first_utc_ns: int
+    t_last_utc_ns: int
+    is_used: bool
+    probability: float | None
+    """None for the first, and where it is too short to be asked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What came of it."""
+
+    method: Method
+    orbit: Orbit | None
+    reason: str
+    seen: Sightings
+    """All directions that were used."""
+    observed: Observed
+    """Of the longest arc."""
+    parts: tuple[Part, ...]
+    solutions: tuple[GoodingOrbit, ...] = ()
+    """By Gooding's method: every orbit through the three lines that does not meet the ground."""
+
+
+def find_orbit(
+    observed: Sequence[Observed], *, prior: PriorName = "auto", others: Sequence[Observed] = ()
+) -> Found:
+    """The orbit of what was ``observed``: all of it is said to be of one object, and is used.
+
+    ``others``, such as a session's further tracks, are used where one orbit fits them too.
+    """
+    given = [(each, arc) for each in observed for arc in arcs(each.seen)]
+    first = max(given, key=lambda pair: len(pair[1]))
+    middle = first[1].epoch_utc_ns
+    rest = [(*pair, True) for pair in given if pair is not first]
+    rest += [(each, arc, False) for each in others[:_MOST_TRACKS] for arc in arcs(each.seen)]
+    rest.sort(key=lambda each: abs(each[1].epoch_utc_ns - middle))
+    used, parts = [first[1]], [_part(*first, is_used=True, probability=None)]
+    start = alone(first[1], prior) if rest else None
+    for each, arc, is_given in rest:
+        probability = _probability(start, used, arc, prior)
+        is_used = is_given or (probability is not None and probability >= SAME_OBJECT)
+        parts.append(_part(each, arc, is_used=is_used, probability=probability))
+        if is_used:
+            used.append(arc)
+    seen, _ = together(used)
+    orbit = _determined(seen, used, start, prior)
+    return Found(
+        method="least squares",
+        orbit=orbit,
+        reason=_why_none(seen) if orbit is None else orbit.reason,
+        seen=seen,
+        observed=first[0],
+        parts=tuple(sorted(parts, key=lambda part: part.t_first_utc_ns)),
+    )
+
+
+def find_by_gooding(observed: Observed) -> Found:
+    """The orbit through the first, the middlemost and the last direction, without any prior."""
+    seen = observed.seen
+    nothing = Found(
+        method="gooding",
+        orbit=None,
+        reason=_why_none(seen),
+        seen=seen,
+        observed=observed,
+        parts=(_part(observed, seen, is_used=True, probability=None),),
+    )
+    if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
+        return nothing
+    lines = three_lines(seen)
+    three = seen.of(np.searchsorted(seen.t_s, lines.t_s))
+    fits: list[tuple[float, Orbit, GoodingOrbit]] = []
+    for each in gooding(lines):
+        start = at_epoch(each, lines)
+        orbit = determine(three, prior="none", start=start) if is_plausible(*start) else None
+        if orbit is not None:
+            fits.append((_misfit(seen, orbit), orbit, each))
+    if not fits:
+        return replace(nothing, reason="no bound orbit passes through the three directions")
+    fits.sort(key=lambda each: each[0])
+    return replace(
+        nothing,
+        orbit=fits[0][1],
+        reason=f"{fits[0][1].reason}; {_how_many(len(fits))} passes through the three",
+        solutions=tuple(each for _, _, each in fits),
+    )
+
+
+def _how_many(orbits: int) -> str:
+    return "no other orbit" if orbits == 1 else f"each of {orbits} orbits"
+
+
+def _determined(
+    seen: Sightings, used: Sequence[Sightings], start: Alone | None, prior: PriorName
+) -> Orbit | None:
+    """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
+    if len(used) == 1 or start is None:
+        return determine(seen, prior=prior)
+    state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
+    for count in range(2, len(used) + 1):
+        grown = through(used[:count], state, epoch, start.population)
+        if grown is not None:
+            state, epoch = grown.state, grown.epoch_utc_ns
+    begun = carried(state, epoch, seen.epoch_utc_ns)
+    orbit = determine(seen, prior=prior, start=begun)
+    if orbit is not None:
+        return orbit
+    # The nights part by more than the directions' own errors: forces that nobody knows.
+    apart_arcsec = common_error_arcsec(seen)
+    orbit = determine(_loosened(seen, apart_arcsec), prior=prior, start=begun)
+    if orbit is None or grown is None:
+        return orbit
+    words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
+    return replace(
+        orbit,
+        r_km=grown.state[0],
+        v_km_s=grown.state[1],
+        covariance=grown.covariance,
+        sigma_a_km=sigma_of_a_km(grown.state, grown.covariance),
+        reason=f"{orbit.reason}; {words}",
+    )
+
+
+def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
+    """The same directions with so much more error on each axis."""
+    whitening = seen.whitening
+    covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
+    wider = covariance + by_arcsec**2 * np.eye(2)
+    return replace(seen, whitening=np.linalg.inv(np.linalg.cholesky(wider)))
+
+
+def _probability(
+    start: Alone | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
+) -> float | None:
+    """That an arc is of the object of those used."""
+    more = alone(arc, prior) if start is not None else None
+    if start is None or more is None:
+        return None
+    return probability_of(log_odds_of_more(start, used[1:], more))
+
+
+def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: float | None) -> Part:
+    return Part(
+        name=observed.name,
+        observations=len(arc),
+        t_first_utc_ns=int(arc.t_utc_ns[0]),
+        t_last_utc_ns=int(arc.t_utc_ns[-1]),
+        is_used=is_used,
+        probability=probability,
+    )
+
+
+def _why_none(seen: Sightings) -> str:
+    if len(seen) < LEAST_SIGHTINGS:
+        return f"{len(seen)} direction(s): at least {LEAST_SIGHTINGS} are needed"
+    if seen.t_s[-1] <= seen.t_s[0]:
+        return "all directions are of one instant: they tell no motion"
+    return "no bound orbit fits the directions"
+
+
+def _misfit(seen: Sightings, orbit: Orbit) -> float:
+    """Sum of squares over all directions, in units of variance."""
+    since_s = (seen.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
+    places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
+    places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s - seen.light_times_s(places))
+    return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))

@@ -1,0 +1,450 @@
+"""The orbits of all tracks, refined with the measurements that the track takes.
+
+Fed with the records of the log and nothing else: the same log gives the same orbits. Tracks that
+follow one another are of one object where one orbit through both is likely enough, so that a lost
+satellite that is found again keeps its orbit.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.orbit.determination import (
+    Alone,
+    Orbit,
+    alone,
+    determine,
+    log_odds_of_more,
+    probability_of,
+    together,
+)
+from rsoconsole.orbit.first import Sightings, State
+from rsoconsole.orbit.motion import elements_of, predict
+from rsoconsole.pipeline.cycle import Foretold, Rivals, Track, TracksTaken, Untaken, may_guide
+from rsoconsole.pipeline.orbits.orbit_turns import in_turn
+from rsoconsole.pipeline.orbits.sightings_of import sightings_of
+from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
+from rsoconsole.sky import wrap_180
+from rsoconsole.tracking.filters import adaptive, estimator
+
+ASKED_AT = (6, 12, 24, 48, 96)
+"""With so many measurements a track is asked whether it is of an object followed before, and its
+orbit whether it knows what no track took."""
+JOINED_FROM, PARTED_BELOW = 0.99, 0.5
+"""Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
+_MOST_EARLIER = 4
+_MORE_TO_SEEK = 1.2
+"""Where no start led to an orbit, all are tried again with so many times as many directions: that
+takes most of a second with some hundreds of them, and one more changes nothing."""
+_LEARNT = 0.2
+"""Share by which they must have changed before all is computed again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refined:
+    """What one frame made of one track's orbit."""
+
+    estimate: OrbitEstimate
+    seen: Sightings
+    """The track's own directions."""
+    words: tuple[str, ...]
+    """What has changed, for the log of the night."""
+    is_turn: bool = False
+    """Whether the last of them says that the telescope aims by the other of orbit and filter."""
+    is_close: bool = False
+    """Whether that turn is between two that promise the same: no news for an operator."""
+
+
+@dataclass(slots=True, eq=False)
+class _Target:
+    """One object, by the track that follows it now and those that did before."""
+
+    taken: tuple[Measurement, ...] = ()
+    """By the present track."""
+    own: Sightings | None = None
+    """Of those that the present track took."""
+    more: tuple[Measurement, ...] = ()
+    """What no track took and the orbit knows as its own."""
+    seen: Sightings | None = None
+    """Of both."""
+    before: tuple[Sightings, ...] = ()
+    """Of earlier tracks."""
+    orbit: Orbit | None = None
+    sought_from: int = 0
+    """The number of directions with which every start is tried again; 0: none has failed."""
+    asked: set[int] = field(default_factory=set)
+    rivals: Rivals = field(default_factory=Rivals)
+    label: str = ""
+    first: Alone | None = None
+    """Of the first of its tracks, once that was asked for."""
+    joined: "_Target | None" = None
+    """What it was before, if it has been followed before."""
+    learnt: tuple[float, float] = (0.0, 1.0)
+    """Scatter (s) and variance_scale of its measurements' errors."""
+    is_told_of_none: bool = False
+    """Of a measurement that was no direction."""
+    words: list[str] = field(default_factory=list)
+    """To be told with the next orbit."""
+
+    @property
+    def parts(self) -> tuple[Sightings, ...]:
+        return self.before if self.seen is None else (*self.before, self.seen)
+
+
+class OnlineOrbit:
+    """Knows the objects that are followed, and the few that were followed before them."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._site = config.site.to_site()
+        self._tracks = TracksTaken()
+        self._untaken = Untaken()
+        self._targets: dict[str, _Target] = {}
+        """One a track, by the id of the measurement that the track began with."""
+        self._lead: _Target | None = None
+        """Other threads look in: it is read once."""
+        self._earlier: list[_Target] = []
+        self._is_begun = False
+        """A lead has begun that no orbit is of as yet."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def hear(self, record: Record) -> None:
+        """One record of the log."""
+        self._tracks.hear(record)
+        self._untaken.hear(record)
+        if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
+            self._is_begun = True
+
+    def forget(self) -> None:
+        """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
+        self._tracks, self._targets, self._lead, self._earlier = TracksTaken(), {}, None, []
+        self._untaken = Untaken()
+
+    @property
+    def track_ids(self) -> frozenset[int]:
+        """Of all tracks that took something and were not followed otherwise again."""
+        return frozenset(each.track_id for each in self._tracks.tracks())
+
+    @property
+    def seen(self) -> Sightings | None:
+        """The directions of the lead, or of what was the lead last."""
+        target = self._lead
+        return None if target is None else target.seen
+
+    @property
+    def orbit(self) -> Orbit | None:
+        """Of the lead, or of what was the lead last."""
+        target = self._lead
+        return None if target is None else target.orbit
+
+    @property
+    def is_guide(self) -> bool:
+        """Whether the lead's orbit predicts better than the filter, and may."""
+        target = self._lead
+        # The next order goes out before the orbit hears of the frame that began another track.
+        if target is None or self._is_begun:
+            return False
+        return self._guides(target)
+
+    def _guides(self, target: _Target) -> bool:
+        return may_guide(self._config) and target.rivals.is_orbit_ahead
+
+    def refine(self) -> tuple[Refined, ...]:
+        """The orbit of each track through all that it took, where it took something new.
+
+        None of a track of which nothing new was heard, or which tells no orbit, or whose turn has
+        not come (``orbit_turns``). Each is on record as of the last frame that the track took.
+        Nothing is raised for what cannot be fitted.
+        """
+        if not self._config.orbit.online:
+            return ()
+        tracks = [each for each in self._tracks.live() if each.measurements]
+        if not tracks:
+            return ()
+        self._is_begun = False
+        targets = self._aimed_at(tracks)
+        known = [target.taken for target in targets]
+        now = in_turn(tracks, known, self._tracks.newest_frame_id)
+        found = [self._refined(targets[n], tracks[n]) for n in now]
+        return tuple(each for each in found if each is not None)
+
+    def _refined(self, target: _Target, track: Track) -> Refined | None:
+        count, learnt = len(target.taken), target.learnt
+        if not self._take(target, track) or target.seen is None:
+            return None
+        predicted = None
+        if len(target.taken) == count + 1 and target.orbit is not None:
+            # By what was learnt before it, as the filter's own answer is.
+            last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
+            predicted = self._foretold(target.orbit, last)
+        self._ask_earlier(target)
+        self._ask_untaken(target, count)
+        seen, _ = together(target.parts)
+        orbit = target.orbit = self._determined(target, seen)
+        if orbit is None:
+            return None
+        was_guide = self._guides(target)
+        if track.last.foretold_by == "orbit":
+            target.rivals.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
+        elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
+            target.rivals.hear(predicted.short, by_filter)
+        estimate = self._estimate(target, track, orbit, seen, predicted)
+        words, target.words = [*target.words, *_news(target, estimate)], []
+        is_turn = track.last.is_lead and estimate.is_guide != was_guide
+        if not track.last.is_lead:
+            words = [f"track {track.track_id}: {each}" for each in words]
+        elif is_turn:  # the telescope goes by the lead's alone
+            words.append(_guide_words(target, is_orbit=estimate.is_guide))
+        return Refined(
+            estimate=estimate,
+            seen=target.seen,
+            words=tuple(words),
+            is_turn=is_turn,
+            is_close=is_turn and target.rivals.is_close,
+        )
+
+    def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
+        """What each track follows: known already, or another object until it is found to be one.
+
+        The first of them is the lead.
+        """
+        begun_with = [track.measurements[0].measurement_id for track in tracks]
+        for ended in [each for each in self._targets if each not in begun_with]:
+            before = self._targets.pop(ended)
+            if before.orbit is not None:
+                before.joined = None  # its parts are in it for good
+                self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
+        targets = [self._targets.setdefault(each, _Target()) for each in begun_with]
+        self._lead = targets[0]
+        return targets
+
+    def _take(self, target: _Target, track: Track) -> bool:
+        """The track's measurements, reduced; False where they are those that were known."""
+        taken, known = tuple(track.measurements), target.taken
+        if len(taken) == len(known) and all(map(_is_same, taken, known)):
+            return False
+        is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
+        learnt = _learnt(track.last)
+        if any(
+            abs(a - b) > _LEARNT * max(a, b) for a, b in zip(learnt, target.learnt, strict=True)
+        ):
+            target.learnt, is_longer = learnt, False
+        # The first new one is measured against the last known one.
+        start = len(known) if is_longer else 0
+        back = min(start, 1)
+        fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
+        seen = self._reduced(fresh)
+        if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
+            target.is_told_of_none = True
+            target.words.append("a measurement that is no direction was left out of the orbit")
+        known_seen = target.own if is_longer else None
+        parts = [each for each in (known_seen, seen) if each is not None]
+        target.taken = taken
+        frames = {m.frame_id for m in taken}
+        target.more = tuple(m for m in target.more if m.frame_id not in frames)
+        target.own = together(parts)[0] if parts else None
+        self._put_together(target)
+        return seen is not None
+
+    def _put_together(self, target: _Target) -> None:
+        """The track's own directions with those that its orbit has claimed."""
+        more = self._reduced(_with_errors_of(target)) if target.more else None
+        parts = [each for each in (target.own, more) if each is not None]
+        target.seen = together(parts)[0] if parts else None
+
+    def _ask_untaken(self, target: _Target, before: int) -> None:
+        """Whether what no track took is its own, now that its orbit is known better.
+
+        ``before``: the number of measurements that the track had taken when it was refined last.
+        """
+        now = len(target.taken)
+        if target.orbit is None or not any(n == now or before < n < now for n in ASKED_AT):
+            return
+        # By the orbit of the frame before: all that it claims is asked for again each time.
+        frames = {m.frame_id for m in target.taken}
+        more = self._untaken.of(target.orbit, self._site, frames, target.learnt)
+        if len(more) > len(target.more):
+            new = len(more) - len(target.more)
+            target.words.append(f"{new} more of the streaks that no track took belong to it")
+        if more != target.more:
+            target.more = more
+            self._put_together(target)
+
+    def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
+        """Without those that are no directions."""
+        try:
+            return sightings_of(self._site, taken)
+        except ValueError:
+            if len(taken) == 1:
+                return None
+        parts = [each for one in taken if (each := self._reduced((one,))) is not None]
+        return together(parts)[0] if parts else None
+
+    def _ask_earlier(self, target: _Target) -> None:
+        """Whether it was followed before; asked again while more of it is seen."""
+        assert target.seen is not None
+        due = max((n for n in ASKED_AT if n <= len(target.taken)), default=0)
+        if not due or due in target.asked or not (self._earlier or target.joined):
+            return
+        target.asked.add(due)
+        now = alone(target.seen, self._config.orbit.prior)
+        if now is None:
+            return
+        if target.joined is not None:
+            if self._same(target.joined, now) < PARTED_BELOW:
+                self._earlier.append(target.joined)
+                target.before, target.joined, target.orbit = (), None, None
+                target.sought_from = 0
+                target.words.append("it is not what was followed before, after all")
+            return
+        for earlier in reversed(self._earlier):
+            probability = self._same(earlier, now)
+            if probability >= JOINED_FROM:
+                self._earlier.remove(earlier)
+                target.joined, target.before, target.orbit = earlier, earlier.parts, earlier.orbit
+                target.sought_from = 0
+                share = "more than 99.9" if probability > 0.999 else f"{100.0 * probability:.1f}"
+                target.words.append(f"it is what was followed before: probability {share} %")
+                return
+
+    def _same(self, earlier: _Target, now: Alone) -> float:
+        """Probability."""
+        parts = earlier.parts
+        if earlier.first is None:
+            earlier.first = alone(parts[0], self._config.orbit.prior)
+        if earlier.first is None:
+            return 0.0
+        return probability_of(log_odds_of_more(earlier.first, parts[1:], now))
+
+    def _determined(self, target: _Target, seen: Sightings) -> Orbit | None:
+        start: State | None = None
+        if target.orbit is not None:
+            r, v = target.orbit.states(np.array([seen.epoch_utc_ns]))
+            start = (r[0], v[0]) if np.all(np.isfinite(r)) else None
+        is_sought = len(seen) >= target.sought_from
+        if start is None and not is_sought:
+            return None
+        with np.errstate(all="ignore"):
+            found = determine(
+                seen, prior=self._config.orbit.prior, start=start, tries_seeds=is_sought
+            )
+        if found is not None and not found.is_astray:
+            target.sought_from = 0
+        elif is_sought:
+            target.sought_from = math.ceil(_MORE_TO_SEEK * len(seen))
+        if found is None:
+            return None
+        numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)
+        return found if all(np.all(np.isfinite(each)) for each in numbers) else None
+
+    def _foretold(self, orbit: Orbit, measured: Measurement) -> "_Told | None":
+        """What the orbit before said of a measurement."""
+        ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
+        places = ahead.places
+        cos_dec = math.cos(math.radians(measured.dec_icrs_deg))
+        off_ra = wrap_180(measured.ra_icrs_deg - float(places.ra_icrs_deg[0]))
+        off = np.array([off_ra * cos_dec, measured.dec_icrs_deg - float(places.dec_icrs_deg[0])])
+        off *= 3600.0
+        ee, en, nn = ahead.cov_sky_arcsec2[0] + np.array(measured.cov_sky_arcsec2)
+        s = np.array([[ee, en], [en, nn]])
+        if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
+            return None
+        return _Told(
+            short=Foretold(
+                nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
+            ),
+            innovation_arcsec=(float(off[0]), float(off[1])),
+            sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
+        )
+
+    def _by_filter(self, track: Track) -> Foretold | None:
+        """What the filter had said of the last measurement."""
+        if track.last.nis is None or track.predicted is None:
+            return None
+        settings, measured = self._config.filter, track.measurements[-1]
+        try:
+            log_size = estimator.log_det_innovation(track.predicted, measured, settings)
+        except ValueError:
+            return None
+        return Foretold(nis=track.last.nis, log_size=log_size)
+
+    def _estimate(
+        self,
+        target: _Target,
+        track: Track,
+        orbit: Orbit,
+        seen: Sightings,
+        predicted: "_Told | None",
+    ) -> OrbitEstimate:
+        elements = elements_of(orbit.r_km, orbit.v_km_s)
+        r, v = orbit.r_km, orbit.v_km_s
+        return OrbitEstimate(
+            frame_id=track.last.frame_id,
+            track_id=track.track_id,
+            label=orbit.label,
+            prior=orbit.prior,
+            reason=orbit.reason,
+            observations=orbit.observations,
+            arc_s=float(seen.t_s[-1] - seen.t_s[0]),
+            epoch_utc_ns=orbit.epoch_utc_ns,
+            r_gcrs_km=(float(r[0]), float(r[1]), float(r[2])),
+            v_gcrs_km_s=(float(v[0]), float(v[1]), float(v[2])),
+            covariance=tuple(tuple(map(float, row)) for row in orbit.covariance),
+            a_km=elements.a_km,
+            e=elements.e,
+            i_deg=elements.i_deg,
+            sigma_a_km=orbit.sigma_a_km,
+            rms_arcsec=orbit.rms_arcsec,
+            outliers=orbit.outliers,
+            nis=None if predicted is None else predicted.short.nis,
+            innovation_arcsec=None if predicted is None else predicted.innovation_arcsec,
+            sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
+            is_guide=self._guides(target),
+        )
+
+
+def _with_errors_of(target: _Target) -> tuple[Measurement, ...]:
+    """What the orbit claims, each with the errors that the track has learnt."""
+    alike = adaptive.with_learned_errors
+    # Each moves as to the track's first measurement that is of another instant.
+    first = target.taken[0]
+    return tuple(alike((m, first), *target.learnt)[0] for m in target.more)
+
+
+def _learnt(state: TrackState) -> tuple[float, float]:
+    """Scatter (s) and variance_scale, as preset ``adaptive`` has learnt them."""
+    said = state.mixture
+    return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    short: Foretold
+    innovation_arcsec: tuple[float, float]
+    sigma_arcsec: tuple[float, float]
+
+
+def _is_same(one: Measurement, other: Measurement) -> bool:
+    return one is other
+
+
+def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
+    if estimate.label == target.label:
+        return ()
+    target.label = estimate.label
+    return (
+        f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
+        f" {estimate.observations} in {estimate.arc_s / 60.0:.0f} min",
+    )
+
+
+def _guide_words(target: _Target, *, is_orbit: bool) -> str:
+    if is_orbit:
+        return f"aims by the orbit from now on: {target.rivals.words}"
+    return f"aims by the filter again: {target.rivals.words}"

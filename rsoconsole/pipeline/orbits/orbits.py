@@ -1,0 +1,122 @@
+"""What is made of a frame's tracks while the mount is on its way, as it goes on record.
+
+The orbit and the name of each, how they move to each other, and who should be there beside them.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+
+from rsoconsole.config import Config
+from rsoconsole.errors import OrbitError
+from rsoconsole.pipeline.orbits.expected import Expected
+from rsoconsole.pipeline.orbits.naming import Naming
+from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
+from rsoconsole.pipeline.orbits.pairs import Pairs
+from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
+from rsoconsole.records import Event, OrbitEstimate, Record, Topic
+
+log = logging.getLogger(__name__)
+
+
+class Orbits:
+    """Hears the log, and makes of it what belongs behind a frame.
+
+    No track depends on whether that succeeds: what fails is said once.
+    """
+
+    def __init__(self, config: Config, past: Past | None = None) -> None:
+        """``past``: what no catalogue knew on earlier nights."""
+        self.online = OnlineOrbit(config)
+        self._naming = Naming(config, past)
+        self.pairs = Pairs(config)
+        self.expected = Expected(config, self._naming.entries)
+        self._faults: set[str] = set()
+        self.last: Mapping[int, OrbitEstimate] = {}
+        """The last one of each track on record, by track id; never changed, frames keep theirs."""
+        self.names: Mapping[int, str] = {}
+        """Of those that are identified, by track id; never changed, other threads look in."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self.online.configure(config)
+        self._naming.configure(config)
+        self.pairs.configure(config)
+        self.expected.configure(config, self._naming.entries)
+
+    def hear(self, record: Record) -> None:
+        """One record of the log."""
+        self.online.hear(record)
+        self.pairs.hear(record)
+        self.expected.hear(record)
+
+    def forget(self) -> None:
+        """The clock was wrong until now."""
+        self.online.forget()
+        self._naming.forget()
+        self.pairs.forget()
+        self.last = {}
+
+    def refine(self) -> tuple[Record, ...]:
+        """What belongs on record behind a frame.
+
+        OrbitEstimate, Identified, PairMotions, ExpectedMembers, and words on them.
+        """
+        records: list[Record] = []
+        try:
+            refined = self.online.refine()
+            for each in refined:
+                estimate = each.estimate
+                self.last = {**self.last, estimate.track_id: estimate}
+                records.append(estimate)
+                for number, words in enumerate(each.words, 1):
+                    is_turn = each.is_turn and number == len(each.words)
+                    turned: Topic = "close predictor" if each.is_close else "predictor"
+                    topic: Topic = turned if is_turn else ""
+                    records.append(
+                        Event(level="info", text=words, frame_id=estimate.frame_id, topic=topic)
+                    )
+            records += self._names_of(refined)
+        except Exception as error:  # the telescope goes on without an orbit
+            log.exception("the orbit could not be refined")
+            records += self._complaint(f"its orbit could not be refined ({error}): see the log")
+        return (*records, *self._others())
+
+    def _others(self) -> Sequence[Record]:
+        """Of all tracks together."""
+        records: list[Record] = []
+        try:
+            records += self.pairs.refine()
+            records += self.expected.refine()
+        except OrbitError as error:
+            records += self._complaint(f"nobody is expected by the catalogue: {error}")
+        except Exception as error:  # the telescope goes on without them
+            log.exception("the field could not be looked over")
+            records += self._complaint(f"the field could not be looked over ({error}): see the log")
+        return records
+
+    def _names_of(self, refined: Sequence[Refined]) -> Sequence[Record]:
+        if not refined:
+            return ()
+        frame_id = max(each.estimate.frame_id for each in refined)
+        seen = {each.estimate.track_id: each.seen for each in refined}
+        try:
+            found = self._naming.ask(frame_id, seen, self.online.track_ids)
+        except OrbitError as error:
+            return self._complaint(f"it has no name: {error}")
+        for name in found:
+            names = {n: each for n, each in self.names.items() if n != name.track_id}
+            if name.verdict == "identified" and name.matches:
+                best = name.matches[0]
+                names[name.track_id] = best.name or str(best.norad_id)
+            elif name.ledger is not None and name.ledger.is_sure:
+                names[name.track_id] = name.ledger.name
+            self.names = names
+            self.expected.hear(name)
+        return found
+
+    def _complaint(self, words: str) -> tuple[Event, ...]:
+        """Once for each fault."""
+        if words in self._faults:
+            return ()
+        self._faults.add(words)
+        return (Event(level="warning", text=words),)

@@ -1,0 +1,264 @@
+"""How the tracks of a field move to each other, frame by frame, as it goes on record."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.orbits.approaches import Approaches
+from rsoconsole.reasons import Missed
+from rsoconsole.records import (
+    Event,
+    FloatArray,
+    FollowedAgain,
+    FrameTaken,
+    Measurement,
+    Miss,
+    PairMotion,
+    PairMotions,
+    Record,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.sky import NS_PER_S, direction_to_unit
+from rsoconsole.tracking import MANY
+from rsoconsole.tracking.association import (
+    RelativePath,
+    Sights,
+    own_covariance,
+    pair_motion,
+    relative_path,
+    ways_between,
+)
+from rsoconsole.tracking.filters import lqe
+
+MOST_FRAMES = 400
+"""Of a track so many of its last measurements are compared."""
+MOST_PAIRS, PAIRS_OF_MANY = 6, 3
+"""In each frame so many pairs are looked at, fewer where there are more than ``MANY`` tracks: each
+costs 1 ms, and twelve tracks are 66."""
+_NEAR_SOONER = 4.0
+"""How much sooner than others a near pair comes round."""
+_RECENT_FRAMES = 40
+"""Of so many frames measurements are kept by their ids: a track begins with one of before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sight:
+    """What one frame has shown of a track."""
+
+    t_utc_ns: int
+    unit: FloatArray
+    cov_sky_arcsec2: tuple[float, float, float]
+    rate_arcsec_s: tuple[float, float]
+
+
+@dataclass(slots=True)
+class _Seen:
+    """One track."""
+
+    sights: dict[int, _Sight] = field(default_factory=dict)
+    """By frame."""
+    together: Sights | None = None
+    """The same as arrays, once they are asked for."""
+
+    def put(self, frame_id: int, sight: _Sight) -> None:
+        self.sights[frame_id] = sight
+        if len(self.sights) > MOST_FRAMES:
+            del self.sights[min(self.sights)]
+        self.together = None
+
+    def as_sights(self) -> Sights:
+        if self.together is None:
+            frames = sorted(self.sights)
+            each = [self.sights[number] for number in frames]
+            self.together = Sights(
+                frame_id=np.array(frames, np.int64),
+                t_utc_ns=np.array([one.t_utc_ns for one in each], np.int64),
+                units=np.array([one.unit for one in each]).reshape(-1, 3),
+                cov_sky_arcsec2=np.array([one.cov_sky_arcsec2 for one in each]).reshape(-1, 3),
+                rate_arcsec_s=np.array([one.rate_arcsec_s for one in each]).reshape(-1, 2),
+            )
+        return self.together
+
+
+class Pairs:
+    """Hears the log; fed with its records alone, so that the same log gives the same pairs."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._tracks: dict[int, _Seen] = {}
+        self._measured: dict[str, Measurement] = {}
+        """By id."""
+        self._frame_id = 0
+        self._t_utc_ns: int | None = None
+        """Instant of the frame's tracks."""
+        self._alive: list[int] = []
+        """Tracks of the frame, in its order."""
+        self._paths: dict[tuple[int, int], tuple[int, RelativePath]] = {}
+        """With the last frame that showed both."""
+        self._approaches = Approaches()
+        self._known: dict[tuple[int, int], PairMotion] = {}
+        """As each was looked at last."""
+        self.last: tuple[PairMotion, ...] = ()
+        """The same; never changed, other threads look in."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def forget(self) -> None:
+        """The clock was wrong until now."""
+        self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
+        self.last = ()
+        self._alive, self._t_utc_ns = [], None
+        self._approaches = Approaches()
+
+    def hear(self, record: Record) -> None:
+        """One record of the log."""
+        if isinstance(record, FrameTaken):
+            self._begin(record.frame_id)
+        elif isinstance(record, FollowedAgain):
+            self._begin(record.frame_id)
+            for seen in self._tracks.values():
+                if seen.sights.pop(record.frame_id, None) is not None:
+                    seen.together = None
+            self._paths.clear()
+        elif isinstance(record, Measurement):
+            self._measured[record.measurement_id] = record
+        elif isinstance(record, TrackState):
+            self._hear_state(record)
+        elif isinstance(record, StateChange):
+            if record.after not in {"TRACK", "COAST"}:
+                self._alive, self.last = [], ()
+        elif isinstance(record, Miss) and _is_lost(record):
+            self._alive = [each for each in self._alive if each != record.track_id]
+
+    def _begin(self, frame_id: int) -> None:
+        self._frame_id, self._alive, self._t_utc_ns = frame_id, [], None
+        oldest = frame_id - _RECENT_FRAMES
+        if any(m.frame_id < oldest for m in self._measured.values()):
+            recent = {n: m for n, m in self._measured.items() if m.frame_id >= oldest}
+            self._measured = recent
+
+    def _hear_state(self, state: TrackState) -> None:
+        number = state.track_id
+        if state.kind == "initial" and state.is_lead:
+            # A lead that was only predicted where another begins has been given up for it.
+            self._alive = [each for each in self._alive if self._is_seen(each)]
+        if number not in self._alive:
+            self._alive.append(number)
+        if self._t_utc_ns is None or state.is_lead:
+            self._t_utc_ns = state.t_utc_ns
+        taken = [*(state.begun_with or ())[:1], state.measurement_id]
+        for m in (self._measured.get(each) for each in taken if each is not None):
+            if m is not None and not m.is_crossing and not m.is_clipped:
+                self._tracks.setdefault(number, _Seen()).put(m.frame_id, _sight(m, state))
+
+    def _is_seen(self, track_id: int) -> bool:
+        seen = self._tracks.get(track_id)
+        return seen is not None and self._frame_id in seen.sights
+
+    def refine(self) -> tuple[Record, ...]:
+        """What belongs on record behind a frame: PairMotions, and words on approaches."""
+        alive = set(self._alive)
+        self._tracks = {n: each for n, each in self._tracks.items() if n in alive}
+        self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
+        known = {pair: each for pair, each in self._known.items() if alive.issuperset(pair)}
+        pairs, t_utc_ns = self._looked_at(known), self._t_utc_ns
+        limit = self._config.alert.separation_arcsec
+        close, words = self._approaches.after(pairs, self._alive, t_utc_ns, limit)
+        told = tuple(replace(each, is_close=_ids(each) in close) for each in pairs)
+        self._known = known | {_ids(each): each for each in told}
+        self.last = tuple(self._known[pair] for pair in sorted(self._known))
+        frame_id = self._frame_id
+        events = tuple(
+            Event(level=level, text=text, frame_id=frame_id, topic="approach")
+            for level, text in words
+        )
+        return (PairMotions(frame_id=frame_id, pairs=told), *events) if told else events
+
+    @property
+    def _most(self) -> int:
+        return MOST_PAIRS if len(self._alive) <= MANY else PAIRS_OF_MANY
+
+    def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
+        """Of many pairs those of a warning in each frame, the others in turn."""
+        if self._t_utc_ns is None:
+            return ()
+        alert = self._config.alert
+        found: list[PairMotion] = []
+        most = self._most
+        for one, other in self._in_turn(known):
+            path = self._path(one, other, self._tracks)
+            if path is None or self._t_utc_ns - path.t_utc_ns > path.horizon_s * 0.5e9:
+                continue  # nothing that showed both is recent enough
+            found.append(
+                pair_motion(
+                    (one, other),
+                    path,
+                    self._t_utc_ns,
+                    warned_arcsec=alert.separation_arcsec,
+                    warned_ahead_s=60.0 * alert.ahead_min,
+                )
+            )
+            if len(found) == most:
+                break
+        return sorted(found, key=_ids)
+
+    def _in_turn(self, known: Mapping[tuple[int, int], PairMotion]) -> list[tuple[int, int]]:
+        """All pairs: some of a warning, half at most, then by how long ago they were looked at.
+
+        Each one's nearest come round sooner than the others.
+        """
+        last = self._t_utc_ns or 0
+        warned = [each for each in known.values() if each.is_close]
+        warned = sorted(warned, key=lambda each: each.t_utc_ns)[: self._most // 2]
+        first = {_ids(each) for each in warned}
+        near: set[tuple[int, int]] = set()
+        for number in self._alive:
+            own = (each for pair, each in known.items() if number in pair)
+            nearest = min(own, key=lambda each: each.separation_arcsec, default=None)
+            near |= set() if nearest is None else {_ids(nearest)}
+
+        def due(pair: tuple[int, int]) -> tuple[bool, float, tuple[int, int]]:
+            seen = known.get(pair)
+            age_s = math.inf if seen is None else (last - seen.t_utc_ns) / NS_PER_S
+            return pair not in first, -age_s * (_NEAR_SOONER if pair in near else 1.0), pair
+
+        return sorted(combinations(sorted(self._alive), 2), key=due)
+
+    def _path(self, one: int, other: int, tracks: Mapping[int, _Seen]) -> RelativePath | None:
+        if one not in tracks or other not in tracks:
+            return None
+        last = max(tracks[one].sights.keys() & tracks[other].sights.keys(), default=None)
+        known = self._paths.get((one, other))
+        if known is not None and known[0] == last:
+            return known[1]
+        ways = ways_between(tracks[one].as_sights(), tracks[other].as_sights())
+        if ways is None or last is None:
+            return None
+        path = relative_path(ways)
+        self._paths[one, other] = (last, path)
+        return path
+
+
+def _ids(pair: PairMotion) -> tuple[int, int]:
+    return pair.track_id, pair.other_track_id
+
+
+def _is_lost(record: Miss) -> bool:
+    return isinstance(record.reason, Missed) and record.reason.lost is not None
+
+
+def _sight(m: Measurement, state: TrackState) -> _Sight:
+    (ee, en), (_, nn) = own_covariance(m, state)
+    return _Sight(
+        t_utc_ns=m.t_mid_utc_ns,
+        unit=direction_to_unit(m.ra_icrs_deg, m.dec_icrs_deg),
+        cov_sky_arcsec2=(float(ee), float(en), float(nn)),
+        rate_arcsec_s=lqe.sky_rate_arcsec_s(state),
+    )

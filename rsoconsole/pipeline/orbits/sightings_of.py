@@ -1,0 +1,191 @@
+"""The directions of one object, from a session's track or from a file of observations."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import Config, LimitsConfig
+from rsoconsole.errors import OrbitError, SessionError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
+from rsoconsole.orbit.determination import together
+from rsoconsole.orbit.first import Sightings, sightings
+from rsoconsole.pipeline.cycle import Track, TracksTaken
+from rsoconsole.records import Measurement, Site
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import iso_to_utc_ns
+
+_FEWEST = 3
+_SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
+ARC_GAP_S = 3 * 3600.0
+"""A longer silence begins another arc."""
+
+
+def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
+    """Measurements, reduced. Raises ValueError for one that is no direction."""
+    return sightings(
+        site,
+        np.array([each.t_mid_utc_ns for each in taken], np.int64),
+        np.array([each.ra_icrs_deg for each in taken]),
+        np.array([each.dec_icrs_deg for each in taken]),
+        np.array([each.cov_sky_arcsec2 for each in taken]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observed:
+    """Measured directions of one object, and where they are from."""
+
+    name: str
+    """Of the file or session, and which track of it."""
+    site: Site
+    limits: LimitsConfig | None
+    """Of the session's telescope; None for a file."""
+    seen: Sightings
+    tracks: int = 1
+    """How many the session holds."""
+    number: int = 1
+    """Which of them it is, in order of time."""
+    track_id: int | None = None
+    """As in the session's records; None for a file."""
+
+
+def read_observed(
+    path: Path,
+    *,
+    sigma_arcsec: float = 1.0,
+    track: int | None = None,
+    site: Site | None = None,
+) -> tuple[Observed, ...]:
+    """The tracks of a session, the longest first, or the observations of a file.
+
+    ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
+    ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
+    Raises SessionError or OrbitError saying what is wrong with what.
+    """
+    if path.is_dir() or path.name == "session.db":
+        return _read_session(path if path.is_dir() else path.parent, track)
+    return (_read_file(path, sigma_arcsec, site),)
+
+
+def arcs(seen: Sightings) -> tuple[Sightings, ...]:
+    """Its arcs, in order of time: a silence of three hours parts them."""
+    starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
+    groups = np.split(np.arange(len(seen)), starts)
+    return tuple(together([seen.of(each)])[0] for each in groups)
+
+
+def longest_arc(seen: Sightings) -> Sightings:
+    """The arc with the most directions."""
+    return max(arcs(seen), key=len)
+
+
+def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
+    reader = SessionReader(folder)
+    config = reader.config()
+    tracks = _tracks(reader)
+    if not tracks:
+        raise SessionError(
+            f"{folder} holds no track: nothing was followed in it; name a session that has one"
+        )
+    if track is not None and not 1 <= track <= len(tracks):
+        raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
+    found = [
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each)
+        for number, each in enumerate(tracks, start=1)
+        if track in (None, number)
+    ]
+    return tuple(sorted(found, key=lambda each: -len(each.seen)))
+
+
+def _of_track(name: str, config: Config, place: tuple[int, int], track: Track) -> Observed:
+    """``place``: its number, and how many there are."""
+    site, (number, count) = config.site.to_site(), place
+    try:
+        seen = sightings_of(site, track.measurements)
+    except ValueError as error:
+        raise SessionError(
+            f"{name}, track {number}: {error}; take another track with --track"
+        ) from error
+    return Observed(
+        name=name if count == 1 else f"{name}, track {number} of {count}",
+        site=site,
+        limits=config.limits,
+        seen=seen,
+        tracks=count,
+        number=number,
+        track_id=track.track_id,
+    )
+
+
+def _tracks(reader: SessionReader) -> list[Track]:
+    """Those with enough measurements, else all that have any, in order of time."""
+    taken = TracksTaken()
+    for _, _, record in reader.records(kinds=TracksTaken.KINDS):
+        taken.hear(record)
+    found = [each for each in taken.tracks() if each.measurements]
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found
+
+
+def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
+    try:
+        read = json_of(read_foreign(path, most_bytes=MOST_DATA_BYTES))
+    except FileNotFoundError as error:
+        raise OrbitError(
+            f"{path} does not exist: name a session's folder or a file of observations"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise OrbitError(f"{path} cannot be read: {error}") from error
+    except ValueError as error:
+        raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
+    if not isinstance(read, dict):
+        raise OrbitError(f"{path} is no file of observations: it must be {_SHAPE}")
+    told = read.get("site")
+    site = elsewhere if told is None and elsewhere is not None else _site(told, path)
+    rows = read.get("obs")
+    if not isinstance(rows, list) or not rows:
+        raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")
+    parsed = [_row(row, f"{path}, observation {n}", sigma_arcsec) for n, row in enumerate(rows, 1)]
+    t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
+    cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
+    return Observed(name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov))
+
+
+def _site(table: Any, path: Path) -> Site:
+    try:
+        site = Site(
+            latitude_deg=_number(table["lat_deg"], 90.0),
+            longitude_deg=_number(table["lon_deg"], 360.0),
+            elevation_m=_number(table.get("alt_m", 0.0), 1e5),
+        )
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise OrbitError(
+            f"{path} has no site that can be used: it must be {_SHAPE}; or say it with --site"
+        ) from error
+    return site
+
+
+def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, float, float]:
+    """Time, RA, Dec and the sigmas east and north, arcsec."""
+    if not isinstance(row, list) or not 3 <= len(row) <= 5:
+        raise OrbitError(f"{where}: [time, RA, Dec] in degrees is needed, then sigmas in arcsec")
+    try:
+        t_utc_ns = iso_to_utc_ns(row[0])
+        ra, dec = _number(row[1], 360.0), _number(row[2], 90.0)
+        sigmas = [_number(each, 3600.0) for each in row[3:]] or [sigma_arcsec]
+    except (TypeError, ValueError) as error:
+        raise OrbitError(f"{where}: {error}") from error
+    if min(sigmas) <= 0.0:
+        raise OrbitError(f"{where}: a sigma must be above 0")
+    return t_utc_ns, ra % 360.0, dec, sigmas[0], sigmas[-1]
+
+
+def _number(value: Any, largest: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is not a number")
+    if not (math.isfinite(value) and abs(value) <= largest):
+        raise ValueError(f"{value!r} is not within {largest:g} either side of 0")
+    return float(value)

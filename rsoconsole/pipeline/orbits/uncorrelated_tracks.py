@@ -1,0 +1,376 @@
+"""From tracks that no catalogue explains to the ledger, and from the ledger to names."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rsoconsole.errors import SessionError
+from rsoconsole.orbit.determination import Orbit, common_error_arcsec, determine, together
+from rsoconsole.orbit.first import Sightings, sightings
+from rsoconsole.orbit.identification import (
+    SURE_SAME,
+    Recognised,
+    SeenBefore,
+    attributable,
+    recognise,
+)
+from rsoconsole.orbit.motion import Forces, KnownOrbit, elements_of
+from rsoconsole.pipeline.orbits.sightings_of import Observed, longest_arc, read_observed
+from rsoconsole.records import FloatArray, Identified, LedgerName, Site
+from rsoconsole.session.ledgers import (
+    Change,
+    Ledger,
+    LedgerObject,
+    LedgerOrbit,
+    LedgerTrack,
+    change_ledger,
+    kept,
+    ledger_path,
+    taken_back,
+)
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.sky import NS_PER_S, utc_ns_to_iso
+
+FEWEST = 5
+"""Directions that a track needs to be kept: fewer are as well a satellite's glints."""
+_MOST_DIRECTIONS = 40
+_TOGETHER = 4
+"""An object's latest tracks that are put into one orbit."""
+_SAME_RMS = 3.0
+"""The directions of several nights leave at most so many times what one night's leave,"""
+_MOST_COMMON_ARCSEC = 10.0
+"""and what forces and stars are off for whole nights, up to this."""
+_KNOWN = ("free", "constrained by prior")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptTrack:
+    """What became of one track."""
+
+    track: int
+    """Its number in the session."""
+    number: int
+    """Of the object."""
+    is_new: bool
+    """The ledger did not have that object."""
+    recognised: Recognised | None
+    """None where it had been kept before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptSession:
+    """What became of a session's tracks."""
+
+    tracks: tuple[KeptTrack, ...] = ()
+    taken_back: tuple[int, ...] = ()
+    """Tracks that were in the ledger and have a catalogued name now."""
+    too_short: tuple[int, ...] = ()
+    moved_aside: Path | None = None
+    """Where a damaged ledger was moved."""
+
+
+class Past:
+    """What the ledger held when the night began."""
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._objects = {each.number: each for each in ledger.objects}
+        self._before = seen_before(ledger.objects)
+
+    def names_of(self, tracks: Mapping[int, Sightings], site: Site) -> dict[int, LedgerName]:
+        """Of those tracks, by id, that are or may be of an object that was seen before."""
+        if not self._before or not tracks:
+            return {}
+        found = recognise(list(tracks.values()), site, self._before)
+        return {
+            track_id: self._name(*answer.candidates[0], answer.separation_arcsec)
+            for track_id, answer in zip(tracks, found, strict=True)
+            if answer.candidates
+        }
+
+    def _name(self, number: int, probability: float, off: float | None) -> LedgerName:
+        known = self._objects[number]
+        return LedgerName(
+            number=number,
+            name=known.called,
+            t_last_utc_ns=known.last.t_last_utc_ns,
+            probability=probability,
+            is_sure=probability >= SURE_SAME,
+            separation_arcsec=0.0 if off is None or not math.isfinite(off) else off,
+        )
+
+
+def seen_before(objects: Sequence[LedgerObject]) -> tuple[SeenBefore, ...]:
+    """What the latest tracks of each say."""
+    return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
+
+
+def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
+    """The tracks of a closed session whose last name on record is none.
+
+    Those that were never compared with a catalogue are left out. Raises SessionError.
+    """
+    verdicts: dict[int, Identified] = {}
+    for _, _, record in SessionReader(folder).records(kinds=(Identified,)):
+        if isinstance(record, Identified):
+            verdicts[record.track_id] = record
+    unknown = {n for n, each in verdicts.items() if each.verdict == "unknown"}
+    if not unknown:
+        return KeptSession()
+    tracks = [each for each in read_observed(folder) if each.track_id in unknown]
+    return keep(folder, tracks, (), path)
+
+
+def keep(
+    folder: Path, tracks: Sequence[Observed], named: Sequence[Observed], path: Path | None = None
+) -> KeptSession:
+    """Keep tracks of a session that no catalogue explains, and take back those that it names now.
+
+    The ledger of simulated nights is another. Raises SessionError.
+    """
+    session = folder.resolve().name
+    is_simulated = SessionReader(folder).about().get("is_simulated") is True
+    path = path or ledger_path(is_simulated=is_simulated)
+    long = sorted(
+        (each for each in tracks if len(each.seen) >= FEWEST), key=lambda each: each.number
+    )
+    ready = [(each, longest_arc(each.seen)) for each in long]
+    orbits = [_determined(arc) for _, arc in ready]
+    done: list[KeptTrack] = []
+    back: list[int] = []
+
+    def changes(ledger: Ledger) -> list[Change]:
+        # Nothing is on the disk yet: with another's change in between it would be asked again.
+        found: list[Change] = []
+        for each in named:
+            if ledger.number_of(session, each.track_id or 0) is not None:
+                found.append(taken_back(session, each.track_id or 0))
+                back.append(each.number)
+        numbers = _numbers(session, ledger, ready, done)
+        for (each, arc), orbit, number in zip(ready, orbits, numbers, strict=True):
+            before = [known for known in ledger.objects if known.number == number]
+            track = _ledger_track(folder, each, arc, is_simulated=is_simulated)
+            known = _ledger_orbit(arc, orbit, before[0] if before else None, session)
+            found.append(kept(number, replace(track, orbit=known)))
+        return found
+
+    if not ready and not named:
+        return KeptSession(too_short=_short(tracks))
+    _, aside = change_ledger(changes, path)
+    return KeptSession(
+        tracks=tuple(done),
+        taken_back=tuple(back),
+        too_short=_short(tracks),
+        moved_aside=aside,
+    )
+
+
+def ledger_words(name: LedgerName) -> str:
+    """As it is shown: ``UCT 7, seen 2026-11-20``."""
+    seen = utc_ns_to_iso(name.t_last_utc_ns, 0)[:10]
+    share = math.floor(100.0 * name.probability)
+    doubt = "" if name.is_sure else f"perhaps ({share} %) "
+    return f"{doubt}{name.name}, seen {seen}"
+
+
+def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
+    return tuple(each.number for each in tracks if len(each.seen) < FEWEST)
+
+
+def _numbers(
+    session: str,
+    ledger: Ledger,
+    ready: Sequence[tuple[Observed, Sightings]],
+    done: list[KeptTrack],
+) -> list[int]:
+    """Of which object each is: known by its own entry, recognised, or new."""
+    known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
+    own = {number for number in known if number is not None}
+    asked = [n for n, number in enumerate(known) if number is None]
+    # A session's own entries are no earlier night; its tracks are compared with one another below.
+    before = [
+        each
+        for each in ledger.objects
+        if each.number not in own and any(t.session != session for t in each.tracks)
+    ]
+    answers: dict[int, Recognised] = {}
+    if asked:
+        found = recognise([ready[n][1] for n in asked], ready[0][0].site, seen_before(before))
+        answers = dict(zip(asked, found, strict=True))
+    new: list[tuple[int, Sightings, Site]] = []
+    numbers, following = [], ledger.next_number
+    for n, (each, arc) in enumerate(ready):
+        number, answer, is_new = known[n], answers.get(n), False
+        if number is None:
+            number = answer.number if answer is not None else None
+            if number is None:
+                number = _of_this_night(arc, each.site, new)
+            if number is None:
+                number, is_new = following, True
+                following += 1
+            new.append((number, arc, each.site))
+        numbers.append(number)
+        done.append(KeptTrack(track=each.number, number=number, is_new=is_new, recognised=answer))
+    return numbers
+
+
+def _of_this_night(
+    arc: Sightings, site: Site, new: Sequence[tuple[int, Sightings, Site]]
+) -> int | None:
+    """The object of an earlier track of this session that had ended, if it is the same."""
+    at_once = {
+        number
+        for number, other, _ in new
+        if other.t_utc_ns[0] <= arc.t_utc_ns[-1] and arc.t_utc_ns[0] <= other.t_utc_ns[-1]
+    }
+    before = []
+    for number, other, there in new:
+        if number not in at_once:
+            before.append(_of_arc(number, other, there))
+    return recognise([arc], site, before)[0].number if before else None
+
+
+def _of_arc(number: int, arc: Sightings, site: Site) -> SeenBefore:
+    t, ra, dec, rate, _ = attributable(arc)
+    orbit = _determined(arc)
+    return SeenBefore(
+        number=number,
+        site=site,
+        t_utc_ns=t,
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        rate_arcsec_s=rate,
+        orbit=orbit,
+        is_held=orbit is not None and orbit.prior == "slot",
+    )
+
+
+def _determined(arc: Sightings) -> Orbit | None:
+    """An orbit that is worth keeping."""
+    with np.errstate(all="ignore"):
+        orbit = determine(arc)
+    if orbit is None or orbit.label not in _KNOWN:
+        return None
+    return orbit if np.all(np.isfinite(orbit.covariance)) else None
+
+
+def _ledger_track(
+    folder: Path, observed: Observed, arc: Sightings, *, is_simulated: bool
+) -> LedgerTrack:
+    t, ra, dec, rate, covariance = attributable(arc)
+    step = max(1, -(-len(arc) // _MOST_DIRECTIONS))
+    some = arc.of(np.arange(0, len(arc), step))
+    cov = np.linalg.inv(np.swapaxes(some.whitening, -1, -2) @ some.whitening)
+    rows = np.stack(
+        [
+            (some.t_utc_ns - t) / NS_PER_S,
+            some.ra_icrs_deg,
+            some.dec_icrs_deg,
+            *(cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]),
+        ],
+        axis=-1,
+    )
+    site = observed.site
+    return LedgerTrack(
+        session=folder.resolve().name,
+        folder=str(folder.resolve()),
+        track_id=observed.track_id or 0,
+        latitude_deg=site.latitude_deg,
+        longitude_deg=site.longitude_deg,
+        elevation_m=site.elevation_m,
+        t_first_utc_ns=int(arc.t_utc_ns[0]),
+        t_last_utc_ns=int(arc.t_utc_ns[-1]),
+        observations=len(arc),
+        t_utc_ns=t,
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        rate_east_arcsec_s=rate[0],
+        rate_north_arcsec_s=rate[1],
+        covariance=_rows(covariance),
+        orbit=None,
+        directions=_rows(rows),
+        is_simulated=is_simulated,
+    )
+
+
+def _ledger_orbit(
+    arc: Sightings, orbit: Orbit | None, before: LedgerObject | None, session: str
+) -> LedgerOrbit | None:
+    """Through the object's latest tracks where one orbit fits them all, else the track's own."""
+    earlier = [] if before is None else [t for t in before.tracks if t.session != session]
+    if earlier and orbit is not None:
+        parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]
+        whole = together([*parts, arc])[0]
+        joined, common = _determined(whole), min(common_error_arcsec(whole), _MOST_COMMON_ARCSEC)
+        most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
+        if joined is not None and joined.rms_arcsec <= most:
+            return _orbit_on_file(joined, 1 + len(parts))
+    return None if orbit is None else _orbit_on_file(orbit, 1)
+
+
+def _orbit_on_file(orbit: Orbit, nights: int) -> LedgerOrbit:
+    elements = elements_of(orbit.r_km, orbit.v_km_s)
+    return LedgerOrbit(
+        label=orbit.label,
+        prior=orbit.prior,
+        epoch_utc_ns=orbit.epoch_utc_ns,
+        r_gcrs_km=tuple(map(float, orbit.r_km)),
+        v_gcrs_km_s=tuple(map(float, orbit.v_km_s)),
+        covariance=_rows(orbit.covariance),
+        a_km=elements.a_km,
+        e=elements.e,
+        i_deg=elements.i_deg,
+        sigma_a_km=orbit.sigma_a_km,
+        rms_arcsec=orbit.rms_arcsec,
+        nights=nights,
+    )
+
+
+def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in values)
+
+
+def _site_of(track: LedgerTrack) -> Site:
+    return Site(
+        latitude_deg=track.latitude_deg,
+        longitude_deg=track.longitude_deg,
+        elevation_m=track.elevation_m,
+    )
+
+
+def _sightings_of(track: LedgerTrack) -> Sightings:
+    rows = np.array(track.directions)
+    t = track.t_utc_ns + np.round(rows[:, 0] * NS_PER_S).astype(np.int64)
+    try:
+        return sightings(_site_of(track), t, rows[:, 1], rows[:, 2], rows[:, 3:])
+    except (ValueError, IndexError) as error:
+        raise SessionError(
+            f"the ledger's track of {track.session} holds no directions: {error}"
+        ) from error
+
+
+def _seen_before(number: int, track: LedgerTrack) -> SeenBefore:
+    orbit = track.orbit
+    known = (
+        None
+        if orbit is None
+        else KnownOrbit(
+            epoch_utc_ns=orbit.epoch_utc_ns,
+            r_km=np.array(orbit.r_gcrs_km),
+            v_km_s=np.array(orbit.v_gcrs_km_s),
+            covariance=np.array(orbit.covariance),
+            forces=Forces(epoch_utc_ns=orbit.epoch_utc_ns),
+        )
+    )
+    return SeenBefore(
+        number=number,
+        site=_site_of(track),
+        t_utc_ns=track.t_utc_ns,
+        ra_icrs_deg=track.ra_icrs_deg,
+        dec_icrs_deg=track.dec_icrs_deg,
+        rate_arcsec_s=(track.rate_east_arcsec_s, track.rate_north_arcsec_s),
+        orbit=known,
+        is_held=orbit is not None and orbit.prior == "slot",
+    )

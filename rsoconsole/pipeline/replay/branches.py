@@ -1,0 +1,192 @@
+"""Branches of a session: what-ifs that were given a name.
+
+``SESSION/branches/NAME`` holds a database of the session's own schema, with the whole log as it
+would have been; ``meta`` says of what it is a branch (``branch_of``), what was tried (``tried``),
+and the figures before and after. The session itself is never written to. Pictures and frames stay
+with the session, where the reader looks for what a branch does not hold.
+"""
+
+import contextlib
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole import __version__
+from rsoconsole.errors import SessionError
+from rsoconsole.pipeline.replay.what_if_log import WhatIf
+from rsoconsole.session.files import put_in_place
+from rsoconsole.session.log import DATABASE
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.writing import SessionWriter
+
+BRANCHES = "branches"
+RESERVED = ("figures", "exports")
+"""Folders of other derived files beside the branches."""
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
+_OF_THE_SESSION = (
+    "model_sha256",
+    "clock_offset_s",
+    "is_simulated",
+    "t_started_utc_ns",
+)
+"""What holds for a branch as for its session."""
+_WRITE_S = 120.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Branch:
+    """A named what-if of a session."""
+
+    name: str
+    folder: Path
+    tried: dict[str, Any]
+    figures: dict[str, Any]
+    """``recorded`` and ``what_if``, as they were when it was made."""
+    t_made_utc_ns: int | None
+    fault: str | None = None
+    """Why it cannot be read; the other members are then empty."""
+
+
+def branch_folder(session: Path, name: str) -> Path:
+    """Where a branch of that name lies. Raises SessionError for a name that cannot be one."""
+    if not _NAME.fullmatch(name) or name.endswith("."):
+        raise SessionError(
+            f"{name!r} cannot name a branch: use up to 64 letters, digits, '-', '_' and '.',"
+            " the first a letter, a digit or '_'"
+        )
+    if name.lower() in RESERVED:
+        raise SessionError(f"'{name}' is kept for other derived files: choose another name")
+    return session / BRANCHES / name
+
+
+def check_name(session: Path, name: str, *, force: bool = False) -> Path:
+    """Where a branch of that name is to lie. Raises SessionError where it cannot."""
+    folder = branch_folder(session, name)
+    if folder.exists() and not force:
+        raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")
+    if folder.exists() and not _is_branch(folder):
+        raise SessionError(f"{folder} is no branch: move it away, or choose another name")
+    return folder
+
+
+def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
+    """Keep a what-if as a branch of its session; returns its folder.
+
+    It is whole or not there: it is written beside its place and renamed. Raises SessionError for
+    a name that cannot be one or is taken (unless ``force``), and where it cannot be written.
+    """
+    folder = check_name(what_if.session, name, force=force)
+    beside = folder.with_name(f".{name}.part")
+    try:
+        folder.parent.mkdir(exist_ok=True)
+        shutil.rmtree(beside, ignore_errors=True)
+        _write(what_if, name, beside)
+        put_in_place(beside, folder)
+    except OSError as error:
+        raise SessionError(
+            f"no branch can be written in {folder.parent}: {error}; free some disk, or copy the"
+            " session to a place that you can write"
+        ) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return folder
+
+
+def branches_of(session: Path) -> tuple[Branch, ...]:
+    """A session's branches in order of name. Raises SessionError where they cannot be listed."""
+    try:
+        folders = sorted(path for path in (session / BRANCHES).iterdir() if _is_branch(path))
+    except FileNotFoundError:
+        return ()
+    except OSError as error:
+        raise SessionError(f"{session / BRANCHES} cannot be looked into: {error}") from error
+    return tuple(_branch(folder) for folder in folders)
+
+
+def drop_branch(session: Path, name: str) -> Path:
+    """Delete a branch; returns where it was. Raises SessionError where there is none."""
+    folder = branch_folder(session, name)
+    if not _is_branch(folder):
+        names = ", ".join(each.name for each in branches_of(session)) or "none"
+        raise SessionError(f"{session} has no branch '{name}'; it has: {names}")
+    gone = folder.with_name(f".{name}.gone")
+    try:
+        shutil.rmtree(gone, ignore_errors=True)
+        folder.rename(gone)
+        shutil.rmtree(gone)
+    except OSError as error:
+        raise SessionError(f"{folder} cannot be deleted: {error}") from error
+    return folder
+
+
+def _is_branch(folder: Path) -> bool:
+    return (
+        not folder.name.startswith(".")
+        and folder.name not in RESERVED
+        and (folder / DATABASE).is_file()
+    )
+
+
+def _branch(folder: Path) -> Branch:
+    try:
+        about = SessionReader(folder).about()
+    except SessionError as error:
+        return Branch(
+            name=folder.name,
+            folder=folder,
+            tried={},
+            figures={},
+            t_made_utc_ns=None,
+            fault=str(error),
+        )
+    made = about.get("t_made_utc_ns")
+    return Branch(
+        name=folder.name,
+        folder=folder,
+        tried=dict(about.get("tried") or {}),
+        figures=dict(about.get("figures") or {}),
+        t_made_utc_ns=made if isinstance(made, int) else None,
+    )
+
+
+def _write(what_if: WhatIf, name: str, folder: Path) -> None:
+    session = SessionReader(what_if.session).about()
+    title = session.get("title") or what_if.session.resolve().name
+    about = {key: session[key] for key in _OF_THE_SESSION if key in session}
+    about |= {
+        "title": f"{title} · {name}",
+        "branch_of": "../..",
+        "tried": dict(what_if.tried),
+        "rerun": None if what_if.rerun is None else asdict(what_if.rerun),
+        "figures": {
+            "recorded": asdict(what_if.recorded),
+            "what_if": asdict(what_if.what_if),
+        },
+        "t_made_utc_ns": time.time_ns(),
+        "versions": {"rsoconsole": __version__},
+    }
+    if what_if.model_sha256 is not None:
+        about["model_sha256"] = what_if.model_sha256
+    with _writing(folder, what_if, about) as writer:
+        for t_utc_ns, record in what_if.log:
+            writer.append(record, t_utc_ns)
+    for empty in (path for path in folder.iterdir() if path.is_dir()):
+        empty.rmdir()
+
+
+@contextlib.contextmanager
+def _writing(folder: Path, what_if: WhatIf, about: dict[str, Any]) -> Iterator[SessionWriter]:
+    """A writer that raises in the end what it lacks; a live session's never does."""
+    writer = SessionWriter.create(folder, what_if.config, about)
+    try:
+        yield writer
+    finally:
+        writer.close(_WRITE_S)
+    if writer.faults:
+        raise SessionError(f"the branch cannot be written: {'; '.join(writer.faults)}")
+    if SessionReader(folder).counts().records != len(what_if.log):
+        raise SessionError("the branch could not be written in whole: free some disk and try again")

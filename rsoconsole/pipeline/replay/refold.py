@@ -1,0 +1,410 @@
+"""The track once more, from what is on record alone: the same fold over the same inputs. Pure.
+
+What-if, review and tests run this. With the session's own configuration it gives every record of
+the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
+(``FrameTaken``, ``Detections``, the plate, the measurements), changes of parameters, and the
+changes of state that came from outside the fold. A frame without ``Detections`` was never reduced
+(its reduction failed, or somebody cut it short) and is no miss; one that was taken while the
+operator had the mount was looked at, not folded.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias, assert_never
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.pipeline.cycle import (
+    Fold,
+    Folds,
+    HandTrack,
+    KeptOnRecord,
+    Shown,
+    StarHistory,
+    are_alike,
+    fold,
+    looked_at,
+)
+from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
+from rsoconsole.pipeline.replay.otherwise import at_instant, at_tau
+from rsoconsole.reasons import FROM_OUTSIDE, Cause, Missed
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    ExpectedMembers,
+    FoldRecord,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LeapDone,
+    LoopState,
+    LowPass,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    PairMotions,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.tracking.association import Following
+
+TAU = "detector.tau"
+FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
+"""States in which a frame is folded into what is followed."""
+FOLDS = (TrackState, NotFollowed, Miss, StateChange)
+"""What the fold puts on record."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayedFrame:
+    """One folded frame."""
+
+    taken: FrameTaken
+    shown: Shown
+    """What was folded; other than recorded only where another tau or header latency is tried."""
+    config: Config
+    """In force for this frame."""
+    after: Following
+    """What is followed after it."""
+    records: tuple[Record, ...]
+    """What the fold makes of it now: TrackState, NotFollowed, Miss, StateChange, in order."""
+    recorded: tuple[Record, ...]
+    """What it made of it then."""
+
+    @property
+    def state(self) -> LoopState:
+        """After it."""
+        return self.after.state
+
+    @property
+    def solution(self) -> Solution | NotSolved | None:
+        """Of its stars."""
+        return self.shown.solution
+
+    @property
+    def is_as_recorded(self) -> bool:
+        """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
+        return self.records == self.recorded
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether both are the same but for the rounding of another processor."""
+        return are_alike(self.records, self.recorded)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookedAt:
+    """A frame that was reduced and not folded: the operator had the mount, or it has no time."""
+
+    shown: Shown
+
+
+ReduceAgain: TypeAlias = Callable[[Shown, Config], Shown]
+"""What a frame shows when it is reduced once more: its record and the configuration in force."""
+Part: TypeAlias = Literal["input", "folded", "other"]
+"""What a record is to the fold: what goes in, what comes out, neither."""
+
+
+def replay(
+    records: Iterable[Record],
+    config: Config,
+    *,
+    tried: Mapping[str, float | str] | None = None,
+    reduce_again: ReduceAgain | None = None,
+) -> Iterator[ReplayedFrame]:
+    """Every frame that the session folded, in order, each as soon as its records are complete.
+
+    ``records``: a session's log in its order, of all kinds. ``config``: that of the session's
+    beginning; recorded changes are made as they come. ``tried``: settings by dotted name that
+    hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
+    out candidates by their recorded confidence, a tried header latency moves all instants;
+    everything else that made the measurements is taken as it was, unless ``reduce_again`` makes
+    them anew. Where the telescope looked is never another than recorded.
+
+    Raises ConfigError for a setting that there is not, or a value that it cannot have.
+    """
+    walk = Walk.begin(config, tried, reduce_again)
+    for record in records:
+        yield from _folded(walk.hear(record))
+    yield from _folded(walk.close())
+
+
+def _folded(closed: Iterable[ReplayedFrame | LookedAt]) -> Iterator[ReplayedFrame]:
+    return (each for each in closed if isinstance(each, ReplayedFrame))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Open:
+    """A reduced frame whose records still come in."""
+
+    taken: FrameTaken
+    detections: Detections
+    solution: Solution | NotSolved | None = None
+    measurements: list[Measurement] = field(default_factory=list)
+    recorded: list[Record] = field(default_factory=list)
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+
+    def shown(self) -> Shown:
+        return Shown(
+            taken=self.taken,
+            detections=self.detections,
+            solution=self.solution,
+            measurements=tuple(self.measurements),
+            orbits=self.orbits,
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class Walk:
+    """Where a replay stands in the log."""
+
+    config: Config
+    held: frozenset[str]
+    reduce_again: ReduceAgain | None = None
+    following: Following = field(default_factory=Following)
+    kept: KeptOnRecord = field(default_factory=KeptOnRecord)
+    """The track that ended last by somebody's word: it may be followed again."""
+    stars: StarHistory = field(default_factory=StarHistory)
+    taken: FrameTaken | None = None
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+    """The last one of each track, by track id; never changed, frames keep theirs."""
+    is_another_night: bool = False
+    """A frame came out otherwise than recorded: the orbits behind it are of another track."""
+    open: _Open | None = None
+    folds: Folds = field(default_factory=Folds)
+    hand: HandTrack = field(default_factory=HandTrack)
+    is_by_hand: bool = False
+    """The last ruling was on a frame that nobody followed."""
+    again: dict[int, Fold] = field(default_factory=dict)
+    """Frames that a ruling has had followed again, by number."""
+    open_again: tuple[Fold, list[Record]] | None = None
+    """One of them whose records still come in."""
+    is_ruled: bool = False
+    """A ruling has come, and none of the frames that it has followed again."""
+    part: Part = "other"
+    """What the record heard last is to the fold."""
+
+    @classmethod
+    def begin(
+        cls,
+        config: Config,
+        tried: Mapping[str, float | str] | None = None,
+        reduce_again: ReduceAgain | None = None,
+    ) -> "Walk":
+        """At the beginning of a log. Raises ConfigError as ``replay`` does."""
+        held = dict(tried or {})
+        for name, value in held.items():
+            config = with_setting(config, name, value)
+        return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
+
+    def hear(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
+        """One record; gives the frame that it shows to be complete."""
+        self.part = "other"
+        match record:
+            case FrameTaken():
+                yield from self.close()
+                self.taken = record
+            case Detections():
+                if self.taken is not None:
+                    self.part = "input"
+                    self.open = _Open(taken=self.taken, detections=record, orbits=self.orbits)
+            case CycleTiming():
+                yield from self.close()
+            case Ruling() | FollowedAgain():
+                yield from self.close()
+                self.is_ruled = isinstance(record, Ruling)
+                self._hear_ruling(record)
+            case ParameterChange():
+                yield from self.close()
+                if record.name not in self.held:
+                    self.config = with_setting(self.config, record.name, record.after)
+            case StateChange() if is_from_outside(record):
+                yield from self.close()
+                self._pass(record)
+            case OrbitEstimate():
+                if not self.is_another_night:
+                    self.orbits = {**self.orbits, record.track_id: record}
+            case Solution() | NotSolved() | Measurement():
+                self.part = self._hear_of_frame(record)
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                self.part = self._hear_of_frame(record)
+            case Event() if record.topic == "kept":
+                yield from self.close()
+                self.kept.given_up()
+            case OperatorAction() if record.verb == BEGIN_MARK:
+                self._hold(record)
+            case (
+                SlewCommand()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
+                | OperatorAction()
+                | Closeup()
+                | Event()
+            ):
+                pass  # led to by what is followed, or beside it
+            case _:
+                assert_never(record)
+
+    def _hold(self, begun: OperatorAction) -> None:
+        """A frame is kept to be marked in, or no longer, where nobody can know it by a ruling."""
+        frame_id = begun.arguments.get("frame")
+        if begun.outcome.kind != "done" or not isinstance(frame_id, int):
+            return
+        frames = self.folds if self.following.state in FOLDED else self.hand
+        if begun.arguments.get("on", True):
+            frames.hold(frame_id)
+        else:
+            frames.let_go(frame_id)
+
+    def _hear_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
+        """What was seen in a frame, or what the fold made of it."""
+        is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
+        if self.open_again is not None:
+            if is_folds:
+                self.open_again[1].append(record)
+            return "folded" if is_folds else "other"
+        if self.open is None:
+            return "other"
+        if is_folds:
+            self.open.recorded.append(record)
+            return "folded"
+        match record:
+            case Solution() | NotSolved():
+                self.open.solution = record
+            case Measurement():
+                self.open.measurements.append(record)
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                return "other"
+            case _:
+                assert_never(record)
+        return "input"
+
+    def _is_loops_own(self, record: Record) -> bool:
+        """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
+        if isinstance(record, Miss):
+            return is_instruments(record)
+        return isinstance(record, StateChange) and self.is_ruled
+
+    def close(self) -> Iterator[ReplayedFrame | LookedAt]:
+        """Fold the open frame, if there is one."""
+        if self.open_again is not None:
+            fold_, recorded_again = self.open_again
+            self.open_again = None
+            yield self._compared(_replayed(fold_, tuple(recorded_again)))
+        if self.open is None:
+            return
+        shown, recorded = self.open.shown(), tuple(self.open.recorded)
+        self.open = self.taken = None
+        if TAU in self.held:
+            shown = at_tau(shown, self.config)
+        if self.reduce_again is not None:
+            shown = self.reduce_again(shown, self.config)
+        t_mid_ns = shutter_mid_utc_ns(shown.taken, self.config.exposure)
+        if t_mid_ns is not None:
+            shown = at_instant(shown, t_mid_ns, self.config.exposure)
+        if self.following.state not in FOLDED or t_mid_ns is None:
+            self.stars = looked_at(self.stars, shown)
+            self.hand.add(shown, self.config)
+            self.kept.looked_at(t_mid_ns, self.config.filter)
+            yield LookedAt(shown=shown)
+            return
+        folded = fold(self.following, self.stars, shown, self.config)
+        done = Fold(
+            before=self.following,
+            stars_before=self.stars,
+            shown=shown,
+            config=self.config,
+            folded=folded,
+        )
+        self.folds.add(done)
+        self.following, self.stars = folded.following, folded.stars
+        self.kept.folded(self.following, t_mid_ns)
+        if folded.following.track is None:
+            self.hand.add(shown, self.config)
+        yield self._compared(_replayed(done, recorded))
+
+    def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
+        if not frame.is_alike:
+            # Those of the frames before are of what is followed here, too.
+            orbits = self.orbits if self.is_another_night else frame.shown.orbits
+            self.is_another_night, self.orbits = True, orbits
+        return frame
+
+    def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:
+        """The operator's word: what is followed is what it leads to."""
+        if isinstance(record, FollowedAgain):
+            done = self.again.pop(record.frame_id, None)
+            self.open_again = None if done is None else (done, [])
+            return
+        self.is_by_hand = self.following.state not in FOLDED
+        try:
+            if self.is_by_hand:
+                self._rule_by_hand(record)
+                return
+            again = self.folds.rule(record)
+        except ValueError:  # under what is tried the frame was not followed
+            return
+        self.again = {each.shown.taken.frame_id: each for each in again}
+        self.following = again[-1].folded.following
+
+    def _rule_by_hand(self, record: Ruling) -> None:
+        self.again = {}
+        kept, _ = self.hand.rule(record, self.kept.following, self.following.last_track_id)
+        self.kept.made(kept, self.config.filter)
+        if kept is not None:
+            last_track_id = max(kept.last_track_id, self.following.last_track_id)
+            self.following = replace(self.following, last_track_id=last_track_id)
+
+    def _pass(self, change: StateChange) -> None:
+        """The operator, a limit, a fault or the end of the night: what is followed after it."""
+        self.folds.forget()
+        self.hand.forget()
+        if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
+            self.orbits = {}
+            self.following = replace(self.following, dropped=())
+        before, kept = self.following, self.kept.following
+        self.kept.passed(change, before, self.config.filter)
+        if change.after != "COAST":
+            self.following = before.without_track(change.after)
+        elif kept is not None:
+            last_track_id = max(kept.last_track_id, before.last_track_id)
+            self.following = replace(
+                kept, state="COAST", candidates=(), last_track_id=last_track_id
+            )
+        else:
+            self.following = before.without_track("SEARCH")
+
+
+def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
+    return ReplayedFrame(
+        taken=done.shown.taken,
+        shown=done.shown,
+        config=done.config,
+        after=done.folded.following,
+        records=done.folded.records,
+        recorded=recorded,
+    )
+
+
+def is_from_outside(change: StateChange) -> bool:
+    """Whether a change of state is none of the fold's."""
+    is_between_folded = change.before in FOLDED and change.after in FOLDED
+    cause = change.reason
+    return not is_between_folded or (isinstance(cause, Cause) and cause.kind in FROM_OUTSIDE)
+
+
+def is_instruments(miss: Miss) -> bool:
+    """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
+    return isinstance(miss.reason, Missed) and miss.reason.kind == "instrument"

@@ -1,0 +1,342 @@
+"""A kept frame through the detector once more, with another tau or map, beside what was recorded.
+
+Only frames whose pixels the session has kept can be: of the others a replay tells what another
+tau would have made of the recorded candidates. Nothing is written anywhere.
+"""
+
+import logging
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
+from rsoconsole.instruments.frames import header_start, read_frame
+from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.pipeline.frame import (
+    Calibration,
+    FrameReducer,
+    Plate,
+    PlateFinder,
+    RecordedComparison,
+    calibration_warnings,
+)
+from rsoconsole.pipeline.replay.rerun import RecordedPlate
+from rsoconsole.reason_text import text
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    Frame,
+    FrameTaken,
+    MapMode,
+    Measurement,
+    NotSolved,
+    ParameterChange,
+    Solution,
+)
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.vision.detector import ConfidenceCurve, Network, is_same_streak
+from rsoconsole.vision.frame import FrameMap, choose_blocks, make_map
+
+log = logging.getLogger(__name__)
+
+TAU, MAP_MODE = "detector.tau", "detector.map_mode"
+ROUNDED_NS = 100_000_000
+"""By which a card's instant may differ from the recorded one."""
+UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
+SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
+"""Within these a candidate is as recorded: another processor rounds otherwise, and a curve of
+confidence that was fitted anew says 0.995 where 0.9999 was on record."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What a frame showed."""
+
+    detections: Detections | None
+    """None where the frame was never reduced."""
+    solution: Solution | NotSolved | None
+    measurements: tuple[Measurement, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedFrame:
+    """What a session holds of one frame."""
+
+    taken: FrameTaken
+    seen: Seen
+    config: Config
+    """In force for it."""
+    path: Path | None
+    """Its pixels; None where they are not there."""
+    not_kept_because: str
+    """Empty where they are."""
+    model_sha256: str | None
+    """Of the network that looked at it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """A candidate and what the detector said of it."""
+
+    detection: Detection
+    is_taken: bool
+    reason: str
+    """Why it was not taken; empty where it was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """One candidate then and now; one of them is missing where only the other saw it."""
+
+    was: Verdict | None
+    now: Verdict | None
+
+    @property
+    def shown(self) -> Detection:
+        """Where it is: as seen now, or then where it is not seen any more."""
+        verdict = self.now or self.was
+        assert verdict is not None
+        return verdict.detection
+
+    @property
+    def is_as_recorded(self) -> bool:
+        """Whether both say the same of the same place."""
+        was, now = self.was, self.now
+        if was is None or now is None or was.is_taken is not now.is_taken:
+            return False
+        one, other = was.detection, now.detection
+        away_px = max(abs(one.x_px - other.x_px), abs(one.y_px - other.y_px))
+        return away_px < SAME_PX and abs(one.confidence - other.confidence) < SAME_CONFIDENCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reprocessed:
+    """One frame as recorded and as seen with the settings that were tried."""
+
+    tau: float
+    map_mode: MapMode
+    is_solved_anew: bool
+    """False: measured by the plate on record."""
+    is_same_network: bool | None
+    """Whether the network is the recorded one; None where the session does not say."""
+    was: Seen
+    now: Seen
+    candidates: tuple[Compared, ...]
+    """Most confident first."""
+    stage_ms: dict[str, float] = field(default_factory=dict)
+    """Of the detector's stages, of ``solve``, and of it all as ``total``."""
+
+
+def recorded_frame(
+    reader: SessionReader, frame_id: int, config: Config | None = None
+) -> RecordedFrame:
+    """What the session holds of a frame.
+
+    ``config``: instead of the one that the session began with; recorded changes before the frame
+    are made to either. Raises SessionError where the session has no such frame, or where its
+    configuration is needed and not one that this version knows.
+    """
+    taken: FrameTaken | None = None
+    detections: Detections | None = None
+    solution: Solution | NotSolved | None = None
+    measurements: list[Measurement] = []
+    seq_of_frame = 0
+    kinds = (FrameTaken, Detections, Solution, NotSolved, Measurement)
+    for seq, _, record in reader.records(kinds=kinds, frame_id=frame_id):
+        match record:
+            case FrameTaken():
+                taken, seq_of_frame = record, seq
+            case Detections():
+                detections, seq_of_frame = record, seq
+            case Solution() | NotSolved():
+                solution = record
+            case Measurement():
+                measurements.append(record)
+    if taken is None:
+        raise SessionError(f"{reader.folder} holds no frame {frame_id}")
+    path = reader.frame_path(frame_id)
+    sha256 = reader.about().get("model_sha256")
+    return RecordedFrame(
+        taken=taken,
+        seen=Seen(detections=detections, solution=solution, measurements=tuple(measurements)),
+        config=_in_force(reader, config or reader.config(), seq_of_frame),
+        path=path,
+        not_kept_because="" if path else reader.not_kept_because(frame_id) or UNWRITTEN,
+        model_sha256=sha256 if isinstance(sha256, str) else None,
+    )
+
+
+def _in_force(reader: SessionReader, config: Config, seq_of_frame: int) -> Config:
+    for seq, _, record in reader.records(kinds=(ParameterChange,)):
+        if seq > seq_of_frame:
+            break
+        if isinstance(record, ParameterChange):
+            config = with_setting(config, record.name, record.after)
+    return config
+
+
+def read_pixels(recorded: RecordedFrame) -> Frame:
+    """The frame as the camera gave it.
+
+    Raises FrameError where it was not kept (and says why), where its file is damaged, and where
+    the file holds another exposure than the recorded one.
+    """
+    taken = recorded.taken
+    if recorded.path is None:
+        raise FrameError(f"frame {taken.frame_id} was not kept: {recorded.not_kept_because}")
+    frame = read_frame(recorded.path, taken.frame_id)
+    if (frame.width_px, frame.height_px) != (taken.width_px, taken.height_px):
+        raise FrameError(
+            f"{recorded.path.name} is {frame.width_px} x {frame.height_px} px, but frame"
+            f" {taken.frame_id} was {taken.width_px} x {taken.height_px}: it is another's file"
+        )
+    then_ns, read_ns = taken.t_start_utc_ns, frame.t_start_utc_ns
+    if taken.camera is None:  # recorded before the camera's own receiver was asked
+        read_ns, _ = header_start(frame.header)
+    if then_ns is not None and read_ns is not None and abs(read_ns - then_ns) > ROUNDED_NS:
+        raise FrameError(
+            f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
+            " it is another's file"
+        )
+    # What the camera's process said of the frame counts, not what a card may have rounded.
+    return replace(
+        frame,
+        t_start_utc_ns=taken.t_start_utc_ns,
+        exposure_s=taken.exposure_s,
+        pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
+        pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
+        camera=taken.camera,
+    )
+
+
+class Reprocessor:
+    """The network and the plate solver, each loaded when first needed. For one thread."""
+
+    def __init__(self, recorded: RecordedFrame, frame: Frame) -> None:
+        self._recorded = recorded
+        self._frame = frame
+        self._solver: PlateSolver | None = None
+
+    @cached_property
+    def _network(self) -> Network:
+        settings = self._recorded.config.detector
+        return Network.load(settings.model, settings.threads)
+
+    @cached_property
+    def _calibration(self) -> Calibration:
+        return Calibration(self._recorded.config)
+
+    def close(self) -> None:
+        """End the solver's process."""
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
+
+    def run(
+        self,
+        tau: float | None = None,
+        map_mode: MapMode | None = None,
+        *,
+        solves_anew: bool = False,
+    ) -> Reprocessed:
+        """The frame with these settings; None: as they were in force for it.
+
+        ``solves_anew``: find the plate from this frame's stars alone, instead of taking the one
+        on record. Raises ConfigError for a value that cannot be, ModelError without a network.
+        """
+        config, recorded = self._recorded.config, self._recorded
+        tried = {TAU: tau, MAP_MODE: map_mode}
+        for name, value in tried.items():
+            if value is not None:
+                config = with_setting(config, name, value)
+        network = self._network
+        curve = ConfidenceCurve.from_card(network.card)
+        plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
+        began_s = time.perf_counter()
+        comparison = RecordedComparison(recorded.seen.detections)
+        reducer = FrameReducer(
+            network, curve, plate, config, calibration=self._calibration, comparison=comparison
+        )
+        reduction = reducer.reduce(self._frame)
+        for words in calibration_warnings(reduction.cautions):
+            log.warning("%s", words)
+        stage_ms = dict(reduction.detections.stage_ms)
+        if solves_anew:
+            stage_ms["solve"] = reduction.stage_ms.get("solve", 0.0)
+        stage_ms["total"] = (time.perf_counter() - began_s) * 1e3
+        sha256 = recorded.model_sha256
+        return Reprocessed(
+            tau=config.detector.tau,
+            map_mode=config.detector.map_mode,
+            is_solved_anew=solves_anew,
+            is_same_network=None if sha256 is None else sha256 == network.card["sha256"],
+            was=recorded.seen,
+            now=Seen(
+                detections=reduction.detections,
+                solution=reduction.solution,
+                measurements=reduction.measurements,
+            ),
+            candidates=compare(recorded.seen.detections, reduction.detections),
+            stage_ms=stage_ms,
+        )
+
+    def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
+        """What the network sees of the frame: one map, or several where its scale is unknown."""
+        frame, _ = self._calibration.prepare(self._frame)
+        blocks = choose_blocks(
+            frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
+        )
+        return tuple(make_map(frame.pixels, map_mode, block) for block in blocks)
+
+    def _plate(self, config: Config) -> Plate:
+        try:
+            if self._solver is None:
+                self._solver = PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
+        except RsoconsoleError as error:
+            log.warning("%s", error)
+            missing = NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0)
+            return _on_record(missing)
+        return PlateFinder(self._solver, config)
+
+
+def _on_record(solution: Solution | NotSolved | None) -> Plate:
+    """The same pixels have the same plate."""
+    plate = RecordedPlate()
+    plate.solution = solution
+    return plate
+
+
+def compare(was: Detections | None, now: Detections | None) -> tuple[Compared, ...]:
+    """Candidates then and now, those of one streak side by side, most confident first."""
+    left = list(verdicts(was))
+    pairs: list[Compared] = []
+    for verdict in verdicts(now):
+        same = [other for other in left if is_same_streak(verdict.detection, other.detection)]
+        nearest = min(same, key=lambda other: _away_px(verdict, other), default=None)
+        if nearest is not None:
+            left.remove(nearest)
+        pairs.append(Compared(was=nearest, now=verdict))
+    pairs += [Compared(was=verdict, now=None) for verdict in left]
+    return tuple(sorted(pairs, key=lambda pair: -_highest(pair)))
+
+
+def verdicts(found: Detections | None) -> Iterable[Verdict]:
+    """All that the detector held possible in a frame, and what it said of each."""
+    if found is None:
+        return
+    for each in found.detections:
+        yield Verdict(detection=each, is_taken=True, reason="")
+    for one in found.rejected:
+        yield Verdict(detection=one.detection, is_taken=False, reason=text(one.reason))
+
+
+def _away_px(one: Verdict, other: Verdict) -> float:
+    a, b = one.detection, other.detection
+    return max(abs(a.x_px - b.x_px), abs(a.y_px - b.y_px))
+
+
+def _highest(pair: Compared) -> float:
+    return max(each.detection.confidence for each in (pair.was, pair.now) if each is not None)

@@ -1,0 +1,211 @@
+"""Other settings tried on a night in a process of their own: the console stays small and quick.
+
+Filter and orbits bring libraries of tens of megabytes with them, and would hold up a screen while
+they compute. The process is started ahead of the first question or by it, keeps what it has read of
+the log, and ends when nobody has asked for a while, or with its parent: its socket closes then.
+"""
+
+import contextlib
+import logging
+import os
+import socket
+import subprocess
+import sys
+import threading
+import traceback
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsoconsole.config import Config
+from rsoconsole.errors import RsoconsoleError, SessionError
+from rsoconsole.records import Record
+from rsoconsole.session.reading import SessionReader
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.replay.what_if_figures import TrackFigures
+
+log = logging.getLogger(__name__)
+
+IDLE_S = 60.0
+"""Without a question the process ends."""
+STEP_BACK = 10
+"""Added to its niceness: it stands behind an engine that observes on the same computer."""
+_PROGRAM = (
+    "import sys; from rsoconsole.pipeline.replay.what_if_process import main; "
+    "main(int(sys.argv[1]))"
+)
+_LEAVES_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A what-if: which settings to try on which part of a session."""
+
+    folder: Path
+    config: Config
+    """That of the session's beginning."""
+    tried: Mapping[str, float | str]
+    until_seq: int | None = None
+    """As of that place of the log; None: its end."""
+    last: int | None = None
+    """Over so many frames; None: over all."""
+    of_lead: bool = False
+    """Of the lead alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unexpected:
+    """An answer that is none: what broke, for the parent's log."""
+
+    words: str
+    traceback: str
+
+
+class LogOfOneSession:
+    """The records of the session that was asked for last; only what is new is read again."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._records: list[Record] = []
+        self._seqs: list[int] = []
+
+    def until(self, folder: Path, seq: int | None) -> list[Record]:
+        """All up to that place, None: all there are. Raises SessionError."""
+        if folder != self._folder:
+            self._folder, self._records, self._seqs = folder, [], []
+        since = self._seqs[-1] if self._seqs else 0
+        for at, _, record in SessionReader(folder).records(since_seq=since):
+            self._records.append(record)
+            self._seqs.append(at)
+        return self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
+
+
+class WhatIfProcess:
+    """The parent's end. One thread asks; any may close."""
+
+    def __init__(self, idle_s: float = IDLE_S) -> None:
+        """``idle_s``: without a question for so long the process ends; the next one starts it."""
+        self._idle_s = idle_s
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+        self._idle: threading.Timer | None = None
+        self._lock = threading.Lock()
+        self._is_closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process while there is one."""
+        process = self._process
+        return None if process is None or process.poll() is not None else process.pid
+
+    def start(self) -> None:
+        """Have the process ready before the first question; that one says where it cannot be."""
+        with self._lock, contextlib.suppress(SessionError, OSError):
+            self._started()
+            self._end_when_idle()
+
+    def ask(self, question: Question) -> "TrackFigures":
+        """Wait for the answer; raises RsoconsoleError where there is none, with the reason."""
+        with self._lock:
+            if self._idle is not None:
+                self._idle.cancel()
+                self._idle = None
+            connection = self._started()
+        try:
+            connection.send(question)
+            answer = connection.recv()
+        except (EOFError, OSError) as error:
+            with self._lock:
+                self._end()
+            reason = "the process that computes the effect has ended: try once more"
+            raise SessionError(reason) from error
+        with self._lock:
+            self._end_when_idle()
+        if isinstance(answer, RsoconsoleError):
+            raise answer
+        if isinstance(answer, Unexpected):
+            log.error("the effect cannot be computed:\n%s", answer.traceback)
+            raise SessionError(f"the effect cannot be computed ({answer.words}): see the log")
+        figures: TrackFigures = answer
+        return figures
+
+    def close(self) -> None:
+        """End the process; a question that waits for its answer fails."""
+        with self._lock:
+            self._is_closed = True
+            self._end()
+
+    def _started(self) -> Connection:
+        if self._is_closed:
+            raise SessionError("no effect is computed any more: the console closes")
+        if self._connection is not None and self.pid is not None:
+            return self._connection
+        self._end()
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _PROGRAM, str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        self._connection = Connection(ours.detach())
+        return self._connection
+
+    def _end_when_idle(self) -> None:
+        if self._idle is not None:
+            self._idle.cancel()
+        self._idle = threading.Timer(self._idle_s, self._end_if_idle)
+        self._idle.daemon = True
+        self._idle.start()
+
+    def _end_if_idle(self) -> None:
+        with self._lock:
+            if self._idle is threading.current_thread():
+                self._end()
+
+    def _end(self) -> None:
+        process, connection = self._process, self._connection
+        self._process = self._connection = None
+        if self._idle is not None:
+            self._idle.cancel()
+            self._idle = None
+        if process is not None:
+            process.kill()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_LEAVES_S)
+        if connection is not None:
+            connection.close()
+
+
+def main(socket_fd: int) -> None:
+    """Answer one question after the other until the parent's end of the socket closes."""
+    from rsoconsole.pipeline.replay.what_if_figures import what_if
+    from rsoconsole.tracking.filters import lqe
+
+    os.nice(STEP_BACK)
+    lqe.make_ready()
+    connection, session = Connection(socket_fd), LogOfOneSession()
+    while True:
+        try:
+            asked: Question = connection.recv()
+        except (EOFError, OSError):
+            return
+        answer: TrackFigures | RsoconsoleError | Unexpected
+        try:
+            records = session.until(asked.folder, asked.until_seq)
+            answer = what_if(records, asked.config, asked.tried, asked.last, of_lead=asked.of_lead)
+        except RsoconsoleError as error:
+            answer = error
+        except Exception as error:  # the seat must hear of it, whatever it is
+            answer = Unexpected(words=repr(error), traceback=traceback.format_exc())
+        try:
+            connection.send(answer)
+        except OSError:
+            return

@@ -1,0 +1,133 @@
+"""A proposal of Q and R from the innovations of recorded sessions, with its evidence.
+
+Maximum likelihood of the innovations (``propose_likelihood``) over Q and R, then over those of
+their terms that the data tell. Nothing is proposed that the data do not ask for: a change counts
+only where the likelihood ratio would exceed it by chance in one night of twenty, a term of its own
+in one of a hundred. Which measurements belong to a track depends on Q and R too, through the gate;
+so what is found is replayed, and sought anew with what the tracks take then, until both agree.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.errors import ConfigError, SessionError
+from rsoconsole.pipeline.frame import usual_sigma_s
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.tuning.propose_evidence import Proposal
+from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry
+from rsoconsole.pipeline.tuning.propose_likelihood import Arc, arcs_of
+from rsoconsole.records import TrackState
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.tracking.filters import scatter_words
+
+FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
+"""The gate at first and later: wide, so that an R too small cuts off none that show it."""
+MOST_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Session:
+    folder: Path
+    records: list[Any]
+    config: Config
+
+
+def propose(
+    folders: Sequence[Path], *, on_evaluation: Callable[[], None] = lambda: None
+) -> Proposal:
+    """Q and R that make the innovations of one or several sessions likeliest.
+
+    The sessions are judged together and must have one filter preset. ``on_evaluation`` is called
+    each time the filter is run over all of them. Raises SessionError for a folder without a
+    session, ConfigError where their presets differ.
+    """
+    if not folders:
+        raise SessionError("name at least one session")
+    sessions = [_load(Path(folder)) for folder in folders]
+    presets = sorted({session.config.filter.preset for session in sessions})
+    if "adaptive" in presets:
+        raise ConfigError(_nothing_to_propose(sessions))
+    if len(presets) > 1:
+        raise ConfigError("sessions of the presets tuned and paper share no Q: propose them apart")
+    arcs, tried, rounds = _arcs(sessions, None), {}, 0
+    inquiry = Inquiry(arcs, presets[0], on_evaluation)
+    evaluations = 0
+    while inquiry.count >= LEAST and rounds < MOST_ROUNDS:
+        rounds += 1
+        tried = inquiry.run()
+        evaluations += inquiry.search.evaluations
+        again = _arcs(sessions, tried)
+        if rounds == MOST_ROUNDS or _taken(again) == _taken(arcs):
+            break
+        arcs = again
+        inquiry = Inquiry(arcs, presets[0], on_evaluation)
+    folders = tuple(session.folder for session in sessions)
+    if rounds == 0 or inquiry.count < LEAST:
+        return _not_enough(folders, presets[0], inquiry.count, len(arcs))
+    return inquiry.proposal(folders, rounds, evaluations)
+
+
+def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
+    """What preset ``adaptive`` has learnt of each night by itself, and what may be made of it."""
+    told = []
+    for session in sessions:
+        states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
+        last = deque(states, maxlen=1)
+        known_s = usual_sigma_s(session.config.exposure)
+        words = scatter_words(last[0], known_s) if last else None
+        if words is not None:
+            told.append(f"{session.folder.name}: {words}")
+    learnt = "; ".join(told) or "no track has learnt anything yet"
+    return (
+        "preset adaptive weighs its motions and learns the night's scatter by itself, there is no Q"
+        f" to propose ({learnt}); put the scatter into exposure.timing_sigma_s if it is the"
+        " shutter's, or record with preset tuned"
+    )
+
+
+def _load(folder: Path) -> _Session:
+    reader = SessionReader(folder)
+    records = [record for _, _, record in reader.records()]
+    return _Session(folder=folder, records=records, config=reader.config())
+
+
+def _arcs(sessions: Sequence[_Session], tried: Mapping[str, float] | None) -> list[Arc]:
+    """Tracks as they would be with what is tried; None: with what was recorded."""
+    arcs: list[Arc] = []
+    wide = FIRST_GATE_NIS if tried is None else GATE_NIS
+    for session in sessions:
+        gate = max(session.config.filter.gate_nis, wide)
+        held = {**(tried or {}), "filter.gate_nis": gate}
+        arcs.extend(arcs_of(replay(session.records, session.config, tried=held)))
+    return arcs
+
+
+def _taken(arcs: Sequence[Arc]) -> list[tuple[Any, ...]]:
+    return [(arc.first, arc.second, *arc.measurements) for arc in arcs]
+
+
+def _not_enough(folders: tuple[Path, ...], preset: str, count: int, tracks: int) -> Proposal:
+    return Proposal(
+        sessions=folders,
+        preset=preset,
+        verdict="not enough to say",
+        words=f"not enough to say: {count} of the {LEAST} innovations that it takes",
+        tried={},
+        innovations=count,
+        tracks=tracks,
+        gain=None,
+        needed=None,
+        parameters=(),
+        terms=(),
+        before=None,
+        after=None,
+        autocorrelation_bound=None,
+        hold_out=None,
+        rounds=0,
+        evaluations=0,
+        warnings=(),
+    )

@@ -1,0 +1,312 @@
+"""What one set of tracks says of Q and R: models compared, and their evidence. Pure."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.pipeline.tuning.propose_evidence import (
+    HoldOut,
+    Proposal,
+    Proposed,
+    Soundness,
+    Term,
+    Verdict,
+)
+from rsoconsole.pipeline.tuning.propose_likelihood import Arc, Innovations, innovations
+from rsoconsole.pipeline.tuning.propose_search import HALF_WIDTH, Fit, Parameter, Search
+from rsoconsole.tracking.filters import mean_band
+
+LEAST = 15
+"""Fewer innovations say nothing of Q and R."""
+CHANCE, CHANCE_OF_A_TERM = 0.05, 0.01
+"""How often idle parameters may gain as much as is asked for."""
+WIDENED = {"paper": 1.0, "tuned": 2.0}
+"""By how much intervals are widened, and the roots of gains asked for, beyond what log L says.
+
+The tuned filter hears each innovation twice, in S and in its process noise. Over simulated nights
+of 60 frames and known noise the likeliest R scattered by 0.18 in its logarithm, where the profile
+of log L said 0.09, and the sandwich of its scores no more.
+"""
+WORTH_A_FIT = 0.3
+"""Share of the gain that is needed which a term must show alone, before all is sought with it."""
+_ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
+FLAT_DECADES = 4.0
+"""A 68 % interval of so many powers of ten says that the likelihood is flat."""
+
+
+class Inquiry:
+    """What is asked of one set of tracks."""
+
+    def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
+        self._arcs = arcs
+        self._preset = preset
+        self.count = sum(len(arc.measurements) for arc in arcs)
+        self._widened = WIDENED[preset]
+        self.search = Search(lambda settings: _total(self._run(settings)), on_evaluation)
+        self._half = self.count // 2
+        self.warnings: list[str] = []
+        self._limited: set[str] = set()
+        """Labels of what the data give no more than a limit of."""
+        if self.count:
+            self._q, self._r, self._others = self._parameters()
+
+    def run(self) -> dict[str, float]:
+        """Seek; returns the settings that are proposed."""
+        search = self.search
+        self._recorded = search.fit(())
+        both = search.fit((self._q, self._r))
+        self._both = both
+        self._needed = self._gain_needed(CHANCE, 2)
+        self._terms: list[Term] = []
+        self._chosen = self._likeliest = self._recorded
+        if both.log_likelihood - self._recorded.log_likelihood >= self._needed:
+            self._chosen = self._fewest(both)
+            for other in self._others:
+                self._try_term(other)
+            self._likeliest = self._chosen
+            self._heed_limits()
+            self._chosen = self._rounded(self._chosen)
+        return self._chosen.settings()
+
+    def _fewest(self, both: Fit) -> Fit:
+        """R or Q alone where the other adds nothing that chance would not.
+
+        Once something is to be changed the bar is the plain one: Q and R answer to each other, and
+        one that is held where it was pulls the other along.
+        """
+        for alone in (self._r, self._q):
+            fit = self.search.fit((alone,), start=both)
+            if both.log_likelihood - fit.log_likelihood < _needed(CHANCE, 1):
+                return fit
+        return both
+
+    def _gain_needed(self, chance: float, parameters: int) -> float:
+        return _needed(chance, parameters) * self._widened**2
+
+    def _heed_limits(self) -> None:
+        """Where the data give a parameter no more than a limit, the limit is proposed.
+
+        A calm half an hour is likeliest with no process noise at all; a night in which the
+        satellite turns is lost with it.
+        """
+        for parameter in self._likeliest.parameters:
+            is_open = self.search.open_ends(parameter, self._likeliest)
+            if is_open[0] == is_open[1]:
+                continue
+            # Of a parameter that is sought alone the limit is the wider one, beside the other.
+            is_alone = len(self._likeliest.parameters) == 1
+            beside = self._both if is_alone else self._likeliest
+            interval = self.search.interval(parameter, beside)
+            limit, word = (interval[1], "at most") if is_open[0] else (interval[0], "at least")
+            self._limited.add(parameter.label)
+            others = (p for p in self._chosen.parameters if p.names != parameter.names)
+            held = (parameter.held_at(limit), *others)
+            self._chosen = self.search.fit(held, start=self._chosen)
+            self.warnings.append(
+                f"{parameter.label}: the data give a limit alone, {word} {limit:.2g}; it is what is"
+                " proposed"
+            )
+
+    def _rounded(self, fit: Fit) -> Fit:
+        """To three digits: no night tells more."""
+        values = tuple(float(f"{value:.3g}") for value in fit.values)
+        found = self._run(dict(_pairs(fit.parameters, values)))
+        return Fit(parameters=fit.parameters, values=values, log_likelihood=_total(found))
+
+    def _try_term(self, other: Parameter) -> None:
+        needed = self._gain_needed(CHANCE_OF_A_TERM, 1)
+        gain = self.search.gain_along(other, self._chosen)
+        fit = self._chosen
+        if gain >= WORTH_A_FIT * needed:
+            fit = self.search.fit((*self._chosen.parameters, other), start=self._chosen)
+            gain = fit.log_likelihood - self._chosen.log_likelihood
+        term = Term(label=other.label, gain=gain, needed=needed, is_taken=gain >= needed)
+        self._terms.append(term)
+        if term.is_taken:
+            self._chosen = fit
+
+    def proposal(self, folders: tuple[Path, ...], rounds: int, evaluations: int) -> Proposal:
+        """What was found, with its evidence."""
+        is_change = bool(self._chosen.parameters)
+        parameters = self._evidence()
+        self._warn(parameters)
+        before, after = self._run({}), self._run(self._chosen.settings())
+        assert before is not None
+        assert after is not None
+        hold_out = self._held_out()
+        if is_change and hold_out is not None and hold_out.gain < 0.0:
+            self.warnings.append(
+                "what fits the first half of the innovations does not fit the second: wait for more"
+            )
+        gain = self._both.log_likelihood - self._recorded.log_likelihood
+        gain = max(gain, self._chosen.log_likelihood - self._recorded.log_likelihood)
+        words = f"log L gains {gain:.1f} of {self.count} innovations, {self._needed:.1f} needed"
+        verdict: Verdict = "change" if is_change else "no change is called for"
+        return Proposal(
+            sessions=folders,
+            preset=self._preset,
+            verdict=verdict,
+            words=f"{verdict}: {words}",
+            tried=self._chosen.settings(),
+            innovations=self.count,
+            tracks=len(self._arcs),
+            gain=gain,
+            needed=self._needed,
+            parameters=parameters,
+            terms=tuple(self._terms),
+            before=_soundness(before),
+            after=_soundness(after),
+            autocorrelation_bound=1.96 / float(np.sqrt(self.count)),
+            hold_out=hold_out,
+            rounds=rounds,
+            evaluations=evaluations,
+            warnings=tuple(self.warnings),
+        )
+
+    def _run(self, settings: Mapping[str, float]) -> Innovations | None:
+        return innovations(self._arcs, {n.removeprefix("filter."): v for n, v in settings.items()})
+
+    def _evidence(self) -> tuple[Proposed, ...]:
+        """Q, R and the terms taken, each with its profile about the likeliest values."""
+        taken = [p for p in self._likeliest.parameters if p not in (self._q, self._r)]
+        best = self._both
+        if taken:
+            best = self.search.fit((self._q, self._r, *taken), start=self._likeliest)
+        return tuple(self._proposed(parameter, best) for parameter in best.parameters)
+
+    def _proposed(self, parameter: Parameter, best: Fit) -> Proposed:
+        fall = HALF_WIDTH * self._widened**2
+        low, high = self.search.interval(parameter, best, fall)
+        likeliest = best.value(parameter)
+        return Proposed(
+            label=parameter.label,
+            names=parameter.names,
+            recorded=parameter.recorded,
+            proposed=self._chosen.value(parameter),
+            likeliest=likeliest,
+            interval_68=(low, high),
+            is_on_bound=not parameter.low * 1.01 < likeliest < parameter.high / 1.01,
+            is_flat=float(np.log10(high / low)) > FLAT_DECADES,
+        )
+
+    def _warn(self, parameters: Sequence[Proposed]) -> None:
+        for each in parameters:
+            if each.label in self._limited:
+                continue
+            if each.is_flat:
+                self.warnings.append(f"{each.label}: the likelihood is flat, the data do not tell")
+            elif each.is_on_bound:
+                self.warnings.append(f"{each.label}: the likeliest value lies on the search's edge")
+        for parameter in (self._q, self._r):
+            values = {getattr(c, _field(parameter)) for c in self._configs()}
+            if len(values) > 1:
+                found = ", ".join(f"{value:g}" for value in sorted(values))
+                self.warnings.append(f"{parameter.names[0]} was not the same throughout: {found}")
+
+    def _held_out(self) -> HoldOut | None:
+        """Fit the same parameters to the first half; None where a half is too short."""
+        if self._half < LEAST:
+            return None
+        parameters = self._chosen.parameters or (self._q, self._r)
+        half = self._half
+
+        def of_first_half(settings: Mapping[str, float]) -> float:
+            found = self._run(settings)
+            return -np.inf if found is None else float(np.sum(found.log_likelihood[:half]))
+
+        search = Search(of_first_half, self.search.on_evaluation)
+        start = self._chosen if self._chosen.parameters else self._both
+        fit = search.fit(parameters, start=start, is_coarse=True)
+        before, after = self._run({}), self._run(fit.settings())
+        assert before is not None
+        assert after is not None
+        gain = float(np.sum(after.log_likelihood[half:] - before.log_likelihood[half:]))
+        return HoldOut(
+            innovations=self.count - half,
+            gain=gain,
+            nis_mean_before=float(np.mean(before.nis[half:])),
+            nis_mean_after=float(np.mean(after.nis[half:])),
+            nis_band=mean_band(self.count - half),
+        )
+
+    def _configs(self) -> list[Any]:
+        return [step.settings for arc in self._arcs for step in arc.steps]
+
+    def _parameters(self) -> tuple[Parameter, Parameter, tuple[Parameter, ...]]:
+        """Q, R, and the terms that may have a value of their own."""
+
+        def parameter(
+            label: str,
+            low: float,
+            high: float,
+            *names: str,
+            scan: tuple[float, ...] = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0),
+        ) -> Parameter:
+            dotted = tuple(f"filter.{name}" for name in names)
+            recorded = _in_force(self._configs(), names[0])
+            return Parameter(
+                label=label, names=dotted, recorded=recorded, low=low, high=high, scan=scan
+            )
+
+        r = parameter("R", 1e-4, 1e4, "r_multiplier", scan=(0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0))
+        r_dec = parameter("R of declination", 1e-4, 1e4, "r_dec_multiplier")
+        q_dec = parameter(
+            "Q of declination", 1e-6, 1e6, "q_dec_multiplier", "q_dec_rate_multiplier"
+        )
+        if self._preset == "tuned":
+            decades = tuple(10.0**n for n in (-4, -3, -2, -1, 1, 2, 3))
+            q = parameter("Q", 1e-10, 1e2, "q_arcsec2_s3", scan=decades)
+            return q, r, (r_dec, q_dec)
+        decades = tuple(10.0**n for n in range(-11, 3, 1))
+        q = parameter("Q", 1e-12, 1e6, "q_multiplier", scan=decades)
+        rates = parameter("Q of the rates", 1e-6, 1e6, "q_ra_rate_multiplier")
+        rates = Parameter(
+            label=rates.label,
+            names=(*rates.names, "filter.q_dec_rate_multiplier"),
+            recorded=rates.recorded,
+            low=rates.low,
+            high=rates.high,
+            scan=rates.scan,
+        )
+        q_dec = parameter("Q of declination's place", 1e-6, 1e6, "q_dec_multiplier")
+        return q, r, (rates, q_dec, r_dec)
+
+
+def _pairs(parameters: Sequence[Parameter], values: Sequence[float]) -> Iterator[tuple[str, float]]:
+    for parameter, value in zip(parameters, values, strict=True):
+        for name in parameter.names:
+            yield name, value
+
+
+def _total(found: Innovations | None) -> float:
+    return -np.inf if found is None else found.total
+
+
+def _needed(chance: float, parameters: int) -> float:
+    """Gain in log L that so many idle parameters reach by chance so often (Wilks 1938)."""
+    from scipy.special import chdtri
+
+    return float(chdtri(parameters, chance)) / 2.0
+
+
+def _field(parameter: Parameter) -> str:
+    return parameter.names[0].removeprefix("filter.")
+
+
+def _in_force(configs: Sequence[Any], name: str) -> float:
+    """The value that most steps had."""
+    values = [float(getattr(config, name)) for config in configs]
+    return max(set(values), key=values.count)
+
+
+def _soundness(found: Innovations) -> Soundness:
+    east, north = found.autocorrelation
+    return Soundness(
+        log_likelihood=found.total,
+        nis_mean=float(np.mean(found.nis)),
+        nis_band=mean_band(len(found.nis)),
+        autocorrelation_east=east,
+        autocorrelation_north=north,
+    )

@@ -1,0 +1,179 @@
+"""How likely a filter's settings make the measurements that a session's tracks took. Pure.
+
+Prediction-error decomposition: the density of a night's measurements is the product of those of
+its innovations, each given the ones before it, so
+
+    log L = sum over k of -1/2 (log det(2 pi S_k) + nu_k' S_k^-1 nu_k).
+
+That stays a proper likelihood where the filter moves its process noise by its own innovations
+(preset ``tuned``): S_k depends on what came before k alone. The filter is run as it is, and which
+measurements belong to which track is held, so that every setting is judged by the same data.
+Source: Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4; Schweppe 1965.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.pipeline.replay import ReplayedFrame, once_each
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.tracking.filters import lqe
+
+LOG_2PI = math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """A frame in which something was followed."""
+
+    frame_id: int
+    t_utc_ns: int
+    measurement: Measurement | None
+    """None where it was missed: the filter predicts through it all the same."""
+    settings: FilterConfig
+    """In force that night."""
+    by_orbit: TrackState | None = None
+    """The prediction from which the filter was begun anew; what it had foretold is no evidence."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Arc:
+    """One track: the two measurements that began it, and what came after."""
+
+    first: Measurement
+    second: Measurement
+    settings: FilterConfig
+    steps: list[Step] = field(default_factory=list)
+
+    @property
+    def measurements(self) -> tuple[Measurement, ...]:
+        """Those that updated it by the filter's own prediction, in order."""
+        steps = (s for s in self.steps if s.by_orbit is None)
+        return tuple(s.measurement for s in steps if s.measurement is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Innovations:
+    """What a filter says of the arcs' measurements, in order; (N,) each."""
+
+    log_likelihood: FloatArray
+    """Of each, in natural logarithms; innovations in arcsec."""
+    nis: FloatArray
+    east: FloatArray
+    """In units of its own sigma; likewise north."""
+    north: FloatArray
+    follows: FloatArray
+    """1 where the one before is of the frame before, in the same track; 0 elsewhere."""
+
+    @property
+    def total(self) -> float:
+        """Log-likelihood of all."""
+        return float(np.sum(self.log_likelihood))
+
+    @property
+    def autocorrelation(self) -> tuple[float, float]:
+        """Of successive innovations (east, north), about zero; 0 for a filter in tune."""
+        return self._lag_1(self.east), self._lag_1(self.north)
+
+    def _lag_1(self, values: FloatArray) -> float:
+        power = float(np.sum(values**2))
+        pairs = values[1:] * values[:-1] * self.follows[1:]
+        return float(np.sum(pairs)) / power if power > 0.0 else 0.0
+
+
+def arcs_of(frames: Iterable[ReplayedFrame]) -> list[Arc]:
+    """The tracks of a replayed session, and which measurements they took."""
+    arcs: list[Arc] = []
+    candidates: tuple[Measurement, ...] = ()
+    for each in once_each(frames):
+        states = [record for record in each.records if isinstance(record, TrackState)]
+        settings = each.config.filter
+        for state in states:
+            if state.kind == "initial" and each.after.taken is not None:
+                second = each.after.taken
+                first = _first_of(state, candidates, second, settings)
+                if first is not None:
+                    arcs.append(Arc(first=first, second=second, settings=settings))
+            elif state.kind == "predicted" and arcs:
+                taken = each.after.taken if any(s.kind == "updated" for s in states) else None
+                step = Step(
+                    frame_id=state.frame_id,
+                    t_utc_ns=state.t_utc_ns,
+                    measurement=taken,
+                    settings=settings,
+                    by_orbit=state if state.foretold_by == "orbit" else None,
+                )
+                arcs[-1].steps.append(step)
+        candidates = each.after.candidates
+    return [arc for arc in arcs if arc.measurements]
+
+
+def _first_of(
+    state: TrackState,
+    candidates: Sequence[Measurement],
+    second: Measurement,
+    settings: FilterConfig,
+) -> Measurement | None:
+    """The candidate from which, with the second one, the track was begun."""
+    earlier = (m for m in candidates if m.t_mid_utc_ns < second.t_mid_utc_ns)
+    return next((m for m in earlier if lqe.initialise(m, second, settings) == state), None)
+
+
+def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovations | None:
+    """The filter over the arcs; None where its numbers no longer invert.
+
+    ``settings``: fields of FilterConfig that hold throughout, in the place of those in force.
+    """
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            rows = [row for arc in arcs for row in _of_arc(arc, settings)]
+    except (np.linalg.LinAlgError, FloatingPointError, ValueError, OverflowError):
+        return None
+    columns = np.array(rows, dtype=float).reshape(-1, 5).T
+    if not np.all(np.isfinite(columns)):
+        return None
+    return Innovations(
+        log_likelihood=columns[0],
+        nis=columns[1],
+        east=columns[2],
+        north=columns[3],
+        follows=columns[4],
+    )
+
+
+def _of_arc(arc: Arc, settings: Mapping[str, float]) -> Iterator[tuple[float, ...]]:
+    changed: dict[int, FilterConfig] = {}
+
+    def in_place_of(config: FilterConfig) -> FilterConfig:
+        if id(config) not in changed:
+            changed[id(config)] = config.model_copy(update=dict(settings))
+        return changed[id(config)]
+
+    state = lqe.initialise(arc.first, arc.second, in_place_of(arc.settings))
+    was_measured = False
+    for step in arc.steps:
+        config = in_place_of(step.settings)
+        if step.by_orbit is not None and step.measurement is not None:
+            state, was_measured = lqe.update(step.by_orbit, step.measurement, config), False
+            continue
+        predicted = lqe.predict(state, step.t_utc_ns, config, step.frame_id)
+        if step.measurement is None:
+            state, was_measured = predicted, False
+            continue
+        state = lqe.update(predicted, step.measurement, config)
+        nis, residual, sigma = state.nis, state.innovation_arcsec, state.sigma_innovation_arcsec
+        assert nis is not None
+        assert residual is not None
+        assert sigma is not None
+        log_det = lqe.log_det_innovation(predicted, step.measurement, config)
+        yield (
+            -0.5 * (2.0 * LOG_2PI + log_det + nis),
+            nis,
+            residual[0] / sigma[0],
+            residual[1] / sigma[1],
+            float(was_measured),
+        )
+        was_measured = True

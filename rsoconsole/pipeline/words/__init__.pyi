@@ -1,0 +1,12 @@
+from .directions import Names as Names
+from .directions import Understood as Understood
+from .directions import understand as understand
+from .orbit_json import element_sigmas as element_sigmas
+from .orbit_json import elements_by_name as elements_by_name
+from .orbit_json import identification_report as identification_report
+from .orbit_json import named_track_report as named_track_report
+from .orbit_json import orbit_report as orbit_report
+from .reports import detection_report as detection_report
+from .reports import detections_report as detections_report
+from .reports import process_report as process_report
+from .reports import solved_report as solved_report

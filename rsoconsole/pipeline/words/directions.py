@@ -1,0 +1,226 @@
+"""What people type when they want a telescope to look somewhere, understood.
+
+Two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
+angle and declination), a satellite of a loaded element file by name or number, a bright star, an
+object of Messier's list, the Moon, a planet. Nothing is guessed: an angle that may be hours or
+degrees is refused with both readings.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rsoconsole.orbit.elements import CatalogueEntry, nearest_in_epoch_of_each, places_of
+from rsoconsole.pipeline.orbits import read_catalogue
+from rsoconsole.pipeline.words.written_angles import (
+    WrittenAngle,
+    is_labelled,
+    is_marked,
+    number_of_fields,
+    plain_signs,
+    two_angles,
+    without_labels,
+)
+from rsoconsole.records import Site
+from rsoconsole.sky import (
+    NS_PER_DAY,
+    altaz_to_icrs,
+    format_ra,
+    icrs_of_hour_angle,
+    jnow_to_icrs,
+    parse_dec_deg,
+    parse_ra_deg,
+    parse_sexagesimal,
+    wrap_180,
+)
+from rsoconsole.sky.bodies import MESSIER, NAMED_STARS, PLANETS, moon_icrs, planet_icrs
+
+USAGE = (
+    "write it like 05 32 11 -4 52 10, 83.05 -4.87, 05:32:11 -04:52:10 of date, alt 47 az 201, "
+    "ha -2:30 dec -5, or a name (a satellite, a star, M31, Moon, Jupiter)"
+)
+_OF_DATE = re.compile(r"\b(of date|jnow|apparent)\b", re.IGNORECASE)
+_ICRS = re.compile(r"\b(j2000(\.0)?|icrs|fk5)\b", re.IGNORECASE)
+_MESSIER = re.compile(r"(?:m|messier)0*(\d{1,3})")
+_LETTERS = re.compile(r"[^\W\d_]")
+_UNITS = "hdms°'\"′″: ,\t°ᵈʰᵐˢ+-−."
+MANY_NAMES = 4
+OLD_DAYS = 14.0
+"""Elements so old place a satellite outside a field of one degree, as a rule."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Understood:
+    """A direction and how it was understood."""
+
+    words: str
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    caution: str = ""
+    """What speaks against trusting it; empty as a rule."""
+
+
+class Names:
+    """Satellites of element files and bright stars, by name."""
+
+    def __init__(self, entries: Sequence[CatalogueEntry] = ()) -> None:
+        self._entries = tuple(entries)
+
+    @classmethod
+    def load(cls, files: Sequence[Path]) -> "Names":
+        """From element files. Raises OrbitError naming a file that cannot be read."""
+        return cls(read_catalogue(files))
+
+    def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
+        """The one that is meant. Raises ValueError where none is, or several are."""
+        wanted = _plain(text)
+        fixed = _of_the_sky(wanted, site, t_utc_ns)
+        if fixed is not None:
+            return fixed
+        nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
+        exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
+        like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
+        if len(like) == 1:
+            return _satellite(like[0], site, t_utc_ns)
+        if like:
+            names = ", ".join(e.name or str(e.norad_id) for e in like[:MANY_NAMES])
+            more = ", …" if len(like) > MANY_NAMES else ""
+            raise ValueError(f"{text.strip()!r} may be {names}{more}: write more of it")
+        loaded = f"{len(nearest)} satellites" if nearest else "any file of catalogue.tle_files"
+        raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
+
+
+def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> Understood | None:
+    """A star, an object of Messier's list, the Moon or a planet; None where it is none of them.
+
+    Raises ValueError for the Sun.
+    """
+    if wanted in {"sun", "thesun"}:
+        raise ValueError("no telescope is sent to the Sun from here")
+    for name, (ra, dec) in NAMED_STARS.items():
+        if _plain(name) == wanted:
+            return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    listed = _MESSIER.fullmatch(wanted)
+    if listed is not None and int(listed[1]) in MESSIER:
+        number = int(listed[1])
+        ra, dec = MESSIER[number]
+        return Understood(words=f"M{number} of Messier's list", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    if wanted in {"moon", "themoon"}:
+        ra, dec = moon_icrs(site, t_utc_ns)
+        words = "the Moon, as it stands now"
+        return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+    for name in PLANETS:
+        if _plain(name) == wanted:
+            ra, dec = planet_icrs(name, t_utc_ns)
+            return Understood(words=f"{name}, a planet", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    return None
+
+
+def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None) -> Understood:
+    """The direction that somebody typed, ICRS. Raises ValueError saying what may be written."""
+    plain = " ".join(text.split())
+    if not plain:
+        raise ValueError(USAGE)
+    bare = plain_signs(_ICRS.sub(" ", _OF_DATE.sub(" ", plain))).strip()
+    values = without_labels(bare)
+    has_words = bool(_LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)))
+    is_word_first = _LETTERS.match(bare) is not None and not is_labelled(bare)
+    is_number = values == bare and bare.isdecimal()
+    if has_words or is_word_first or is_number:
+        return (names or Names()).find(plain, site, t_utc_ns)
+    try:
+        first, second = two_angles(bare)
+    except ValueError as error:
+        raise ValueError(f"{error}: {USAGE}") from error
+    kinds = {first.kind, second.kind} - {""}
+    if kinds <= {"alt", "az"} and kinds:
+        return _horizontal(first, second, site, t_utc_ns)
+    if "ha" in kinds and kinds <= {"ha", "dec"}:
+        if second.kind == "ha" or first.kind == "dec":
+            first, second = second, first
+        hour_angle_deg, dec_deg = _hour_angle_deg(first.text), parse_dec_deg(second.text)
+        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
+        return Understood(
+            words="hour angle and declination of date", ra_icrs_deg=ra_icrs, dec_icrs_deg=dec_icrs
+        )
+    if not kinds <= {"ra", "dec"}:
+        raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
+    if first.kind == "dec" or second.kind == "ra":
+        first, second = second, first
+    is_degrees = is_marked(first.text, "°", "d")
+    _refuse_ambiguous(first.text)
+    ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
+    dec = parse_dec_deg(second.text)
+    if _OF_DATE.search(plain):
+        ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
+        return Understood(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    is_degrees |= number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
+    words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
+    return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+
+
+def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int) -> Understood:
+    is_turned = first.kind == "az" or second.kind == "alt"
+    alt_text, az_text = (second, first) if is_turned else (first, second)
+    alt, az = parse_dec_deg(alt_text.text), parse_sexagesimal(az_text.text)
+    if alt < 0.0:
+        raise ValueError(f"altitude {alt:g} is below the horizon")
+    if not -360.0 <= az <= 360.0:
+        raise ValueError(f"azimuth {az:g} is beyond a full turn")
+    ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
+    return Understood(
+        words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
+    )
+
+
+def _refuse_ambiguous(text: str) -> None:
+    """Raises ValueError for one bare number that may be hours or degrees, with both readings."""
+    if number_of_fields(text) != 1 or is_marked(text, "°", "d", "h", "ʰ"):
+        return
+    value = parse_sexagesimal(text)
+    if not 0.0 < value < 24.0:
+        return
+    number = text.strip()
+    raise ValueError(
+        f"{number} may be hours (α {format_ra(15.0 * value, 0)}) or degrees"
+        f" (α {format_ra(value, 0)}): write {number}h or {number}d"
+    )
+
+
+def _ra_of_degrees(text: str) -> float:
+    ra_deg = parse_sexagesimal(text)
+    if not 0.0 <= ra_deg < 360.0:
+        raise ValueError(f"{text!r}: right ascension lies between 0 and 360 degrees")
+    return ra_deg
+
+
+def _hour_angle_deg(text: str) -> float:
+    """An hour angle: in hours, unless it is marked as degrees."""
+    value = parse_sexagesimal(text)
+    degrees = value if is_marked(text, "°", "d") else 15.0 * value
+    if abs(degrees) > 180.0:
+        raise ValueError(f"{text!r}: an hour angle lies within 12 h; write ° behind degrees")
+    return wrap_180(degrees)
+
+
+def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> Understood:
+    places = places_of(elements, site, np.array([t_utc_ns]))
+    age_days = abs(t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
+    ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
+    if not np.isfinite(ra):
+        raise ValueError(f"{elements.name} has no place: its elements are no good at this instant")
+    name = elements.name or "unnamed"
+    return Understood(
+        words=f"{name} ({elements.norad_id}), elements {age_days:.1f} days from their epoch",
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        caution=f"elements {age_days:.0f} days old" if age_days > OLD_DAYS else "",
+    )
+
+
+def _plain(name: str) -> str:
+    """Letters and digits alone: how a name is compared."""
+    return "".join(c for c in name.lower() if c.isalnum())

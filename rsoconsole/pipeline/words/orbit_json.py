@@ -1,0 +1,200 @@
+"""What the verbs orbit and identify print as JSON: an interface others script against."""
+
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.orbit.determination import Orbit
+from rsoconsole.orbit.first import Sightings
+from rsoconsole.orbit.identification import SURE, Identification, Match
+from rsoconsole.orbit.motion import KnownOrbit, elements_of, period_s
+from rsoconsole.pipeline.orbits import Ahead, Found, OrbitOutlook, Part
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import NS_PER_S, utc_ns_to_iso, wrap_180
+
+_STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
+_ELEMENTS = ("a_km", "e", "i_deg", "raan_deg", "argp_deg", "m_deg")
+_UNKNOWN = (
+    *("prior", "epoch_utc", "r_gcrs_km", "v_gcrs_km_s", "covariance", *_ELEMENTS),
+    *("period_s", "sigma_a_km", "sigmas", "rms_arcsec", "outliers", "rivals"),
+)
+
+
+def orbit_report(
+    found: Found, outlook: OrbitOutlook | None, tle: tuple[str, str] | None = None
+) -> dict[str, Any]:
+    """The object of ``rsoconsole orbit``.
+
+    Elements are osculating, on GCRS axes. ``tle``: mean elements as two lines, where there are any.
+    """
+    orbit, seen = found.orbit, found.seen
+    report: dict[str, Any] = {
+        "method": found.method,
+        "label": "not observable" if orbit is None else orbit.label,
+        "reason": found.reason,
+        **(dict.fromkeys(_UNKNOWN) if orbit is None else _orbit_values(orbit)),
+        "observations": len(seen),
+        "arc_s": float(seen.t_s[-1] - seen.t_s[0]),
+        "t_first_utc": utc_ns_to_iso(int(seen.t_utc_ns[0])),
+        "t_last_utc": utc_ns_to_iso(int(seen.t_utc_ns[-1])),
+        "parts": [_part_report(each) for each in found.parts],
+        "solutions": [
+            {**elements_by_name(each.r_km, each.v_km_s), "range_km": float(each.ranges_km[1])}
+            for each in found.solutions
+        ],
+        "tle": None if tle is None else list(tle),
+        "frame": "GCRS",
+        "tle_frame": "TEME",
+    }
+    report.update(_outlook_values(outlook))
+    return report
+
+
+def identification_report(name: str, found: Identification, arc_s: float) -> dict[str, Any]:
+    """The object of ``rsoconsole identify``."""
+    matches = [_match_report(each) for each in found.matches]
+    return {
+        "name": name,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "hint": found.hint or None,
+        "matches": matches,
+        "runner_up": matches[1] if len(matches) > 1 else None,
+        "t_utc": utc_ns_to_iso(found.t_utc_ns),
+        "arc_s": arc_s,
+        "gate_deg": found.gate_deg,
+        "catalogued": found.catalogued,
+        "not_propagated": found.failed,
+        "not_catalogued": found.not_catalogued,
+        "named_with": found.named_with,
+    }
+
+
+def named_track_report(number: int, found: Identification, seen: Sightings) -> dict[str, Any]:
+    """One of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
+    candidates = [each for each in found.matches if each.probability >= 1.0 - SURE]
+    best = found.matches[0] if found.matches and found.verdict == "identified" else None
+    return {
+        "track": number,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "hint": found.hint or None,
+        "norad_id": None if best is None else best.norad_id,
+        "object_name": None if best is None else best.name,
+        "probability": None if best is None else best.probability,
+        "separation_arcsec": None if best is None else best.separation_arcsec,
+        "candidates": [
+            {
+                "norad_id": each.norad_id,
+                "name": each.name,
+                "probability": each.probability,
+                "separation_arcsec": each.separation_arcsec,
+            }
+            for each in candidates
+        ],
+        "not_catalogued": found.not_catalogued,
+        "named_with": found.named_with,
+        "directions": len(seen),
+        "arc_s": float(seen.t_s[-1] - seen.t_s[0]),
+        "t_utc": utc_ns_to_iso(found.t_utc_ns),
+    }
+
+
+def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
+    """One-sigma errors of the elements; None where the orbit does not fix one at all.
+
+    The node of an orbit in the reference plane and the perigee of a circle are such.
+    """
+    states = np.concatenate([orbit.r_km, orbit.v_km_s])
+    around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
+    values = np.array([list(elements_by_name(each[:3], each[3:]).values()) for each in around])
+    change = values[:6] - values[6:]
+    change[:, 2:] = wrap_180(change[:, 2:])
+    slopes = change.T / (2.0 * _STEP)
+    variances = np.diag(slopes @ orbit.covariance @ slopes.T)
+    sigmas = dict(zip(_ELEMENTS, np.sqrt(np.maximum(variances, 0.0)), strict=True))
+    return {
+        key: None if key.endswith("_deg") and value > 180.0 else float(value)
+        for key, value in sigmas.items()
+    }
+
+
+def _orbit_values(orbit: Orbit) -> dict[str, Any]:
+    elements = elements_by_name(orbit.r_km, orbit.v_km_s)
+    return {
+        "prior": orbit.prior,
+        "epoch_utc": utc_ns_to_iso(orbit.epoch_utc_ns, 6),
+        "r_gcrs_km": orbit.r_km.tolist(),
+        "v_gcrs_km_s": orbit.v_km_s.tolist(),
+        "covariance": orbit.covariance.tolist(),
+        **elements,
+        "period_s": period_s(elements["a_km"]),
+        "sigma_a_km": orbit.sigma_a_km,
+        "sigmas": element_sigmas(orbit),
+        "rms_arcsec": orbit.rms_arcsec,
+        "outliers": orbit.outliers,
+        "rivals": orbit.rivals,
+    }
+
+
+def elements_by_name(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
+    """Osculating elements of a state, on its own axes."""
+    found = elements_of(r_km, v_km_s)
+    return {key: float(getattr(found, key)) for key in _ELEMENTS}
+
+
+def _outlook_values(outlook: OrbitOutlook | None) -> dict[str, Any]:
+    keys = ("predicted", "is_up", "sets_utc", "rises_utc", "eclipse_begins_utc", "eclipse_ends_utc")
+    if outlook is None:
+        return {**dict.fromkeys(keys), "predicted": []}
+    eclipse = outlook.eclipse_utc_ns or (None, None)
+    times = (outlook.sets_utc_ns, outlook.rises_utc_ns, *eclipse)
+    words = [None if each is None else utc_ns_to_iso(each, 0) for each in times]
+    return dict(
+        zip(keys, ([_ahead_report(a) for a in outlook.ahead], outlook.is_up, *words), strict=True)
+    )
+
+
+def _ahead_report(ahead: Ahead) -> dict[str, Any]:
+    return {
+        "t_utc": utc_ns_to_iso(ahead.t_utc_ns),
+        "ra": ahead.ra_icrs_deg,
+        "dec": ahead.dec_icrs_deg,
+        "sigma_arcsec": ahead.sigma_arcsec,
+        "alt": ahead.altitude_deg,
+        "az": ahead.azimuth_deg,
+        "range_km": ahead.range_km,
+        "lit": ahead.lit,
+    }
+
+
+def _part_report(part: Part) -> dict[str, Any]:
+    return {
+        "name": part.name,
+        "observations": part.observations,
+        "t_first_utc": utc_ns_to_iso(part.t_first_utc_ns),
+        "arc_s": (part.t_last_utc_ns - part.t_first_utc_ns) / NS_PER_S,
+        "is_used": part.is_used,
+        "same_object_probability": part.probability,
+    }
+
+
+def _match_report(match: Match) -> dict[str, Any]:
+    return {
+        "norad_id": match.norad_id,
+        "name": match.name,
+        "separation_arcsec": match.separation_arcsec,
+        "cross_track_arcsec": match.cross_track_arcsec,
+        "along_track_s": match.along_track_s,
+        "along_track_arcsec": match.along_track_arcsec,
+        "rate_difference_percent": match.rate_difference_percent,
+        "rate_direction_deg": match.rate_direction_deg,
+        "tle_age_days": match.tle_age_days,
+        "tle_epoch_utc": utc_ns_to_iso(match.tle_epoch_utc_ns),
+        "score": match.score,
+        "probability": match.probability,
+        "is_within_gate": match.is_within_gate,
+        "regime": match.regime,
+        "sigma_along_arcsec": match.sigma_along_arcsec,
+        "sigma_cross_arcsec": match.sigma_cross_arcsec,
+    }

@@ -1,0 +1,191 @@
+"""Records as the command line's JSON objects, an interface that others script against.
+
+Keys may be added, never renamed. Angles in degrees, ICRS; missing is None.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rsoconsole.instruments.frames import EXTENSION_KEY
+from rsoconsole.pipeline.batch import Processed
+from rsoconsole.pipeline.frame import Reduction, WrongHint
+from rsoconsole.reason_text import text
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    Frame,
+    Measurement,
+    NotSolved,
+    Solution,
+    TrackState,
+)
+from rsoconsole.sky import utc_ns_to_iso, wcs_cards
+from rsoconsole.tracking.association import Following
+
+
+def detection_report(detection: Detection) -> dict[str, Any]:
+    """One candidate streak."""
+    return {
+        "confidence": detection.confidence,
+        "x": detection.x_px,
+        "y": detection.y_px,
+        "x_a": detection.x_a_px,
+        "y_a": detection.y_a_px,
+        "x_b": detection.x_b_px,
+        "y_b": detection.y_b_px,
+        "box": list(detection.box_px),
+        "length": detection.length_px,
+        "width": detection.width_px,
+        "snr": detection.snr,
+        "clipped": detection.is_clipped,
+        "kind": detection.kind,
+        "class": detection.object_class,
+        "class_probability": detection.class_probability,
+        "train": detection.train,
+        "modulation_period_px": detection.modulation_period_px,
+        "modulation_period_s": detection.modulation_period_s,
+        "modulation_depth": detection.modulation_depth,
+        "angle_deg": detection.angle_deg,
+        "sigma_angle_deg": detection.sigma_angle_deg,
+        "sigma_across_px": detection.sigma_across_px,
+    }
+
+
+def detections_report(
+    name: str,
+    found: Detections,
+    *,
+    extension: str | None = None,
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
+    return {
+        "frame": name,
+        "extension": extension,
+        "width": found.width_px,
+        "height": found.height_px,
+        "detections": [detection_report(d) for d in found.detections],
+        "rejected": [
+            {**detection_report(r.detection), "reason": text(r.reason)} for r in found.rejected
+        ],
+        "ms": {stage: round(value, 3) for stage, value in found.stage_ms.items()},
+        "notes": list(notes),
+    }
+
+
+def solved_report(
+    name: str,
+    solution: Solution | NotSolved,
+    frame: Frame,
+    *,
+    wrong: Sequence[WrongHint] = (),
+    index_missing: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The object of ``rsoconsole solve``.
+
+    ``index_missing``: index files that a field of the hinted scale wants and that are not there.
+    """
+    return {
+        **solution_report(name, solution, frame.width_px, frame.height_px),
+        "extension": frame.header.get(EXTENSION_KEY),
+        "wrong_hints": [{"hint": each.hint, "reason": each.words} for each in wrong],
+        "index_missing": list(index_missing),
+        "notes": list(notes),
+    }
+
+
+def solution_report(
+    name: str, solution: Solution | NotSolved, width_px: int, height_px: int
+) -> dict[str, Any]:
+    """A plate, or why there is none."""
+    if isinstance(solution, NotSolved):
+        empty = ("ra", "dec", "scale_arcsec_px", "rotation_deg", "flipped", "matched")
+        return {
+            "frame": name,
+            "solved": False,
+            "reason": solution.reason,
+            **dict.fromkeys(empty),
+            "rms_arcsec": None,
+            "wcs": None,
+            "ms": round(solution.ms, 3),
+        }
+    return {
+        "frame": name,
+        "solved": True,
+        "reason": None,
+        "ra": solution.ra_icrs_deg,
+        "dec": solution.dec_icrs_deg,
+        "scale_arcsec_px": solution.scale_arcsec_px,
+        "rotation_deg": solution.rotation_deg,
+        "flipped": solution.is_flipped,
+        "matched": solution.matched,
+        "rms_arcsec": solution.rms_arcsec,
+        "wcs": wcs_cards(solution.wcs, width_px, height_px),
+        "ms": round(solution.ms, 3),
+    }
+
+
+def measurement_report(measurement: Measurement) -> dict[str, Any]:
+    """One direction on the sky."""
+    east, _, north = measurement.cov_sky_arcsec2
+    return {
+        "ra": measurement.ra_icrs_deg,
+        "dec": measurement.dec_icrs_deg,
+        "sigma_ra_arcsec": math.sqrt(east),
+        "sigma_dec_arcsec": math.sqrt(north),
+        "x": measurement.x_px,
+        "y": measurement.y_px,
+        "confidence": measurement.confidence,
+        "source": measurement.source,
+    }
+
+
+def prediction_report(track: TrackState) -> dict[str, Any]:
+    """Where the filter expected the object in this frame."""
+    cos_dec = math.cos(math.radians(track.x[2]))
+    return {
+        "t_utc": utc_ns_to_iso(track.t_utc_ns),
+        "ra": track.x[0] % 360.0,
+        "dec": track.x[2],
+        "sigma_ra_arcsec": math.sqrt(track.P[0][0]) * cos_dec * 3600.0,
+        "sigma_dec_arcsec": math.sqrt(track.P[2][2]) * 3600.0,
+    }
+
+
+def process_report(name: str, processed: Processed) -> dict[str, Any]:
+    """The object of ``rsoconsole process``: one cycle of Algorithm 1."""
+    frame, reduction, after = processed.frame, processed.reduction, processed.after
+    found = detections_report(name, reduction.detections)
+    states = [r for r in processed.records if isinstance(r, TrackState)]
+    predicted = next((s for s in states if s.kind == "predicted"), None)
+    updated = next((s for s in states if s.kind != "predicted"), None)
+    followed = _followed(reduction, after)
+    solution = reduction.solution
+    t_mid_ns = processed.t_mid_utc_ns
+    return {
+        "frame": name,
+        "t_mid_utc": None if t_mid_ns is None else utc_ns_to_iso(t_mid_ns),
+        "state": after.state,
+        "detections": found["detections"],
+        "rejected": found["rejected"],
+        "solution": None
+        if solution is None
+        else solution_report(name, solution, frame.width_px, frame.height_px),
+        "measurements": [measurement_report(m) for m in reduction.measurements],
+        "measurement": None if followed is None else measurement_report(followed),
+        "nis": None if updated is None else updated.nis,
+        "predicted": None if predicted is None else prediction_report(predicted),
+        "extension": frame.header.get(EXTENSION_KEY),
+        "notes": [each.words for each in reduction.cautions],
+    }
+
+
+def _followed(reduction: Reduction, after: Following) -> Measurement | None:
+    """The one the track took, or the most confident before lock."""
+    if after.state == "TRACK":
+        return after.taken
+    if after.state == "COAST" or not reduction.measurements:
+        return None
+    return reduction.measurements[0]

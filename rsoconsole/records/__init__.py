@@ -1,0 +1,5 @@
+"""What goes on record, and the public columns of it."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

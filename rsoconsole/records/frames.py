@@ -1,0 +1,257 @@
+"""What a frame is, and what was seen in it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.reasons import (
+    BelowTau,
+    NotAStreak,
+    Told,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
+
+MapMode = Literal["fast", "paper"]
+
+StreakKind = Literal["streak", "clipped", "crossing"]
+"""How many of its ends lie in the frame: both, one, none."""
+
+ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """Where the telescope stands (WGS84)."""
+
+    latitude_deg: float
+    longitude_deg: float
+    """East positive, -180 to 180."""
+    elevation_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraMode:
+    """How a frame was read out, as far as its header tells; with its size and exposure its mode."""
+
+    binning: str | None = None
+    """As ``2x2``."""
+    x0_px: int | None = None
+    """Where a subframe begins on the sensor."""
+    y0_px: int | None = None
+    gain: float | None = None
+    """In the camera's own steps."""
+    time_by: Literal["header", "gps"] = "header"
+    """Whose the time of the exposure is: DATE-OBS, or the camera's own GPS receiver's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One exposure as the camera gave it, with what its header promises."""
+
+    frame_id: int
+    name: str
+    pixels: PixelArray
+    """(height, width), uint16 or float32 ADU; every value finite."""
+    t_start_utc_ns: int | None = None
+    exposure_s: float | None = None
+    scale_arcsec_px: float | None = None
+    """From focal length and pixel size; a hint."""
+    pointing_ra_icrs_deg: float | None = None
+    """Where the mount said it pointed; a hint for the solver, never a measurement."""
+    pointing_dec_icrs_deg: float | None = None
+    saturation_adu: float = 65535.0
+    camera: CameraMode | None = None
+    """None where no header was read."""
+    header: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def t_mid_utc_ns(self) -> int | None:
+        """Middle of the exposure, or None when start or length is unknown."""
+        return middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
+
+    @property
+    def width_px(self) -> int:
+        """Number of columns."""
+        return int(self.pixels.shape[1])
+
+    @property
+    def height_px(self) -> int:
+        """Number of rows."""
+        return int(self.pixels.shape[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """One candidate streak in one frame."""
+
+    frame_id: int
+    confidence: float
+    """0 to 1."""
+    x_px: float
+    """Midpoint of the streak (of its box where ``method`` is "box")."""
+    y_px: float
+    x_a_px: float
+    """One end; which end came first in time one frame does not tell."""
+    y_a_px: float
+    x_b_px: float
+    y_b_px: float
+    box_px: tuple[float, float, float, float]
+    """x0, y0, x1, y1 of the network's box."""
+    length_px: float
+    width_px: float
+    """Full width at half maximum across the streak; 0 when not measured."""
+    snr: float
+    """Matched-filter signal to noise of the whole streak; 0 when not measured."""
+    sigma_along_px: float
+    """One sigma of the midpoint along the streak."""
+    sigma_across_px: float
+    is_clipped: bool
+    """True when an end lies outside the frame: then only the position across the streak holds."""
+    method: Literal["line", "box", "operator"]
+    unevenness: float = 0.0
+    """By how much its light and path vary more than noise explains, as a natural logarithm of
+    variances; 0: by nothing, or too long to be a cosmic ray, or not measured."""
+    kind: StreakKind = "streak"
+    """Never "streak" where ``is_clipped``: what says no kind, as an older record, is "clipped"."""
+    sigma_angle_deg: float | None = None
+    """One sigma of its direction: with ``sigma_across_px`` the covariance of its line, as the two
+    are all but independent at its midpoint. None where not measured."""
+    object_class: ObjectClass = "undetermined"
+    class_probability: float = 1.0
+    """Given that it is a real streak; of "undetermined" what the likeliest class lacks to 1."""
+    modulation_period_px: float | None = None
+    """Along it, of light that comes and goes regularly; None where no such thing is seen."""
+    modulation_period_s: float | None = None
+    """The same in time; None also where the exposure's share of its length is not known."""
+    modulation_depth: float | None = None
+    """(most - least) / (most + least) of the light over one period, as blurred by the stars'
+    width: 0 to 1."""
+    train: int = 0
+    """How many lines run parallel as a train of satellites, itself among them; 0: none."""
+    light_offset_px: float | None = field(default=None, compare=False)
+    """From the midpoint towards end b: where ends and light together have the middle, whatever the
+    image shook meanwhile, of a steady light. None where that was not measured."""
+    light_sigma_px: float | None = field(default=None, compare=False)
+    """One sigma of that."""
+    light_length_px: float | None = field(default=None, compare=False)
+    """Of the even motion, likewise."""
+    light_length_sigma_px: float | None = field(default=None, compare=False)
+    """One sigma of that."""
+
+    def __post_init__(self) -> None:
+        if self.kind == "streak" and self.is_clipped:
+            object.__setattr__(self, "kind", "clipped")
+        elif self.kind != "streak" and not self.is_clipped:
+            object.__setattr__(self, "is_clipped", True)
+
+    @property
+    def angle_deg(self) -> float:
+        """Direction from end a to end b in the array, x towards y, modulo 180 deg."""
+        dx, dy = self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px
+        return float(np.degrees(np.arctan2(dy, dx)) % 180.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejection:
+    """A candidate that was not taken, and why."""
+
+    detection: Detection
+    reason: BelowTau | NotAStreak | Told
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detections:
+    """What the detector says of one frame: any number of streaks, most confident first."""
+
+    frame_id: int
+    width_px: int
+    height_px: int
+    detections: tuple[Detection, ...]
+    rejected: tuple[Rejection, ...] = ()
+    star_count: int | None = None
+    """Stars found beside them, up to a few hundred; None where nobody counted."""
+    star_fwhm_px: float | None = None
+    """Median full width of the stars; None where that was not measured."""
+    star_flux_adu: float | None = None
+    """Of a middling one of the brightest stars; None where there are too few to compare."""
+    background_adu: float | None = None
+    """Median of the sky's light in a pixel, with the camera's offset where no dark takes it off;
+    None where nobody looked."""
+    zero_point_mag: float | None = None
+    """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
+    None without a plate, and where too few stars are in the catalogue."""
+    stage_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closeup:
+    """Where in its frame a close-up lies: a piece of it at full resolution, kept as a picture."""
+
+    frame_id: int
+    x0_px: int
+    """Column of the frame that its first column is."""
+    y0_px: int
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wcs:
+    """Gnomonic (TAN) plate model with optional SIP distortion, ICRS, pixels 0-based.
+
+    Maps pixel offsets from the reference pixel through ``cd`` to the tangent plane in degrees.
+    Source of the form: Greisen & Calabretta 2002; Shupe et al. 2005 for SIP.
+    """
+
+    crpix_x_px: float
+    crpix_y_px: float
+    crval_ra_deg: float
+    crval_dec_deg: float
+    cd: tuple[float, float, float, float]
+    """cd11, cd12, cd21, cd22 in deg/px."""
+    sip_a: tuple[tuple[int, int, float], ...] = ()
+    """(p, q, coefficient) of u^p v^q added to u, in pixels."""
+    sip_b: tuple[tuple[int, int, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """A plate solution: the frame's pixels tied to catalogue stars."""
+
+    frame_id: int
+    wcs: Wcs
+    ra_icrs_deg: float
+    """At the image centre, ((width - 1) / 2, (height - 1) / 2)."""
+    dec_icrs_deg: float
+    scale_arcsec_px: float
+    rotation_deg: float
+    """Position angle of the array's +y axis, east of north, 0 to 360."""
+    is_flipped: bool
+    """True when the array is a mirror image of the sky as a FITS viewer shows it (det cd > 0)."""
+    matched: int
+    rms_arcsec: float
+    """Root mean square residual of one matched star, per axis."""
+    path: Literal["full", "refit"]
+    ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotSolved:
+    """No plate solution for this frame, and why."""
+
+    frame_id: int
+    reason: str
+    """A description: nothing is decided by it."""
+    ms: float
+
+
+def middle_utc_ns(t_start_utc_ns: int | None, exposure_s: float | None) -> int | None:
+    if t_start_utc_ns is None or exposure_s is None:
+        return None
+    return t_start_utc_ns + round(exposure_s * 5e8)

@@ -1,0 +1,153 @@
+"""The files of a session, in its folder or in an archive."""
+
+import hashlib
+import io
+import os
+import stat
+import tarfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import IO, Protocol
+
+from rsoconsole.errors import SessionError
+from rsoconsole.session.log import DATABASE
+
+PIECE_BYTES = 1 << 20
+MANIFEST = "MANIFEST.sha256"
+"""Hashes of an archive's files, as ``sha256sum`` writes and checks them."""
+
+
+class Holdings(Protocol):
+    """What lies beside a session's database, and the database as a file that SQLite can open."""
+
+    @property
+    def place(self) -> Path:
+        """Where it is, for messages."""
+
+    def sizes(self) -> Mapping[str, int]:
+        """Bytes of every file by its path in the session, with /. Raises OSError."""
+
+    def open(self, path: str) -> IO[bytes]:
+        """The file's bytes. Raises OSError."""
+
+    def folder(self) -> Path:
+        """A folder with the database in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FolderHoldings:
+    """A session as a folder."""
+
+    place: Path
+
+    def sizes(self) -> Mapping[str, int]:
+        """Bytes of every regular file by its path in the session.
+
+        What vanishes meanwhile is none, and what a link points at is not the session's: a
+        stranger's may point anywhere, and repairing or packing it would reach there.
+        """
+        found: dict[str, int] = {}
+        for top, _, names in os.walk(self.place, onerror=_raise):
+            for name in names:
+                path = Path(top) / name
+                try:
+                    status = path.lstat()
+                except FileNotFoundError:
+                    continue
+                if stat.S_ISREG(status.st_mode):
+                    found[path.relative_to(self.place).as_posix()] = status.st_size
+        return found
+
+    def open(self, path: str) -> IO[bytes]:
+        """The file's bytes. Raises OSError."""
+        # A pipe would be waited for, and what a link names is not the session's.
+        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        return os.fdopen(os.open(self.place / path, flags), "rb")
+
+    def folder(self) -> Path:
+        """The session's own folder."""
+        return self.place
+
+
+class TarHoldings:
+    """A session as a tar file with one folder in it, not compressed as a whole."""
+
+    def __init__(self, place: Path, tar: tarfile.TarFile, scratch: Path) -> None:
+        self.place = place
+        self._tar = tar
+        self._members: dict[str, tarfile.TarInfo] = {}
+        for member in tar:
+            inside = PurePosixPath(member.name).parts[1:]
+            if member.isfile() and inside:
+                self._members["/".join(inside)] = member
+        if not _has_end(tar):
+            raise tarfile.ReadError("it breaks off")
+        if DATABASE not in self._members:
+            raise SessionError(f"{place} holds no session: it has no {DATABASE} in one folder")
+        self._scratch = scratch
+        with self.open(DATABASE) as packed, (scratch / DATABASE).open("wb") as stream:
+            while piece := packed.read(PIECE_BYTES):
+                stream.write(piece)
+
+    def sizes(self) -> Mapping[str, int]:
+        """Bytes of every file by its path in the session."""
+        return {path: member.size for path, member in self._members.items()}
+
+    def open(self, path: str) -> IO[bytes]:
+        """The file's bytes. Raises OSError."""
+        stream = self._tar.extractfile(self._members[path])
+        return io.BytesIO() if stream is None else stream
+
+    def folder(self) -> Path:
+        """A scratch folder with the database alone."""
+        return self._scratch
+
+
+@contextmanager
+def holdings_of(place: Path) -> Iterator[Holdings]:
+    """What a session's folder or its archive holds.
+
+    Raises SessionError when there is neither.
+    """
+    if not place.is_file():
+        yield FolderHoldings(place)
+        return
+    with TemporaryDirectory(prefix="rsoconsole-") as scratch:
+        try:
+            with tarfile.open(place, "r:") as tar:
+                yield TarHoldings(place, tar, Path(scratch))
+        except (tarfile.TarError, EOFError) as error:
+            raise SessionError(
+                f"{place} is no whole archive of a session ({error}): copy it again or make it anew"
+            ) from error
+
+
+def hash_of(holdings: Holdings, path: str, on_bytes: Callable[[int], None] | None = None) -> str:
+    """SHA-256 of one file, 64 hexadecimal digits. Raises OSError."""
+    digest = hashlib.sha256()
+    with holdings.open(path) as stream:
+        while piece := stream.read(PIECE_BYTES):
+            digest.update(piece)
+            if on_bytes is not None:
+                on_bytes(len(piece))
+    return digest.hexdigest()
+
+
+def parse_manifest(text: str) -> dict[str, str]:
+    """Hash by path, from lines as ``sha256sum`` writes them; other lines are passed over."""
+    pairs = (line.partition("  ") for line in text.splitlines())
+    return {path: digest for digest, _, path in pairs if path}
+
+
+def _has_end(tar: tarfile.TarFile) -> bool:
+    """Whether two empty blocks stand behind the last file: one that breaks off has none."""
+    assert tar.fileobj is not None
+    tar.fileobj.seek(tar.offset)
+    return tar.fileobj.read(2 * tarfile.BLOCKSIZE) == bytes(2 * tarfile.BLOCKSIZE)
+
+
+def _raise(error: OSError) -> None:
+    raise error

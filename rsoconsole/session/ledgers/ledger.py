@@ -1,0 +1,276 @@
+"""The ledger: tracks that no catalogue explains, kept across nights in the user's state folder.
+
+One file of lines that is only ever added to (``line_file``): a track that was kept, a name that was
+given, an object that was forgotten; what holds is a fold over them. A track that is kept again (by
+session and track id) takes its own place.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import state_dir
+from rsoconsole.errors import SessionError
+from rsoconsole.session.log import LineFile, Lines, frozen, objects_of
+
+FORMAT = 1
+_MOST_NAME = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedgerOrbit:
+    """An orbit with its covariance, on GCRS axes."""
+
+    label: str
+    prior: str
+    epoch_utc_ns: int
+    r_gcrs_km: tuple[float, ...]
+    v_gcrs_km_s: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    """(6, 6), km and km/s."""
+    a_km: float
+    e: float
+    i_deg: float
+    sigma_a_km: float
+    rms_arcsec: float
+    nights: int = 1
+    """Of so many tracks of the object."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedgerTrack:
+    """A track as it is kept."""
+
+    session: str
+    """Name of its folder."""
+    folder: str
+    """Where that was."""
+    track_id: int
+    latitude_deg: float
+    longitude_deg: float
+    elevation_m: float
+    t_first_utc_ns: int
+    t_last_utc_ns: int
+    observations: int
+    t_utc_ns: int
+    """Of the direction and its rates, the middle of the track."""
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    rate_east_arcsec_s: float
+    rate_north_arcsec_s: float
+    covariance: tuple[tuple[float, ...], ...]
+    """(4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
+    orbit: LedgerOrbit | None
+    """None where the track tells too little of one."""
+    directions: tuple[tuple[float, ...], ...]
+    """Some of them: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en, nn."""
+    is_simulated: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedgerObject:
+    """An uncatalogued object, by all its tracks."""
+
+    number: int
+    name: str
+    """Given by the operator; empty: none."""
+    tracks: tuple[LedgerTrack, ...]
+    """In order of time."""
+
+    @property
+    def called(self) -> str:
+        """As it is shown."""
+        return self.name or f"UCT {self.number}"
+
+    @property
+    def last(self) -> LedgerTrack:
+        """The latest track."""
+        return self.tracks[-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ledger:
+    """What holds."""
+
+    objects: tuple[LedgerObject, ...] = ()
+    """By number."""
+    next_number: int = 1
+    """No number is given twice, also where its object was forgotten."""
+    unreadable: tuple[int, ...] = ()
+    """Numbers of the lines that cannot be read."""
+
+    def named(self, number: int) -> LedgerObject:
+        """Raises SessionError where the ledger has no such object."""
+        for each in self.objects:
+            if each.number == number:
+                return each
+        known = ", ".join(str(each.number) for each in self.objects[:12]) or "none"
+        raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
+
+    def without(self, session: str) -> "Ledger":
+        """What other sessions left."""
+        objects = []
+        for each in self.objects:
+            tracks = tuple(track for track in each.tracks if track.session != session)
+            if tracks:
+                objects.append(replace(each, tracks=tracks))
+        return replace(self, objects=tuple(objects))
+
+    def number_of(self, session: str, track_id: int) -> int | None:
+        """Of the object that a track was kept as."""
+        for each in self.objects:
+            if any((t.session, t.track_id) == (session, track_id) for t in each.tracks):
+                return each.number
+        return None
+
+
+Change = Mapping[str, Any]
+"""A line: one of ``kept``, ``renamed`` and ``forgotten``."""
+
+
+def ledger_path(*, is_simulated: bool = False) -> Path:
+    """Where this user's ledger lies; simulated nights have one of their own."""
+    return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
+
+
+def kept(number: int, track: LedgerTrack) -> Change:
+    """A track of an object, new or known."""
+    return {"did": "kept", "number": number, "track": asdict(track)}
+
+
+def renamed(number: int, name: str) -> Change:
+    """The operator's name for it. Raises SessionError for one that cannot be shown."""
+    if len(name) > _MOST_NAME or not name.isprintable():
+        raise SessionError(f"a name has at most {_MOST_NAME} characters, all of them printable")
+    return {"did": "renamed", "number": number, "name": name.strip()}
+
+
+def forgotten(number: int) -> Change:
+    """It is listed and matched no more; its lines stay in the file."""
+    return {"did": "forgotten", "number": number}
+
+
+def taken_back(session: str, track_id: int) -> Change:
+    """A track that has got a catalogued name since."""
+    return {"did": "taken back", "session": session, "track_id": track_id}
+
+
+def read_ledger(path: Path | None = None) -> Ledger:
+    """The ledger as it is; an empty one where there is none. Raises SessionError."""
+    file = _file(path or ledger_path())
+    return _folded(file, file.lines())
+
+
+def damage_words(ledger: Ledger, path: Path) -> str:
+    """What is wrong with it, and what comes of that; empty for a whole one."""
+    return _file(path).damage_words(ledger.unreadable)
+
+
+def change_ledger(
+    change: Callable[[Ledger], Sequence[Change]], path: Path | None = None
+) -> tuple[Ledger, Path | None]:
+    """Add what ``change`` makes of the ledger, on the disk when this returns.
+
+    Nobody else writes meanwhile. Returns the ledger, and where a damaged file was moved. Raises
+    SessionError where another writer takes too long, and where the file cannot be written.
+    """
+    file = _file(path or ledger_path())
+
+    def step(lines: Lines) -> tuple[Sequence[int], Sequence[Change]]:
+        before = _folded(file, lines)
+        return before.unreadable, change(before)
+
+    lines, aside = file.change(step)
+    return _folded(file, lines), aside
+
+
+def _file(path: Path) -> LineFile:
+    return LineFile(path=path, called="the ledger", format=FORMAT)
+
+
+def _folded(file: LineFile, lines: Lines) -> Ledger:
+    """Raises SessionError for a ledger that a later version has written."""
+    tracks: dict[tuple[str, int], tuple[int, LedgerTrack]] = {}
+    names: dict[int, str] = {}
+    gone: set[int] = set()
+    highest = 0
+
+    def take(said: Mapping[str, Any]) -> None:
+        nonlocal highest
+        match said["did"]:
+            case "begun":
+                file.expect_format(said["format"])
+            case "kept":
+                track = _track(said["track"])
+                tracks[track.session, track.track_id] = (_whole(said["number"]), track)
+            case "renamed":
+                names[_whole(said["number"])] = str(said["name"])
+            case "forgotten":
+                gone.add(_whole(said["number"]))
+            case "taken back":
+                tracks.pop((str(said["session"]), _whole(said["track_id"])), None)
+            case _:
+                raise ValueError(f"{said['did']!r} is nothing that a ledger says")
+        highest = max(highest, said.get("number", 0))
+
+    bad = objects_of(lines, take)
+    by_number: dict[int, list[LedgerTrack]] = {}
+    for number, track in tracks.values():
+        if number not in gone:
+            by_number.setdefault(number, []).append(track)
+    objects = [
+        LedgerObject(
+            number=number,
+            name=names.get(number, ""),
+            tracks=tuple(sorted(own, key=lambda each: each.t_utc_ns)),
+        )
+        for number, own in sorted(by_number.items())
+    ]
+    return Ledger(objects=tuple(objects), next_number=highest + 1, unreadable=bad)
+
+
+def _whole(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise ValueError(f"{value!r} is no number of an object")
+    return value
+
+
+def _track(said: Mapping[str, Any]) -> LedgerTrack:
+    known = {each.name for each in fields(LedgerTrack)}
+    values = {key: frozen(value) for key, value in said.items() if key in known}
+    orbit = said.get("orbit")
+    if orbit is not None:
+        of_orbit = {each.name for each in fields(LedgerOrbit)}
+        values["orbit"] = LedgerOrbit(
+            **{key: frozen(value) for key, value in orbit.items() if key in of_orbit}
+        )
+    track = LedgerTrack(**values)
+    _expect_numbers(track)
+    return track
+
+
+def _expect_numbers(track: LedgerTrack) -> None:
+    """Raises ValueError or TypeError for what nothing could be computed with."""
+    numbers = [
+        *(track.latitude_deg, track.longitude_deg, track.elevation_m, track.t_utc_ns),
+        *(track.ra_icrs_deg, track.dec_icrs_deg),
+        *(track.rate_east_arcsec_s, track.rate_north_arcsec_s),
+        *_square(track.covariance, 4),
+        *(value for row in track.directions for value in row),
+    ]
+    orbit = track.orbit
+    if orbit is not None:
+        numbers += [*orbit.r_gcrs_km, *orbit.v_gcrs_km_s, orbit.epoch_utc_ns]
+        numbers += _square(orbit.covariance, 6)
+        if len(orbit.r_gcrs_km) != 3 or len(orbit.v_gcrs_km_s) != 3:
+            raise ValueError("a state has three and three numbers")
+    if not all(math.isfinite(each) for each in numbers):
+        raise ValueError("a value is not a number")
+
+
+def _square(rows: Sequence[Sequence[float]], size: int) -> list[float]:
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise ValueError(f"a covariance is {size} by {size}")
+    return [value for row in rows for value in row]

@@ -1,0 +1,175 @@
+"""The session's database: a public interface with a version.
+
+``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
+spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
+JSON is exact. A new version adds; it never renames nor rewrites: whoever reads an older session
+gets today's views over it, made for that connection alone (``temporary_views``). A new column alone
+makes no new schema.
+
+Schema 2 adds the hash of every file, and on close the digest of the log
+(``session/files/digest.py``); schema 3 the views of orbits and identifications; schema 4 the ids of
+measurements and tracks and reasons as kinds with figures (records of older ones are given theirs by
+``session/reading/legacy.py``; in SQL their columns are NULL).
+"""
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from rsoconsole.records import SUPERSEDED, TABLES, Column, Table
+
+DATABASE = "session.db"
+WAL = f"{DATABASE}-wal"
+JOURNAL = f"{DATABASE}-journal"
+BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
+"""What SQLite keeps beside the database while it is written, or after it was cut off."""
+CONFIG = "config.toml"
+WORLD = "world.toml"
+"""What was imperfect about a simulated night."""
+BRANCHES = "branches"
+"""Folder of what others derive from the session: never part of its record."""
+
+FOLDERS: Mapping[str, str] = MappingProxyType(
+    {"frame": "frames", "preview": "previews", "closeup": "closeups"}
+)
+"""Where the files of each role lie."""
+_ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
+_NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
+
+SCHEMA_VERSION = 4
+_WITH_HASHES = 2
+APPLICATION_ID = 0x52534F43
+"""``RSOC`` in the database's header: tells a session from any other SQLite file."""
+
+_TABLES_SQL = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE log (
+  seq INTEGER PRIMARY KEY,
+  t_utc_ns INTEGER NOT NULL,
+  kind TEXT NOT NULL,
+  frame_id INTEGER,
+  body TEXT NOT NULL
+);
+CREATE INDEX log_kind ON log (kind, frame_id);
+CREATE TABLE files (
+  frame_id INTEGER NOT NULL,
+  role TEXT NOT NULL,
+  path TEXT,
+  bytes INTEGER,
+  ms REAL,
+  reason TEXT,
+  sha256 TEXT,
+  PRIMARY KEY (frame_id, role)
+) WITHOUT ROWID;
+"""
+
+_FROM_FILES = {
+    "file": "kept.path",
+    "file_bytes": "kept.bytes",
+    "not_kept_because": "kept.reason",
+    "preview": "shown.path",
+    "file_sha256": "kept.sha256",
+}
+_WITH_FILES = """
+LEFT JOIN files AS kept ON kept.frame_id = log.frame_id AND kept.role = 'frame'
+LEFT JOIN files AS shown ON shown.frame_id = log.frame_id AND shown.role = 'preview'
+"""
+
+_BEFORE = {
+    "kind": "CASE json_extract({body}, '{beside}.is_clipped') WHEN 1 THEN 'clipped'"
+    " ELSE 'streak' END"
+}
+"""What a column was in a record that does not have it, told by what stands beside it."""
+_SUPERSEDED = (
+    "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
+    " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
+)
+"""Whether the operator's word has had the frame followed again: the row counts no more."""
+VIEWS = tuple(TABLES)
+"""Names of the public views."""
+
+
+def file_name(role: str, frame_id: int) -> str:
+    """Where a file of this role lies in the session's folder, as the table ``files`` has it."""
+    return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
+
+
+def role_of(path: str) -> tuple[str, int] | None:
+    """(role, frame_id) of a file by its place in the session's folder; None for any other file."""
+    match = _NUMBERED.fullmatch(path)
+    if match is None:
+        return None
+    for role in FOLDERS:
+        if file_name(role, int(match["frame_id"])) == path:
+            return role, int(match["frame_id"])
+    return None
+
+
+def _select(table: Table) -> str:
+    """What a public view selects."""
+    columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
+    columns += [f"{_value(table, column)} AS {column.name}" for column in table.own]
+    columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.is_followed_again
+    parts = f", json_each(body, '$.{table.parts}') AS one" if table.parts else ""
+    files = _WITH_FILES if any(column.source == "files" for column in table.own) else ""
+    kind = table.kind.__name__
+    return f"SELECT {', '.join(columns)} FROM log{parts}{files} WHERE log.kind = '{kind}'"
+
+
+def _value(table: Table, column: Column) -> str:
+    """SQL of one column."""
+    if column.source == "files":
+        return _FROM_FILES[column.name]
+    if column.place in {"#", "="}:
+        return "one.key" if column.place == "#" else "one.value"
+    body = "one.value" if table.parts else "body"
+    place = "$" + "".join(
+        f"[{step}]" if step.isdigit() else f".{step}" for step in column.place.split(".")
+    )
+    value = f"json_extract({body}, '{place}')"
+    if column.is_worded:
+        # A kind with its figures, and what they say as text; text alone in older sessions.
+        value = f"coalesce(json_extract({body}, '{place}.text'), {value})"
+    if column.name in _BEFORE:
+        beside = place.rpartition(".")[0]
+        return f"coalesce({value}, {_BEFORE[column.name].format(body=body, beside=beside)})"
+    is_word = column.type in {"text", "json"}
+    default = f"'{column.default}'" if is_word else column.default
+    return f"coalesce({value}, {default})" if column.default else value
+
+
+def _selects() -> dict[str, str]:
+    """What each public view selects."""
+    return {name: _select(table) for name, table in TABLES.items()}
+
+
+def create_script() -> str:
+    """SQL that makes an empty session database: tables, then the public views."""
+    views = (f"{_create(name, select)};\n" for name, select in _selects().items())
+    return _TABLES_SQL + "".join(views)
+
+
+def _create(name: str, select: str) -> str:
+    return f"CREATE VIEW {name} AS {select}"
+
+
+def temporary_views(version: int, stored: Mapping[str, str]) -> str:
+    """SQL that gives one connection to a session of schema ``version`` the views of today.
+
+    They are temporary: the file is not touched and may lie on a medium that cannot be written.
+    Columns that its records do not have are NULL. ``stored``: the SQL of its own views, by name;
+    empty where all of them are today's.
+    """
+    selects = {
+        name: select
+        for name, select in _selects().items()
+        if stored.get(name) != _create(name, select)
+    }
+    if not selects:
+        return ""
+    # Unqualified names in a temporary view mean temporary ones first: the views below see this.
+    files = ""
+    if version < _WITH_HASHES:
+        files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
+    views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in selects.items())
+    return "PRAGMA temp_store=MEMORY;\n" + files + "".join(views)

@@ -1,0 +1,448 @@
+"""The one reader of sessions, live or closed.
+
+Each call opens the database read-only and lets go of it again: no transaction is held, the
+writer is never kept from anything, and a session that ends can leave its write-ahead log.
+
+A session whose views are not those of today (an older one) is read through today's, which live in
+the reader's own connection; its file is not touched. A branch (``meta`` names in ``branch_of`` what
+it branches from) is read as a session; files that it does not hold itself are that session's.
+"""
+
+import os
+import shutil
+import sqlite3
+import stat
+import weakref
+from collections.abc import Collection, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+from pydantic import ValidationError
+
+from rsoconsole.config import Config
+from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
+from rsoconsole.records import Event, Record
+from rsoconsole.session.files import pruned_on, read_notes
+from rsoconsole.session.log import (
+    APPLICATION_ID,
+    BESIDE_DATABASE,
+    DATABASE,
+    FOLDERS,
+    JOURNAL,
+    KINDS,
+    SCHEMA_VERSION,
+    VIEWS,
+    computed_part,
+    connect_to_read,
+    finish_copy,
+    is_interrupted,
+    temporary_views,
+)
+from rsoconsole.session.reading.legacy import KINDS as IDENTIFYING
+from rsoconsole.session.reading.legacy import (
+    LAST_SCHEMA,
+    IdGiver,
+    Ids,
+    decode_old,
+    decode_recorded,
+    in_columns,
+    with_ids,
+    with_kind,
+)
+from rsoconsole.session.reading.old_defaults import with_old_defaults
+from rsoconsole.session.reading.plausible import LAST_UTC_NS, expect_plausible
+
+PAGE_RECORDS = 500
+MAX_BRANCH_DEPTH = 8
+"""Branches of branches that are followed to a file: more are a circle."""
+_SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
+
+
+_VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
+
+
+_GOOD_TIME = (
+    f"CASE WHEN typeof(t_utc_ns) = 'integer' AND t_utc_ns BETWEEN 0 AND {LAST_UTC_NS}"
+    " THEN t_utc_ns END"
+)
+
+
+class LaterSchemaError(SessionError):
+    """A later version wrote the session: nothing is wrong with it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How much a session holds."""
+
+    records: int
+    frames: int
+    t_first_utc_ns: int | None
+    t_last_utc_ns: int | None
+
+
+class SessionReader:
+    """A session's records, facts and files. Cheap to make; safe to use from one thread at a time.
+
+    Raises SessionError, here and in every method, when the folder holds no session, when the
+    session is damaged, or when a later version wrote it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self._database = self.folder / DATABASE
+        if not self._database.is_file():
+            what = "does not exist" if not self.folder.exists() else f"holds no {DATABASE}"
+            raise SessionError(
+                f"{self.folder} {what}: name a session's folder, such as 'rsoconsole engine' and "
+                "'rsoconsole demo' name when they begin (session.root, a folder a night)"
+            )
+        ((application_id,),) = self._fetch("PRAGMA application_id")
+        if application_id != APPLICATION_ID:
+            raise SessionError(f"{self._database} is not a session of rsoconsole")
+        ((version,),) = self._fetch("PRAGMA user_version")
+        if version > SCHEMA_VERSION:
+            raise LaterSchemaError(
+                f"{self.folder} was written by a later rsoconsole (schema {version}, this one "
+                f"knows {SCHEMA_VERSION}): update rsoconsole"
+            )
+        self.schema_version: int = version
+        self._is_old = self.schema_version <= LAST_SCHEMA
+        self._giver, self._ids, self._ids_until = IdGiver(), dict[int, Ids](), 0
+
+    def connect(self) -> sqlite3.Connection:
+        """A connection of your own for SQL, read-only, with the public views of today.
+
+        Those that an older session has not, or has otherwise, are temporary views; columns that
+        its records do not have are NULL. Close it soon: as long as it reads, a live session cannot
+        fold its log. It is ended where it asks for more than the database's size explains.
+        """
+        connection = self._open()
+        try:
+            stored = dict(connection.execute(_VIEWS_SQL).fetchall())
+            connection.executescript(temporary_views(self.schema_version, stored))
+        except sqlite3.Error as error:
+            connection.close()
+            raise self._damaged(error) from error
+        return connection
+
+    def about(self) -> dict[str, Any]:
+        """What the session said of itself when it began: config, model_sha256, versions and so on.
+
+        ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
+        that cannot be read.
+        """
+        rows = self._fetch("SELECT key, value FROM meta")
+        try:
+            return {key: json_of(value) for key, value in rows}
+        except (ValueError, TypeError, RecursionError) as error:
+            raise SessionError(
+                f"what {self.folder} says of itself is damaged (table meta: {error}): 'rsoconsole"
+                " sessions verify' says what else is"
+            ) from error
+
+    def config(self) -> Config:
+        """The configuration the session began with; settings of a later version are left out."""
+        table = self.about().get("config")
+        try:
+            return Config.model_validate(with_old_defaults(_known(table)))
+        except ValidationError as error:
+            raise SessionError(
+                f"the configuration of {self.folder} is not one this version knows: "
+                f"{error.error_count()} settings differ"
+            ) from error
+
+    def last_seq(self) -> int:
+        """Place of the newest record; 0 before the first."""
+        ((seq,),) = self._fetch("SELECT coalesce(max(seq), 0) FROM log")
+        return int(seq)
+
+    def counts(self) -> Counts:
+        """Records, frames, and the instants between which they lie."""
+        ((records, frames, t_first, t_last),) = self._fetch(
+            "SELECT count(*), count(CASE kind WHEN 'FrameTaken' THEN 1 END), "
+            f"min({_GOOD_TIME}), max({_GOOD_TIME}) FROM log"
+        )
+        return Counts(records=records, frames=frames, t_first_utc_ns=t_first, t_last_utc_ns=t_last)
+
+    def records(
+        self,
+        since_seq: int = 0,
+        kinds: Collection[type[Any]] | None = None,
+        *,
+        frame_id: int | None = None,
+    ) -> Iterator[tuple[int, int, Record]]:
+        """(seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
+
+        ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. With
+        ``frame_id`` only the records of that frame. Kinds that this version does not know are
+        passed over; in the place of a record that cannot be read, or whose time is none, stands an
+        alarm that says so.
+        """
+        names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
+        places = ", ".join("?" * len(names))
+        # With + SQLite goes through the log itself: by the index of kinds it would sort all that is
+        # left of the log for each page. Few kinds are found by the index.
+        column = "+kind" if kinds is None and frame_id is None else "kind"
+        of_frame, frame = ("", ()) if frame_id is None else (" AND frame_id = ?", (frame_id,))
+        sql = f"{_SELECT} AND {column} IN ({places}){of_frame} ORDER BY seq LIMIT {PAGE_RECORDS}"
+        while True:
+            page = self._fetch(sql, (since_seq, *names, *frame))
+            if self._is_old and page:
+                self._learn_ids(page[-1][0])
+            for seq, t_utc_ns, kind, body in page:
+                if isinstance(t_utc_ns, int) and 0 <= t_utc_ns <= LAST_UTC_NS:
+                    yield seq, t_utc_ns, self._decoded(seq, kind, body)
+                else:
+                    yield seq, 0, Event(level="alarm", text=f"the time of a {kind} is damaged")
+            if len(page) < PAGE_RECORDS:
+                return
+            since_seq = page[-1][0]
+
+    def outline(self) -> list[tuple[int, int, str, int | None]]:
+        """(seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is decoded."""
+        return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
+
+    def _decoded(self, seq: int, kind: str, body: str) -> Record:
+        try:
+            if self._is_old:
+                found = with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
+            else:
+                found = decode_recorded(kind, body)
+            expect_plausible(found)
+        except SessionError as error:
+            return Event(level="alarm", text=str(error))
+        except ValueError as error:
+            return Event(level="alarm", text=f"a {kind} of this session is damaged: {error}")
+        return found
+
+    def _learn_ids(self, until_seq: int) -> None:
+        """Go through an old session up to there: ids depend on all that came before."""
+        names = [kind.__name__ for kind in IDENTIFYING]
+        sql = (
+            f"{_SELECT} AND seq <= ? AND kind IN ({', '.join('?' * len(names))})"
+            f" ORDER BY seq LIMIT {PAGE_RECORDS}"
+        )
+        while self._ids_until < until_seq:
+            page = self._fetch(sql, (self._ids_until, until_seq, *names))
+            for seq, _, kind, body in page:
+                try:
+                    self._ids[seq] = self._giver.ids_of(decode_old(kind, body))
+                except SessionError:
+                    continue  # an alarm stands in its place
+            is_last = len(page) < PAGE_RECORDS
+            self._ids_until = until_seq if is_last else page[-1][0]
+
+    def view(self, name: str) -> list[dict[str, Any]]:
+        """The rows of one of the public views, in order of the log."""
+        if name not in VIEWS:
+            raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
+        with closing(self.connect()) as connection:
+            try:
+                cursor = connection.execute(f"SELECT * FROM {name} ORDER BY seq")
+                columns = [column[0] for column in cursor.description]
+                rows = [dict(zip(columns, row, strict=True)) for row in cursor]
+            except sqlite3.Error as error:
+                raise self._damaged(error) from error
+        if self._is_old and rows:
+            self._learn_ids(rows[-1]["seq"])
+            rows = [in_columns(row, self._ids.get(row["seq"], Ids())) for row in rows]
+        return [with_kind(row) for row in rows]
+
+    def frame_path(self, frame_id: int) -> Path | None:
+        """The frame's FITS file; None when it was not kept or is not written yet."""
+        return self._file(frame_id, "frame")
+
+    def frames_with_pixels(self) -> frozenset[int]:
+        """Numbers of the frames whose pixels are there; of a branch, also its origin's."""
+        sql = "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
+        there = {p.name for p in (self.folder / FOLDERS["frame"]).glob("*")}
+        own = {int(number) for number, path in self._fetch(sql) if Path(path).name in there}
+        before = frozenset[int]() if self._origin is None else self._origin.frames_with_pixels()
+        return before | own
+
+    def not_kept_because(self, frame_id: int) -> str | None:
+        """Why the frame's pixels are not there; None when they are, or nothing is said of it.
+
+        Those that were pruned later were kept once: when they went stands in ``upkeep.jsonl``.
+        """
+        sql = "SELECT reason, path FROM files WHERE frame_id = ? AND role = 'frame'"
+        rows = self._fetch(sql, (frame_id,))
+        if not rows:
+            return None if self._origin is None else self._origin.not_kept_because(frame_id)
+        ((reason, path),) = rows
+        if reason or path is None or self._inside(path) is not None:
+            return str(reason) if reason else None
+        pruned = pruned_on(read_notes(self.folder)).get(path)
+        return None if pruned is None else f"pruned on {pruned}"
+
+    def preview_path(self, frame_id: int) -> Path | None:
+        """The frame's small picture; None when there is none."""
+        return self._file(frame_id, "preview")
+
+    def closeup_path(self, frame_id: int) -> Path | None:
+        """The picture of a piece of the frame at full resolution; None when there is none.
+
+        Which piece, its record ``Closeup`` says.
+        """
+        return self._file(frame_id, "closeup")
+
+    @cached_property
+    def branch_of(self) -> Path | None:
+        """The folder of the session that this one is a branch of; None for a session by itself.
+
+        The folder need not exist: branches may be carried away from their session.
+        """
+        rows = self._fetch("SELECT value FROM meta WHERE key = 'branch_of'")
+        try:
+            named = json_of(rows[0][0]) if rows else None
+        except (ValueError, TypeError):
+            return None
+        if not isinstance(named, str) or not named or Path(named).is_absolute():
+            return None
+        try:
+            folder = (self.folder / named).resolve()
+            folder.exists()
+        except (OSError, ValueError):  # no name that a folder can have
+            return None
+        return None if folder == self.folder.resolve() else folder
+
+    @cached_property
+    def _origin(self) -> "SessionReader | None":
+        """The reader of the session this one branches from, where it can be read."""
+        if self.branch_of is None:
+            return None
+        try:
+            return SessionReader(self.branch_of)
+        except SessionError:
+            return None
+
+    def _file(self, frame_id: int, role: str) -> Path | None:
+        reader: SessionReader | None = self
+        for _ in range(MAX_BRANCH_DEPTH):
+            if reader is None:
+                return None
+            path = reader._own_file(frame_id, role)
+            if path is not None:
+                return path
+            reader = reader._origin
+        return None
+
+    def _own_file(self, frame_id: int, role: str) -> Path | None:
+        rows = self._fetch(
+            "SELECT path FROM files WHERE frame_id = ? AND role = ? AND path IS NOT NULL",
+            (frame_id, role),
+        )
+        return self._inside(rows[0][0]) if rows else None
+
+    def _inside(self, named: object) -> Path | None:
+        """The regular file of the session that a row names; None where it names none."""
+        if not isinstance(named, str) or "\0" in named:
+            return None
+        if Path(named).is_absolute() or ".." in Path(named).parts:
+            return None
+        path = self.folder / named
+        try:
+            is_own = stat.S_ISREG(path.lstat().st_mode) and path.resolve().is_relative_to(
+                self.folder.resolve()
+            )
+        except (OSError, ValueError):
+            return None
+        return path if is_own else None
+
+    def _fetch(self, sql: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        with closing(self._open()) as connection:
+            try:
+                return connection.execute(sql, values).fetchall()
+            except sqlite3.Error as error:
+                raise self._damaged(error) from error
+
+    def _open(self) -> sqlite3.Connection:
+        connection = self._opened()
+        try:
+            computed = computed_part(connection)
+        except sqlite3.Error as error:
+            connection.close()
+            raise self._damaged(error) from error
+        if computed:
+            connection.close()
+            raise SessionError(
+                f"{self.folder} is no session of this program: {computed}; what its tables hold"
+                f" 'rsoconsole sessions repair {self.folder}' saves"
+            )
+        return connection
+
+    def _opened(self) -> sqlite3.Connection:
+        try:
+            try:
+                return connect_to_read(self._database)
+            except sqlite3.OperationalError as error:
+                if not self._is_unfinished():
+                    # On a medium that cannot be written, SQLite must be told that nobody writes.
+                    return connect_to_read(self._database, is_immutable=True)
+                if _is_busy(error) or not self._is_left():
+                    raise
+            # What a cut has left can only be finished by writing: in a copy, as readers write not.
+            self._database = self._finished_copy()
+            return connect_to_read(self._database)
+        except (sqlite3.Error, OSError) as error:
+            raise self._damaged(error) from error
+
+    def _finished_copy(self) -> Path:
+        """The database in a scratch folder, which lasts as long as this reader."""
+        scratch = Path(mkdtemp(prefix="rsoconsole-"))
+        weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+        return finish_copy(self.folder, scratch)
+
+    def _is_unfinished(self) -> bool:
+        """Whether part of the database lies in a file beside it, where a cut has left it."""
+        beside = (self.folder / name for name in BESIDE_DATABASE if not name.endswith("-shm"))
+        return any(path.exists() and path.stat().st_size > 0 for path in beside)
+
+    def _is_left(self) -> bool:
+        """Whether what is unfinished will stay so: nobody can write here, or a journal was left."""
+        return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
+
+    def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
+        if is_interrupted(error):
+            return SessionError(
+                f"{self.folder} is no session of this program: reading its database does not come"
+                " to an end"
+            )
+        if isinstance(error, sqlite3.OperationalError) and "no such table" in str(error):
+            return SessionError(
+                f"{self._database} lacks a part of a session ({error}): it was cut off while it was"
+                " made, or something else has changed it"
+            )
+        if isinstance(error, sqlite3.OperationalError | OSError):
+            return SessionError(
+                f"{self._database} cannot be read: {error}; "
+                "check that you may read the folder, or copy it to a place you can write"
+            )
+        return SessionError(
+            f"{self._database} is damaged or no session: {error}; "
+            f"its frames are untouched, 'rsoconsole sessions repair {self.folder}' saves the rest"
+        )
+
+
+def _is_busy(error: sqlite3.OperationalError) -> bool:
+    return error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+
+
+def _known(table: Any) -> Any:
+    """A configuration without the sections and settings that this version does not know."""
+    if not isinstance(table, dict):
+        return table
+    known: dict[str, Any] = {}
+    for name, section in table.items():
+        field = Config.model_fields.get(name)
+        if field is None or not isinstance(section, dict):
+            continue
+        settings = getattr(field.annotation, "model_fields", {})
+        known[name] = {key: value for key, value in section.items() if key in settings}
+    return known

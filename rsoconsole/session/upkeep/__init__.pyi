@@ -1,0 +1,14 @@
+from .archive import archive_session as archive_session
+from .merge import find_rescues as find_rescues
+from .pruning import Policy as Policy
+from .pruning import Step as Step
+from .pruning import plan_pruning as plan_pruning
+from .pruning import prune as prune
+from .repair import Repair as Repair
+from .repair import repair_session as repair_session
+from .store import SessionSummary as SessionSummary
+from .store import cut_off_session as cut_off_session
+from .store import list_sessions as list_sessions
+from .store import new_session_folder as new_session_folder
+from .store import summarise as summarise
+from .verify import verify_session as verify_session

@@ -1,0 +1,240 @@
+"""A session as one file to be carried away: a plain tar with the hash of everything in it.
+
+Plain, because what is large in it is compressed already: any tool unpacks it, and one frame is
+read without unpacking the others. Frames that lie there as plain FITS are compressed without loss
+on the way; the database is one file without free pages. The original is not touched.
+"""
+
+import hashlib
+import io
+import os
+import shutil
+import sqlite3
+import tarfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, TypeAlias
+
+import numpy as np
+
+from rsoconsole.durable_files import PART, sync_folder
+from rsoconsole.errors import SessionError
+from rsoconsole.records import Frame
+from rsoconsole.session.files import (
+    MANIFEST,
+    UPKEEP,
+    FolderHoldings,
+    Verification,
+    add_note,
+    compress_frame,
+    sha256_of,
+)
+from rsoconsole.session.log import BESIDE_DATABASE, DATABASE, file_name
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.upkeep.store import remove_folder
+from rsoconsole.session.upkeep.verify import verify_session
+
+Told: TypeAlias = Callable[[str, int, int], None]
+"""Is told (what is being done, bytes so far, bytes in all)."""
+ROOM = 1.02
+"""An archive takes what its files take and a little more."""
+_PLAIN = (".fits", ".fit", ".fts")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Archive:
+    """An archive that was written and read back."""
+
+    session: Path
+    path: Path
+    files: int
+    bytes: int
+    compressed: int
+    """Frames that were plain FITS before."""
+    verification: Verification
+    """Of the archive, as it lies on its disk."""
+    is_removed: bool
+    """Whether the original was removed."""
+
+
+def archive_session(
+    folder: Path,
+    out: Path,
+    now_utc_ns: int,
+    *,
+    remove: bool = False,
+    on_bytes: Told | None = None,
+) -> Archive:
+    """Pack a closed, sound session into ``out/NAME.tar`` and read the archive back.
+
+    ``remove`` removes the original once the archive is verified. ``on_bytes`` is told (what is
+    done, bytes so far, bytes in all). Raises SessionError when the session is not fit for it, when
+    there is an archive of that name, or when the disk refuses; nothing half is left then.
+    """
+    folder, out = Path(folder).resolve(), Path(out)
+    target = out / f"{folder.name}.tar"
+    told = on_bytes or _tell_nobody
+    _check_fit(folder, told)
+    if target.exists():
+        raise SessionError(f"{target} is there already: name another folder with --out")
+    beside = target.with_name(target.name + PART)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        _check_room(folder, out)
+        try:
+            with _scratch_beside(beside) as scratch:
+                sources, compressed = _stage(folder, scratch, now_utc_ns)
+                _pack(folder.name, beside, sources, told)
+            read_back = verify_session(
+                beside, lambda done, total: told("reading back", done, total)
+            )
+            if not read_back.is_sound:
+                fault = next(f for f in read_back.findings if f.severity == "damage")
+                raise OSError(f"read back, {fault.place} is not what was packed: {fault.what}")
+            beside.replace(target)
+            sync_folder(out)
+        finally:
+            beside.unlink(missing_ok=True)
+    except (OSError, sqlite3.Error, tarfile.TarError) as error:
+        raise SessionError(
+            f"{folder} cannot be archived to {out}: {error}; "
+            "free some disk or name another folder with --out"
+        ) from error
+    read_back.session = target
+    if remove:
+        remove_folder(folder)
+    return Archive(
+        session=folder,
+        path=target,
+        files=len(sources),
+        bytes=target.stat().st_size,
+        compressed=compressed,
+        verification=read_back,
+        is_removed=remove,
+    )
+
+
+def _check_fit(folder: Path, told: Told) -> None:
+    found = verify_session(folder, lambda done, total: told("verifying", done, total))
+    damage = [each for each in found.findings if each.severity == "damage"]
+    if damage:
+        raise SessionError(
+            f"{folder} is damaged ({damage[0].place}: {damage[0].what}), and an archive would be, "
+            "too; 'rsoconsole sessions verify' says more, 'repair' what can be done"
+        )
+    if found.state != "closed":
+        raise SessionError(
+            f"{folder} is {found.state}: archive it when it is closed"
+            + ("; 'rsoconsole sessions repair' closes it" if found.state == "cut off" else "")
+        )
+
+
+def _check_room(folder: Path, out: Path) -> None:
+    needed = ROOM * sum(FolderHoldings(folder).sizes().values())
+    free = shutil.disk_usage(out).free
+    if free < needed:
+        raise OSError(f"{needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free")
+
+
+@contextmanager
+def _scratch_beside(beside: Path) -> Iterator[Path]:
+    """A folder on the archive's own disk; one that a cut has left is swept."""
+    scratch = beside.with_name(beside.name + "-files")
+    shutil.rmtree(scratch, ignore_errors=True)
+    try:
+        scratch.mkdir()
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> tuple[dict[str, Path], int]:
+    """(where each file of the archive is taken from, how many frames were compressed for it)."""
+    sources = {path: folder / path for path in FolderHoldings(folder).sizes()}
+    for name in (*BESIDE_DATABASE, MANIFEST):
+        sources.pop(name, None)
+    with closing(SessionReader(folder).connect()) as connection:
+        connection.execute("VACUUM main INTO ?", (str(scratch / DATABASE),))
+    compressed = _compress_plain(sources, scratch)
+    if UPKEEP in sources:
+        shutil.copyfile(sources[UPKEEP], scratch / UPKEEP)
+    add_note(scratch, "archive", now_utc_ns, {"compressed": compressed})
+    sources[DATABASE] = scratch / DATABASE
+    sources[UPKEEP] = scratch / UPKEEP
+    return sources, len(compressed)
+
+
+def _compress_plain(sources: dict[str, Path], scratch: Path) -> list[str]:
+    """Compress frames that lie there as plain FITS, and have the database's copy name those."""
+    with closing(sqlite3.connect(scratch / DATABASE)) as connection, connection:
+        columns = {str(row[1]) for row in connection.execute("PRAGMA table_info(files)")}
+        rows = connection.execute(
+            "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
+        ).fetchall()
+        compressed: list[str] = []
+        for frame_id, path in rows:
+            if not path.lower().endswith(_PLAIN) or path not in sources:
+                continue
+            content = _compressed(sources.pop(path).read_bytes(), frame_id)
+            smaller = scratch / f"{frame_id}"
+            smaller.write_bytes(content)
+            name = file_name("frame", frame_id)
+            sources[name] = smaller
+            compressed.append(path)
+            connection.execute(
+                "UPDATE files SET path = ?, bytes = ? WHERE path = ?", (name, len(content), path)
+            )
+            if "sha256" in columns:
+                sql = "UPDATE files SET sha256 = ? WHERE path = ?"
+                connection.execute(sql, (sha256_of(content), name))
+    return compressed
+
+
+def _pack(name: str, beside: Path, sources: Mapping[str, Path], told: Told) -> None:
+    """Write the tar: the database first, the list of hashes last."""
+    total, done = sum(path.stat().st_size for path in sources.values()), 0
+    manifest: list[str] = []
+    with beside.open("wb") as stream:
+        with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as tar:
+            for path in sorted(sources, key=lambda path: (path != DATABASE, path)):
+                with sources[path].open("rb") as content:
+                    digest = hashlib.file_digest(content, "sha256").hexdigest()
+                    done += _add(tar, f"{name}/{path}", content, sources[path].stat().st_mtime)
+                manifest.append(f"{digest}  {path}\n")
+                told("packing", done, total)
+            lines = io.BytesIO("".join(manifest).encode())
+            _add(tar, f"{name}/{MANIFEST}", lines, sources[DATABASE].stat().st_mtime)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _add(tar: tarfile.TarFile, name: str, content: IO[bytes], mtime_s: float) -> int:
+    """Add a file under ``name``, of nobody in particular; returns its bytes."""
+    member = tarfile.TarInfo(name)
+    member.size = content.seek(0, os.SEEK_END)
+    content.seek(0)
+    member.mtime = int(mtime_s)
+    tar.addfile(member, content)
+    return member.size
+
+
+def _compressed(plain: bytes, frame_id: int) -> bytes:
+    """The same pixels and cards in fewer bytes. Raises OSError where they would not be the same."""
+    nothing = np.zeros((1, 1), np.uint16)
+    content = compress_frame(Frame(frame_id=frame_id, name="", pixels=nothing), plain)
+    if not np.array_equal(_pixels(plain), _pixels(content), equal_nan=True):
+        raise OSError(f"frame {frame_id} cannot be compressed without loss")
+    return content
+
+
+def _pixels(content: bytes) -> Any:
+    from astropy.io import fits
+
+    with fits.open(io.BytesIO(content)) as hdus:
+        return next(np.array(hdu.data) for hdu in hdus if hdu.is_image and len(hdu.shape) == 2)
+
+
+def _tell_nobody(_doing: str, _done: int, _total: int) -> None:
+    return

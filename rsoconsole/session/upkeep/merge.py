@@ -1,0 +1,192 @@
+"""Brings what a rescue session holds back into the session whose place it took.
+
+The rescue is removed only when all of it has been read back from there; whatever goes wrong before,
+both are as they were.
+"""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.errors import SessionError
+from rsoconsole.session.files import META_KEY as DIGEST_KEY
+from rsoconsole.session.files import LogDigest, add_note, digest_log, mark_closed
+from rsoconsole.session.log import (
+    DATABASE,
+    FILE_ROW,
+    FILE_ROWS,
+    INSERT_FILE,
+    INSERT_RECORD,
+    LOG_ROW,
+    LOG_ROWS,
+    connect_to_write,
+    is_written,
+    leave_wal,
+)
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.upkeep.store import remove_folder
+from rsoconsole.session.upkeep.verify import page_faults
+from rsoconsole.session.writing import rescue_places
+
+LEAVE_WAL_S = 3.0
+_AT_A_TIME = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Merged:
+    """What came from a rescue session into its session; the rescue is gone."""
+
+    rescue: Path
+    session: Path
+    records: int
+    files: int
+
+
+def rescued_session(folder: Path) -> Path | None:
+    """The session that this one is a rescue of; None where it is none, or cannot be read."""
+    try:
+        named = SessionReader(folder).about().get("rescues")
+    except SessionError:
+        return None
+    is_path = isinstance(named, str) and "\0" not in named and Path(named).is_absolute()
+    return Path(str(named)) if is_path else None
+
+
+def find_rescues() -> tuple[Path, ...]:
+    """Every rescue session of this user, in all places where one may be."""
+    found: dict[Path, None] = {}
+    for place in rescue_places():
+        try:
+            folders = sorted(path for path in place.iterdir() if (path / DATABASE).is_file())
+        except OSError:
+            continue
+        found |= dict.fromkeys(path for path in folders if path.lstat().st_uid == os.getuid())
+    return tuple(found)
+
+
+def rescues_of(session: Path) -> tuple[Path, ...]:
+    """The rescue sessions of a session."""
+    own = session.resolve()
+    return tuple(
+        rescue
+        for rescue in find_rescues()
+        if (named := rescued_session(rescue)) is not None and named.resolve() == own
+    )
+
+
+def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
+    """Take what the rescue has and its session lacks into the session, verify that, remove it.
+
+    No record is changed: where both have one and they differ, nothing is done. Raises SessionError
+    with why not; the rescue is kept then.
+    """
+    session = rescued_session(rescue)
+    if session is None:
+        raise SessionError(f"{rescue} does not say which session it is a rescue of")
+    if session.resolve() == rescue.resolve():
+        raise SessionError(f"{rescue} calls itself its own rescue")
+    source, target = SessionReader(rescue), _target(session)
+    for reader in (source, target):
+        about = reader.about()
+        if is_written(about):
+            raise SessionError(f"{reader.folder} is being written: end its engine first")
+        with closing(reader.connect()) as connection:
+            if page_faults(connection):
+                raise SessionError(f"the database of {reader.folder} is damaged")
+    if source.schema_version != target.schema_version:
+        raise SessionError(f"{rescue} and {session} are of different schemas")
+    _expect_sound_digest(target)
+    try:
+        records, files = _insert(source, session / DATABASE)
+        leave_wal(session / DATABASE, LEAVE_WAL_S)
+        _expect_all(source, SessionReader(session))
+        details: dict[str, Any] = {"rescue": str(rescue), "records": records, "files": files}
+        add_note(session, "merge", now_utc_ns, details)
+    except (sqlite3.Error, OSError) as error:
+        raise SessionError(f"{session} does not take it: {error}") from error
+    remove_folder(rescue)
+    return Merged(rescue=rescue, session=session, records=records, files=files)
+
+
+def _target(session: Path) -> SessionReader:
+    try:
+        return SessionReader(session)
+    except SessionError as error:
+        raise SessionError(f"its session is gone or cannot be read: {error}") from error
+
+
+def _expect_sound_digest(target: SessionReader) -> None:
+    """A log that is not what was closed is not continued."""
+    recorded = LogDigest.from_meta(target.about())
+    with closing(target.connect()) as connection:
+        if recorded is not None and digest_log(connection) != recorded:
+            raise SessionError(f"the log of {target.folder} is not the one that was closed")
+
+
+def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
+    """Numbers of records and rows of files that came, in one commit; then the end is marked."""
+    free_bytes = shutil.disk_usage(database.parent).free
+    needed_bytes = (source.folder / DATABASE).stat().st_size
+    if free_bytes < 2 * needed_bytes:
+        raise SessionError(
+            f"{database.parent} has {free_bytes / 1e6:.0f} MB left on its disk, "
+            f"{2 * needed_bytes / 1e6:.0f} are needed"
+        )
+    with closing(connect_to_write(database)) as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            records = sum(_take_record(connection, row) for row in _rows(source, LOG_ROWS))
+            files = sum(_take_file(connection, row) for row in _rows(source, FILE_ROWS))
+            # Until its end is marked again it counts as cut off.
+            connection.execute("DELETE FROM meta WHERE key = ?", (DIGEST_KEY,))
+            connection.execute("UPDATE meta SET value = 'false' WHERE key = 'is_closed'")
+            connection.execute("COMMIT")
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise
+        mark_closed(connection)
+    return records, files
+
+
+def _take_record(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
+    known = connection.execute(LOG_ROW, row[:1]).fetchone()
+    if known is None:
+        connection.execute(INSERT_RECORD, row)
+    elif known != row:
+        raise SessionError(f"record {row[0]} is another one in the session than in the rescue")
+    return known is None
+
+
+def _take_file(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
+    """The rescue's row holds: it was written when the session took no more."""
+    is_new = bool(connection.execute(FILE_ROW, row[:2]).fetchone() != row)
+    if is_new:
+        connection.execute(INSERT_FILE, row)
+    return is_new
+
+
+def _expect_all(source: SessionReader, target: SessionReader) -> None:
+    """Read back what was written. Raises SessionError where anything is missing."""
+    with closing(target.connect()) as connection:
+        if page_faults(connection):
+            raise SessionError(f"the database of {target.folder} is damaged")
+        for row in _rows(source, LOG_ROWS):
+            if connection.execute(LOG_ROW, row[:1]).fetchone() != row:
+                raise SessionError(f"record {row[0]} cannot be read back from {target.folder}")
+        known = {tuple(row) for row in connection.execute(FILE_ROWS)}
+    if any(row not in known for row in _rows(source, FILE_ROWS)):
+        raise SessionError(f"the files of {source.folder} cannot be read back")
+    _expect_sound_digest(target)
+
+
+def _rows(source: SessionReader, sql: str) -> Iterator[tuple[Any, ...]]:
+    with closing(source.connect()) as connection:
+        cursor = connection.execute(sql)
+        while some := cursor.fetchmany(_AT_A_TIME):
+            yield from some

@@ -1,0 +1,298 @@
+"""The thread that owns a live session's database."""
+
+import itertools
+import sqlite3
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+from rsoconsole.records import Event, Record
+from rsoconsole.session.log import (
+    DATABASE,
+    INSERT_FILE,
+    INSERT_RECORD,
+    Faults,
+    LogPlace,
+    connect_to_read,
+    encode,
+)
+from rsoconsole.session.writing.rescue import Rescue, Statement
+
+COMMIT_S = 0.25
+RETRY_S = 1.0
+MAX_BATCH = 2000
+_MOST_RECENT = 2000
+MAX_WAITING = 500_000
+"""Records kept in memory while the disk refuses them: many nights' worth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptFile:
+    """A file beside the log, or why it is not there: a row of ``files``, its columns in order."""
+
+    frame_id: int
+    role: str
+    path: str | None
+    bytes: int | None
+    ms: float | None
+    reason: str | None
+    sha256: str | None
+
+
+_Entry = tuple[int, int, Record] | KeptFile
+
+
+class LogWriter:
+    """Takes entries at once and commits them in batches.
+
+    While the disk refuses them it keeps them, in memory and in a rescue session elsewhere; where
+    somebody has removed or damaged the log it goes on in that one.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        faults: Faults,
+        connect: Callable[[Path], sqlite3.Connection],
+        commit_s: float = COMMIT_S,
+        *,
+        rescue: Rescue | None = None,
+    ) -> None:
+        self._path = path
+        self._place = LogPlace(path)
+        self._rescue = rescue
+        self._rescued = 0
+        """Of the unwritten ones, the oldest: in the rescue session already."""
+        self._is_lost = False
+        """The log's own place is given up."""
+        self._damage = ""
+        self._has_taken_over = False
+        """The rescue session has what could still be read of the lost log."""
+        self._recent: deque[Statement] = deque(maxlen=_MOST_RECENT)
+        """What was committed last: some of it may be lost with the log."""
+        self._faults = faults
+        self._connect = connect
+        self._commit_s = commit_s
+        self._waiting: deque[_Entry] = deque()
+        self._unwritten: deque[Statement] = deque()
+        self._lock = threading.Lock()
+        self._next_seq = 1
+        self._taken = 0
+        self._committed = 0
+        self._progress = threading.Condition()
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._connection: sqlite3.Connection | None = None
+        self._thread = threading.Thread(target=self._run, name="session-log", daemon=True)
+        self._thread.start()
+
+    @property
+    def path(self) -> Path:
+        """The database that has the whole night: the rescue session's where the own one is lost."""
+        folder = None if self._rescue is None else self._rescue.folder
+        has_all = self._has_taken_over and folder is not None
+        return folder / DATABASE if has_all and folder is not None else self._path
+
+    def put(self, record: Record, t_utc_ns: int) -> int:
+        """Take a record; returns its place in the order of the log."""
+        with self._lock:
+            seq = self._next_seq
+            self._next_seq += 1
+            self._take((seq, t_utc_ns, record))
+        return seq
+
+    def put_file(self, file: KeptFile) -> None:
+        """Take the news of a file."""
+        with self._lock:
+            self._take(file)
+
+    def _take(self, entry: _Entry) -> None:
+        if self._is_closing:
+            self._faults.report("late", "a record came after the session was closed: it is lost")
+        elif self._taken - self._committed >= MAX_WAITING:
+            self._faults.report("memory", f"{MAX_WAITING} records wait for the disk: some are lost")
+        else:
+            self._waiting.append(entry)
+            self._taken += 1
+
+    def flush(self, timeout_s: float) -> bool:
+        """Commit all that was taken so far; False when this session's log has not all of it.
+
+        What the rescue session has is on a disk, but a reader of this one does not find it.
+        """
+        if not self._is_durable(timeout_s) or self._is_lost:
+            return False
+        with self._progress:
+            # The disk may take it again with the next try.
+            return self._progress.wait_for(lambda: not self._rescued, min(timeout_s, 1.5 * RETRY_S))
+
+    def _is_durable(self, timeout_s: float) -> bool:
+        """Whether all that was taken so far is on some disk within that time."""
+        with self._lock:
+            goal = self._taken
+        self._wake.set()
+        with self._progress:
+            return self._progress.wait_for(lambda: self._committed >= goal, timeout_s)
+
+    def close(self, timeout_s: float) -> bool:
+        """Commit the rest and let go of the database; False when that did not succeed."""
+        is_flushed = self._is_durable(timeout_s)
+        with self._lock:
+            self._is_closing = True
+        self._wake.set()
+        self._thread.join(timeout_s)
+        if self._rescued and self._rescue is not None:
+            words = f"its newest records are in the rescue session {self._rescue.folder} alone"
+            self._faults.report("close", f"the session is not complete: {words}")
+            return False
+        return is_flushed and not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while True:
+            self._wake.wait(self._commit_s)
+            self._wake.clear()
+            with self._lock:
+                is_last_round = self._is_closing
+                fresh = list(self._waiting)
+                self._waiting.clear()
+            self._unwritten.extend(self._statement(entry) for entry in fresh)
+            is_written = self._write()
+            if is_last_round:
+                self._disconnect()
+                self._place.close()
+                if self._rescue is not None:
+                    self._rescue.close()
+                if not is_written and len(self._unwritten) > self._rescued:
+                    lost = f"the session is closed without its last {len(self._unwritten)} records"
+                    self._faults.report("close", lost)
+                return
+            if not is_written:
+                # A full disk seldom empties at once: spare it, but let flush() try.
+                self._wake.wait(RETRY_S)
+
+    def _write(self) -> bool:
+        """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
+        if not self._is_lost and self._connection is not None:
+            self._look()
+        if self._is_lost:
+            return self._write_elsewhere()
+        while self._unwritten:
+            batch = list(itertools.islice(self._unwritten, MAX_BATCH))
+            try:
+                if self._connection is None:
+                    self._connection = self._connect(self._path)
+                with self._connection:
+                    self._connection.execute("BEGIN IMMEDIATE")
+                    for sql, values in batch:
+                        self._connection.execute(sql, values)
+            except (sqlite3.Error, OSError) as error:
+                waiting = f"{len(self._unwritten)} records wait in memory"
+                text = f"the session's log cannot be written ({error}): free space; {waiting}"
+                self._disconnect()
+                if self._write_elsewhere() and self._rescue is not None:
+                    text += f" and in the rescue session {self._rescue.folder}"
+                self._faults.report("log", text)
+                return False
+            self._faults.clear("log")
+            for _ in batch:
+                self._recent.append(self._unwritten.popleft())
+            again = min(self._rescued, len(batch))
+            # Acknowledged is what a reader finds.
+            is_there = self._look()
+            if not is_there and not self._has_taken_over:
+                self._unwritten.extendleft(reversed(batch))
+                return False
+            self._rescued -= again
+            if is_there and self._rescue is not None and not self._rescued:
+                self._rescue.discard()
+            self._advance(len(batch) - again)
+            if self._is_lost:
+                return self._write_elsewhere()
+        return True
+
+    def _advance(self, count: int) -> None:
+        """So many more are on a disk."""
+        with self._progress:
+            self._committed += count
+            self._progress.notify_all()
+
+    def _write_elsewhere(self) -> bool:
+        """Put into the rescue session what is unwritten; False where that cannot be."""
+        rescue = self._rescue
+        if rescue is None or not (self._takes_over(rescue) if self._is_lost else rescue.begin()):
+            return False
+        fresh = list(itertools.islice(self._unwritten, self._rescued, None))
+        if fresh and not rescue.write(fresh):
+            return False
+        if self._is_lost:
+            self._unwritten.clear()
+            self._rescued = 0
+        else:
+            self._rescued += len(fresh)
+        self._advance(len(fresh))
+        return True
+
+    def _look(self) -> bool:
+        """Whether the log is still where it was; SQLite does not notice when it is not."""
+        damage = self._place.damage(self._has_all)
+        if damage is None:
+            return True
+        self._is_lost, self._damage = True, damage
+        if self._rescue is None or not self._takes_over(self._rescue):
+            self._faults.report("log", f"{damage}: what comes is not on any disk")
+        return False
+
+    def _takes_over(self, rescue: Rescue) -> bool:
+        """Whether the rescue session has what the lost log had; False where that cannot be yet.
+
+        As long as the connection lives, most of it can still be read.
+        """
+        if self._has_taken_over:
+            return True
+        if not rescue.begin() or not rescue.copy(self._connection, list(self._recent)):
+            return False
+        self._has_taken_over = True
+        self._disconnect()
+        words = f"{self._damage}: the night goes on in the rescue session {rescue.folder}"
+        self._faults.report("log", words)
+        return True
+
+    def _has_all(self) -> bool:
+        """Whether a reader finds the newest record that was committed."""
+        newest = next((v[0] for sql, v in reversed(self._recent) if sql == INSERT_RECORD), None)
+        if newest is None:
+            return True
+        try:
+            with closing(connect_to_read(self._path)) as reader:
+                ((found,),) = reader.execute("SELECT max(seq) FROM log")
+        except (sqlite3.Error, OSError):
+            return False
+        return bool(found == newest)
+
+    def _statement(self, entry: _Entry) -> Statement:
+        if isinstance(entry, KeptFile):
+            return INSERT_FILE, astuple(entry)
+        seq, t_utc_ns, record = entry
+        try:
+            kind, frame_id, body = encode(record)
+            if not 0 <= t_utc_ns < 2**63:
+                raise ValueError(f"{t_utc_ns} is no instant")
+        except Exception as error:  # one bad record must not end the log of all others
+            # Its place in the order stays taken, so that the gap is seen.
+            text = f"a {type(record).__name__} could not be recorded: {error}"
+            self._faults.report("record", text)
+            kind, frame_id, body = encode(Event(level="alarm", text=text))
+            t_utc_ns = 0
+        return INSERT_RECORD, (seq, t_utc_ns, kind, frame_id, body)
+
+    def _disconnect(self) -> None:
+        if self._connection is not None:
+            try:
+                self._connection.close()
+            except sqlite3.Error as error:
+                self._faults.report("log", f"the session's log cannot be closed: {error}")
+            self._connection = None
+            self._place.forget_wal()

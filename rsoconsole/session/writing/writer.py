@@ -1,0 +1,265 @@
+"""The engine's pen: records, frames and previews of a live session.
+
+Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults``
+says what the record lacks.
+"""
+
+import contextlib
+import shutil
+import sqlite3
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.config import Config, config_to_toml
+from rsoconsole.durable_files import sync_folder, write_durably
+from rsoconsole.errors import SessionError
+from rsoconsole.records import Frame, Record
+from rsoconsole.session.files import compress_frame, encode_preview, mark_closed, sha256_of
+from rsoconsole.session.log import (
+    CONFIG,
+    DATABASE,
+    FOLDERS,
+    SCHEMA_VERSION,
+    BoundedWorker,
+    Faults,
+    connect_to_write,
+    create_database,
+    file_name,
+    leave_wal,
+    own_mark,
+    to_json_value,
+)
+from rsoconsole.session.log import META_KEY as WRITER_KEY
+from rsoconsole.session.writing.log_writer import KeptFile, LogWriter
+from rsoconsole.session.writing.rescue import Rescue
+
+MAX_FRAMES_WAITING = 3
+MAX_PREVIEWS_WAITING = 64
+"""Pictures of 0.3 MB: the disk is waited for with each, and they come in bursts."""
+LAST_KEPT = 12
+"""Frames whose pixels ``session.keep_frames = last`` keeps: 0.2 GB of a 16 Mpx camera."""
+NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"
+RESERVE_BYTES = 200_000_000
+"""Frames are given up below this much free disk: the log must have room."""
+
+
+class SessionWriter:
+    """The one writer of a session. Its methods may be called from any thread."""
+
+    @classmethod
+    def create(
+        cls,
+        folder: Path,
+        config: Config,
+        about: Mapping[str, Any],
+        *,
+        on_fault: Callable[[str], None] | None = None,
+        reserve_bytes: int = RESERVE_BYTES,
+    ) -> "SessionWriter":
+        """Begin a session in a new or empty folder.
+
+        ``about`` goes into the table ``meta``: title, model_sha256, versions, clock_offset_s and
+        whatever else JSON can carry. ``on_fault`` is called, from another thread, with each new
+        fault in words. Raises SessionError when the folder cannot be used.
+        """
+        database = folder / DATABASE
+        if database.exists():
+            raise SessionError(f"{folder} already holds a session: name another folder")
+        facts = {
+            "schema_version": SCHEMA_VERSION,
+            "config": config.model_dump(mode="json"),
+            "is_closed": False,
+            WRITER_KEY: own_mark(),
+            **{key: to_json_value(value, key) for key, value in about.items()},
+        }
+        try:
+            _make_folder(folder)
+            for name in FOLDERS.values():
+                (folder / name).mkdir(exist_ok=True)
+            write_durably(folder / CONFIG, config_to_toml(config).encode())
+            create_database(database, facts)
+        except (OSError, ValueError, sqlite3.Error) as error:
+            raise SessionError(
+                f"no session can be begun in {folder}: {error}; "
+                "free some disk or name another folder with --session"
+            ) from error
+        rescue = Rescue(folder, facts, config_to_toml(config).encode())
+        keeps_last = LAST_KEPT if config.session.keep_frames == "last" else None
+        return cls(folder, on_fault, reserve_bytes, rescue, keeps_last)
+
+    def __init__(
+        self,
+        folder: Path,
+        on_fault: Callable[[str], None] | None,
+        reserve_bytes: int,
+        rescue: Rescue,
+        keeps_last: int | None = None,
+    ) -> None:
+        self.folder = folder
+        self._keeps_last = keeps_last
+        self._kept_frames: deque[int] = deque()
+        """Frames whose pixels are there, where only the last ones are kept."""
+        self._going: list[Path] = []
+        """Files that no row names any more."""
+        self._reserve_bytes = reserve_bytes
+        self._faults = Faults(on_fault)
+        self._is_closed = False
+        self._log = LogWriter(folder / DATABASE, self._faults, connect_to_write, rescue=rescue)
+        self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
+        self._previews = BoundedWorker("session-previews", MAX_PREVIEWS_WAITING)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What the record lacks at this moment, in words; empty when all is well."""
+        return self._faults.texts()
+
+    def append(self, record: Record, t_utc_ns: int) -> int:
+        """Record what happened at ``t_utc_ns``; returns its place in the log, at once.
+
+        Mappings inside the record must not be changed afterwards.
+        """
+        return self._log.put(record, t_utc_ns)
+
+    def save_frame(self, frame: Frame, fits: bytes | None = None) -> bool:
+        """Keep a frame's pixels, compressed without loss on another thread.
+
+        ``fits`` is the file as the camera gave it. The pixels must not be changed afterwards.
+        False when the frame is given up because too many wait; the session says so too.
+        """
+        is_taken = self._frames.submit(
+            lambda: self._keep_frame(frame, fits),
+            lambda error: self._give_up(frame.frame_id, "frame", _reason(error)),
+        )
+        if not is_taken:
+            self._give_up(frame.frame_id, "frame", "frames come faster than the disk takes them")
+        return is_taken
+
+    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
+        return self._save_picture(frame_id, "preview", picture)
+
+    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """Keep a piece of the frame at full resolution, as PNG; its record says which piece."""
+        return self._save_picture(frame_id, "closeup", picture)
+
+    def flush(self, timeout_s: float = 5.0) -> bool:
+        """Wait until the disk has every record appended so far; False when it has not.
+
+        What is said to be there survives a loss of power: every commit waits for the disk.
+        """
+        return self._log.flush(timeout_s)
+
+    def close(self, timeout_s: float = 30.0) -> None:
+        """Finish frames and log, and leave the session as one database file anyone can open."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        if not (self._frames.close(timeout_s) and self._previews.close(timeout_s)):
+            self._faults.report("close", f"frames were still unwritten after {timeout_s:g} s")
+        if not self._log.close(timeout_s):
+            return
+        with contextlib.suppress(OSError):
+            for path in self._going:
+                path.unlink(missing_ok=True)
+        try:
+            with closing(connect_to_write(self._log.path)) as connection:
+                mark_closed(connection)
+            leave_wal(self._log.path, min(timeout_s, 3.0))
+        except sqlite3.Error as error:
+            self._faults.report("close", f"the session is complete but still in two files: {error}")
+
+    def _save_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> bool:
+        is_taken = self._previews.submit(
+            lambda: self._keep_picture(frame_id, role, picture),
+            lambda error: self._give_up(frame_id, role, _reason(error)),
+        )
+        if not is_taken:
+            self._give_up(frame_id, role, f"{role}s come faster than the disk takes them")
+        return is_taken
+
+    def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
+        path = self.folder / file_name("frame", frame.frame_id)
+        free_bytes = shutil.disk_usage(self.folder).free
+        if free_bytes < self._reserve_bytes:
+            raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
+        began = time.perf_counter()
+        content = compress_frame(frame, fits)
+        write_durably(path, content)
+        self._faults.clear("frame")
+        self._kept(frame.frame_id, "frame", path, content, began)
+        if self._keeps_last is not None:
+            self._let_go(frame.frame_id, self._keeps_last)
+
+    def _let_go(self, frame_id: int, keeps: int) -> None:
+        """The oldest frame beyond those that are kept: its row first, its file with the next."""
+        for path in self._going:
+            path.unlink(missing_ok=True)
+        self._going.clear()
+        self._kept_frames.append(frame_id)
+        while len(self._kept_frames) > keeps:
+            oldest = self._kept_frames.popleft()
+            self._put_absent(oldest, "frame", NOT_AMONG_LAST)
+            self._going.append(self.folder / file_name("frame", oldest))
+
+    def _keep_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> None:
+        path = self.folder / file_name(role, frame_id)
+        began = time.perf_counter()
+        content = encode_preview(picture)
+        write_durably(path, content)
+        self._faults.clear(role)
+        self._kept(frame_id, role, path, content, began)
+
+    def _kept(self, frame_id: int, role: str, path: Path, content: bytes, began: float) -> None:
+        self._log.put_file(
+            KeptFile(
+                frame_id=frame_id,
+                role=role,
+                path=str(path.relative_to(self.folder)),
+                bytes=len(content),
+                ms=(time.perf_counter() - began) * 1e3,
+                reason=None,
+                sha256=sha256_of(content),
+            )
+        )
+
+    def _give_up(self, frame_id: int, role: str, reason: str) -> None:
+        if role != "frame" or self._keeps_last is None:  # of those none is missed
+            self._faults.report(role, f"the {role} of exposure {frame_id} is not kept: {reason}")
+        self._put_absent(frame_id, role, reason)
+
+    def _put_absent(self, frame_id: int, role: str, reason: str) -> None:
+        self._log.put_file(
+            KeptFile(
+                frame_id=frame_id,
+                role=role,
+                path=None,
+                bytes=None,
+                ms=None,
+                reason=reason,
+                sha256=None,
+            )
+        )
+
+
+def _reason(error: BaseException) -> str:
+    """What happened, in words; a failed disk speaks for itself, other errors by their kind too."""
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return f"{type(error).__name__}: {error}".removesuffix(": ")
+
+
+def _make_folder(folder: Path) -> None:
+    """The folder with those above it, so that the disk has their names."""
+    if folder.exists():
+        folder.mkdir(exist_ok=True)  # says so where it is a file
+        return
+    _make_folder(folder.parent)
+    folder.mkdir(exist_ok=True)
+    sync_folder(folder.parent)

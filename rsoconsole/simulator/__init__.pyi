@@ -1,0 +1,1 @@
+from .launch import start_observatory as start_observatory

@@ -1,0 +1,338 @@
+"""The simulated camera as an INDI device: it asks the scene for pixels and sends them as FITS."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+from indipydriver import BLOBMember, BLOBVector, Device
+
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.simulator.camera import CameraTraits, Card, Fate, fits_bytes, frame_fate
+from rsoconsole.simulator.devices.camera_header import header_cards
+from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors, numbers_asked
+from rsoconsole.simulator.mount import (
+    MountModel,
+    asked_for,
+    numbers,
+    stamp,
+    switches,
+    texts,
+    turn_on,
+)
+from rsoconsole.simulator.world import NAMELESS, World
+from rsoconsole.sky import jnow_to_icrs
+
+NS = 1_000_000_000
+_GROUP = "Main Control"
+
+
+class Truth(Protocol):
+    """What was really in a frame."""
+
+    def to_json(self) -> str:
+        """One line for one frame."""
+
+
+class SceneLike(Protocol):
+    """Draws what the telescope sees."""
+
+    def expose(  # noqa: PLR0917 - drawn the way it is spoken: where, how turned, when, how long
+        self,
+        boresight_ra_icrs_deg: float,
+        boresight_dec_icrs_deg: float,
+        rotation_deg: float,
+        is_flipped: bool,
+        t_start_utc_ns: int,
+        exposure_s: float,
+        mount_path_arcsec: FloatArray | None = None,
+    ) -> tuple[npt.NDArray[np.uint16], Truth]:
+        """Pixels (height, width) and the truth of one exposure.
+
+        A restless mount's path, (2, k) arcsec east and north, is given where there is one.
+        """
+
+    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Exposure:
+    t_start_utc_ns: int
+    """What the driver notes; all of this by the observatory's clock."""
+    exposure_s: float
+    opens_later_s: float
+    fate: Fate
+    late_s: float
+    mode: ReadOut
+
+    @property
+    def t_end_utc_ns(self) -> int:
+        """Where the driver believes to be done."""
+        return self.t_start_utc_ns + round(self.exposure_s * NS)
+
+    @property
+    def t_due_utc_ns(self) -> int:
+        """When its frame really is there."""
+        later_s = max(0.0, self.opens_later_s) + (self.late_s if self.fate == "late" else 0.0)
+        return self.t_end_utc_ns + round(later_s * NS)
+
+    def at(self, share: float) -> int:
+        """The instant after this share of the true exposure."""
+        since_s = self.opens_later_s + share * self.exposure_s
+        return self.t_start_utc_ns + round(since_s * NS)
+
+
+@runtime_checkable
+class BinnableScene(SceneLike, Protocol):
+    """One whose pixels can be joined while the night goes on."""
+
+    def binned(self, factor: int) -> SceneLike:
+        """The same with so many more pixels joined on each axis."""
+
+
+class CameraDevice:
+    """Answers the CCD interface of INDI; a frame is drawn when its exposure is over."""
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        traits: CameraTraits,
+        scene: SceneLike,
+        mount: MountModel,
+        site: Site,
+        now_utc_ns: Callable[[], int],
+        truth_path: Path | None,
+        mount_name: str,
+        spawn: Callable[[Coroutine[Any, Any, None]], Any],
+        world: World = NAMELESS,
+        seed: int = 0,
+    ) -> None:
+        self._world, self._seed = world, seed
+        self._t_night_utc_ns = now_utc_ns()
+        self._name, self._traits, self._scene = name, traits, scene
+        self._mount, self._site, self._mount_name = mount, site, mount_name
+        self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
+        self._exposure: _Exposure | None = None
+        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, BinnableScene))
+        self._scenes: dict[int, SceneLike] = {1: scene}
+        """By how many pixels they join beside those of the first."""
+        self._generation = 0
+        self._is_sky_empty = False
+        # One thread: frames are drawn in the order in which they were taken.
+        self._painter = ThreadPoolExecutor(1, "painter")
+        self._exposing = numbers("CCD_EXPOSURE", _GROUP, {"CCD_EXPOSURE_VALUE": 1.0}, form="%.6g")
+        self._abort = switches("CCD_ABORT_EXPOSURE", _GROUP, ("ABORT",), None, rule="AtMostOne")
+        self._upload = switches(
+            "UPLOAD_MODE",
+            "Options",
+            ("UPLOAD_CLIENT", "UPLOAD_LOCAL", "UPLOAD_BOTH"),
+            "UPLOAD_CLIENT",
+        )
+        self._blob = BLOBVector(
+            "CCD1", "Image", "Image Info", "ro", "Idle", [BLOBMember("CCD1", "Image", 0, ".fits")]
+        )
+        binning = traits.binning
+        width_px, height_px = traits.width_px * binning, traits.height_px * binning
+        pixel_um = traits.pixel_um / binning
+        others = [
+            switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT"),
+            numbers(
+                "CCD_INFO",
+                "Image Info",
+                {
+                    "CCD_MAX_X": width_px,
+                    "CCD_MAX_Y": height_px,
+                    "CCD_PIXEL_SIZE": pixel_um,
+                    "CCD_PIXEL_SIZE_X": pixel_um,
+                    "CCD_PIXEL_SIZE_Y": pixel_um,
+                    "CCD_BITSPERPIXEL": 16,
+                },
+                perm="ro",
+            ),
+            self._read_out.frame,
+            self._read_out.binning,
+            texts(
+                "DRIVER_INFO",
+                "General Info",
+                {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "2"},
+            ),
+        ]
+        self.device = Device(name, [self._exposing, self._abort, self._upload, self._blob, *others])
+
+    async def handle(self, event: Any) -> None:
+        """Carry out what a client asks of one property, at the present instant."""
+        if event.vectorname == "CCD_EXPOSURE":
+            await self._handle_exposure(event)
+        elif event.vectorname == "CCD_ABORT_EXPOSURE":
+            self._exposure = None
+            self._generation += 1
+            turn_on(self._abort, None)
+            await self._send(self._abort, "Ok")
+            self._exposing["CCD_EXPOSURE_VALUE"] = "0"
+            await self._send(self._exposing, "Idle")
+        elif event.vectorname == "UPLOAD_MODE":
+            turn_on(self._upload, asked_for(event))
+            await self._send(self._upload, "Ok")
+        elif event.vectorname in ("CCD_BINNING", "CCD_FRAME"):
+            await self._handle_read_out(event)
+        else:
+            await self._send(event.vector, "Ok")
+
+    async def pass_time(self) -> None:
+        """Close the shutter where the present instant lies past the exposure's end."""
+        exposure = self._exposure
+        if exposure is None or self._now_utc_ns() < exposure.t_due_utc_ns:
+            return
+        self._exposure = None
+        if exposure.fate == "dropped":
+            return
+        if exposure.fate == "failed":
+            await self._send(self._exposing, "Alert", "the frame was lost between camera and host")
+            return
+        t_mid_utc_ns = exposure.at(0.5)
+        # Looked up now: the mount's past is kept only for a while.
+        boresight_date_deg = self._mount.boresight_date_deg(t_mid_utc_ns)
+        ra_icrs_deg, dec_icrs_deg = jnow_to_icrs(*boresight_date_deg, t_mid_utc_ns)
+        cards = self._cards(exposure)
+        is_east = self._mount.instant(t_mid_utc_ns).pier_side == "east"
+        turned_deg = self._traits.rotation_deg + (180.0 if is_east else 0.0)
+        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS / 3600.0
+        rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
+        pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
+        path = self._mount_path(exposure)
+        self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
+
+    def overdue_utc_ns(self) -> int | None:
+        """When the frame comes that should be there by now; None where none is overdue."""
+        exposure = self._exposure
+        if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
+            return None
+        return exposure.t_due_utc_ns
+
+    def _mount_path(self, exposure: _Exposure) -> FloatArray | None:
+        """(2, k) arcsec east and north of the middle of the exposure; None where it stands."""
+        if self._mount.unrest.is_none:
+            return None
+        return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
+
+    async def _handle_read_out(self, event: Any) -> None:
+        asked = numbers_asked(event, self.device.indi_number_to_float)
+        is_binning = event.vectorname == "CCD_BINNING"
+        vectors = self._read_out
+        vector = vectors.binning if is_binning else vectors.frame
+        if self._exposure is not None:
+            await self._send(vector, "Alert", "an exposure is under way")
+        elif vectors.set_binning(asked) if is_binning else vectors.set_frame(asked):
+            await self._send(vector, "Ok")
+            await self._send(vectors.frame if is_binning else vectors.binning, "Ok")
+        else:
+            await self._send(vector, "Alert", "the camera cannot read out so")
+
+    def _scene_of(self, mode: ReadOut) -> SceneLike:
+        factor = mode.factor(self._traits) or 1
+        if factor not in self._scenes and isinstance(self._scene, BinnableScene):
+            self._scenes[factor] = self._scene.binned(factor)
+        return self._scenes[factor]
+
+    async def _handle_exposure(self, event: Any) -> None:
+        try:
+            exposure_s = float(self.device.indi_number_to_float(event["CCD_EXPOSURE_VALUE"]))
+        except (KeyError, TypeError):
+            exposure_s = 0.0
+        if not 1e-6 <= exposure_s <= 3600.0:
+            await self._send(self._exposing, "Alert", "an exposure lasts 1e-6 to 3600 s")
+            return
+        latency_ns = round(self._traits.start_latency_s * NS)
+        self._generation += 1
+        t_start_utc_ns = self._now_utc_ns() + latency_ns
+        self._exposure = _Exposure(
+            t_start_utc_ns,
+            exposure_s,
+            self._world.shutter.latency_s + self._world.shutter.bias_s,
+            frame_fate(self._world.frames, self._seed, t_start_utc_ns),
+            self._world.frames.late_s,
+            self._read_out.mode,
+        )
+        self._exposing["CCD_EXPOSURE_VALUE"] = repr(exposure_s)
+        await self._send(self._exposing, "Busy")
+
+    async def _deliver(
+        self,
+        exposure: _Exposure,
+        pointing: tuple[float, float, float],
+        path: FloatArray | None,
+        cards: dict[str, Card],
+        generation: int,
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            file = await loop.run_in_executor(
+                self._painter, self._paint, exposure, pointing, path, cards
+            )
+        except Exception as error:
+            await self._send(self._exposing, "Alert", f"the scene cannot be drawn: {error}")
+            return
+        if generation != self._generation:
+            return
+        await self._tell_of_empty_sky(pointing[1])
+        self._exposing["CCD_EXPOSURE_VALUE"] = "0"
+        await self._send(self._exposing, "Ok")
+        self._blob["CCD1"] = file
+        self._blob.set_blobsize("CCD1", len(file))
+        await self._blob.send_setVectorMembers(
+            timestamp=stamp(self._now_utc_ns()), state="Ok", members=["CCD1"]
+        )
+
+    async def _tell_of_empty_sky(self, dec_icrs_deg: float) -> None:
+        """Once when the sky becomes empty; again only after a frame with stars."""
+        notice = self._scene.sky_notice(dec_icrs_deg)
+        if notice is not None and not self._is_sky_empty:
+            await self._say(notice)
+        self._is_sky_empty = notice is not None
+
+    def _paint(
+        self,
+        exposure: _Exposure,
+        pointing: tuple[float, float, float],
+        path: FloatArray | None,
+        cards: dict[str, Card],
+    ) -> bytes:
+        ra_icrs_deg, dec_icrs_deg, rotation_deg = pointing
+        pixels, truth = self._scene_of(exposure.mode).expose(
+            ra_icrs_deg,
+            dec_icrs_deg,
+            rotation_deg,
+            self._traits.is_flipped,
+            exposure.t_start_utc_ns,
+            exposure.exposure_s,
+            *(() if path is None else (path,)),
+        )
+        if self._truth_path is not None:
+            with self._truth_path.open("a", encoding="utf-8") as lines:
+                lines.write(truth.to_json() + "\n")
+        return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
+
+    def _cards(self, exposure: _Exposure) -> dict[str, Card]:
+        belief = self._mount.instant(exposure.t_start_utc_ns)
+        names = (self._name, self._mount_name)
+        cards = header_cards(
+            names, self._traits, self._site, self._world, belief, exposure.exposure_s
+        )
+        # Joined pixels of a colour sensor have seen all colours.
+        if exposure.mode.binning > 1:
+            cards.pop("BAYERPAT", None)
+        return cards | exposure.mode.cards(self._traits)
+
+    async def _send(self, vector: Any, state: str, message: str = "") -> None:
+        if message:
+            await self._say(message)
+        await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state=state)
+
+    async def _say(self, message: str) -> None:
+        await self.device.send_device_message(message, stamp(self._now_utc_ns()))

@@ -1,0 +1,266 @@
+"""The simulated mount as an INDI device: the model's beliefs in hours and epoch of date."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any
+
+from indipydriver import Device
+
+from rsoconsole.records import Site
+from rsoconsole.simulator.mount import (
+    MountFaults,
+    MountModel,
+    asked_for,
+    asked_numbers,
+    numbers,
+    stamp,
+    switches,
+    texts,
+    turn_on,
+)
+from rsoconsole.sky import deg_to_hours, hours_to_deg, iso_to_utc_ns, utc_ns_to_iso, wrap_360
+
+_GROUP = "Main Control"
+
+
+class MountDevice:
+    """Answers the telescope interface of INDI on behalf of a MountModel."""
+
+    def __init__(
+        self,
+        name: str,
+        model: MountModel,
+        site: Site,
+        focal_length_mm: float,
+        now_utc_ns: Callable[[], int],
+    ) -> None:
+        self._model = model
+        self._now_utc_ns = now_utc_ns
+        now = model.instant(now_utc_ns())
+        self._connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
+        self._coordinates = numbers(
+            "EQUATORIAL_EOD_COORD",
+            _GROUP,
+            {"RA": deg_to_hours(now.ra_date_deg), "DEC": now.dec_date_deg},
+        )
+        self._on_set = switches("ON_COORD_SET", _GROUP, ("TRACK", "SLEW", "SYNC"), "TRACK")
+        self._abort = switches("TELESCOPE_ABORT_MOTION", _GROUP, ("ABORT",), None, rule="AtMostOne")
+        self._park = switches("TELESCOPE_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
+        self._tracking = switches(
+            "TELESCOPE_TRACK_STATE", _GROUP, ("TRACK_ON", "TRACK_OFF"), "TRACK_ON"
+        )
+        self._side = switches(
+            "TELESCOPE_PIER_SIDE",
+            _GROUP,
+            ("PIER_WEST", "PIER_EAST"),
+            f"PIER_{now.pier_side.upper()}",
+            perm="ro",
+        )
+        aperture_mm = focal_length_mm / 2.2
+        self._site = numbers(
+            "GEOGRAPHIC_COORD",
+            "Site",
+            {
+                "LAT": site.latitude_deg,
+                "LONG": wrap_360(site.longitude_deg),
+                "ELEV": site.elevation_m,
+            },
+        )
+        # libindi's clients do not see the stamps of vectors.
+        self._sim_time = texts("SIM_TIME", _GROUP, {"UTC_NS": str(now_utc_ns())})
+        self._reporting = asyncio.Lock()
+        self.faults = MountFaults()
+        self._clock_error_ns = 0
+        self._time = texts("TIME_UTC", "Site", {"UTC": self._iso(), "OFFSET": "0"}, perm="rw")
+        others = [
+            # A fresh client asks for a report with its simulated time.
+            switches("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
+            self._sim_time,
+            numbers(
+                "TELESCOPE_INFO",
+                "Options",
+                {
+                    "TELESCOPE_APERTURE": aperture_mm,
+                    "TELESCOPE_FOCAL_LENGTH": focal_length_mm,
+                    "GUIDER_APERTURE": aperture_mm,
+                    "GUIDER_FOCAL_LENGTH": focal_length_mm,
+                },
+            ),
+            numbers(
+                "TELESCOPE_TRACK_RATE",
+                _GROUP,
+                {"TRACK_RATE_RA": 15.041067, "TRACK_RATE_DE": 0.0},
+                perm="ro",
+            ),
+            texts(
+                "DRIVER_INFO",
+                "General Info",
+                {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "5"},
+            ),
+        ]
+        self.device = Device(
+            name,
+            [
+                self._connection,
+                self._coordinates,
+                self._on_set,
+                self._abort,
+                self._park,
+                self._tracking,
+                self._side,
+                self._site,
+                self._time,
+                self.faults.vector,
+                *others,
+            ],
+        )
+
+    async def handle(self, event: Any) -> None:
+        """Carry out what a client asks of one property, at the present instant."""
+        actions = {
+            "EQUATORIAL_EOD_COORD": self._handle_coordinates,
+            "ON_COORD_SET": self._handle_on_set,
+            "TELESCOPE_ABORT_MOTION": self._handle_abort,
+            "TELESCOPE_PARK": self._handle_park,
+            "TELESCOPE_TRACK_STATE": self._handle_tracking,
+            "GEOGRAPHIC_COORD": self._handle_site,
+            "TIME_UTC": self._handle_time,
+            "SIM_FAULTS": self._handle_faults,
+            "SIM_REPORT": self._handle_report,
+        }
+        action = actions.get(event.vectorname)
+        if self.faults.ignores(event):
+            return
+        if action is not None:
+            await action(event)
+        else:
+            await self._acknowledge(event.vector)
+
+    async def report(self) -> None:
+        """Tell every client the mount's present state; time and coordinates come last."""
+        if self.faults.is_silent:
+            return
+        async with self._reporting:
+            t_utc_ns = self._now_utc_ns()
+            now = self._model.instant(t_utc_ns)
+            if turn_on(self._tracking, "TRACK_ON" if now.is_tracking else "TRACK_OFF"):
+                await self._acknowledge(self._tracking)
+            if turn_on(self._side, f"PIER_{now.pier_side.upper()}"):
+                await self._acknowledge(self._side)
+            if self._park.state == "Busy" and not now.is_slewing:
+                turn_on(self._park, "PARK" if now.is_parked else "UNPARK")
+                await self._acknowledge(self._park)
+            self._sim_time["UTC_NS"] = str(t_utc_ns)
+            await self._acknowledge(self._sim_time)
+            self._coordinates["RA"] = repr(deg_to_hours(now.ra_date_deg))
+            self._coordinates["DEC"] = repr(now.dec_date_deg)
+            await self._coordinates.send_setVector(
+                timestamp=stamp(t_utc_ns), state="Busy" if now.is_slewing else "Ok"
+            )
+
+    def refresh(self) -> None:
+        """Bring up to date what is told only when somebody asks."""
+        self._time["UTC"] = self._iso()
+        self._sim_time["UTC_NS"] = str(self._now_utc_ns())
+
+    async def _handle_report(self, _event: Any) -> None:
+        await self._acknowledge(self._time)
+        await self.report()
+
+    async def _handle_site(self, event: Any) -> None:
+        """The mount believes what it is told; where it stands and what it shows stays."""
+        for key, value in asked_numbers(self.device, event).items():
+            self._site[key] = repr(wrap_360(value) if key == "LONG" else value)
+        await self._acknowledge(self._site)
+
+    async def _handle_time(self, event: Any) -> None:
+        try:
+            told_utc_ns = iso_to_utc_ns(event["UTC"])
+        except (KeyError, ValueError):
+            await self._refuse("UTC is a time like 2023-06-22T03:04:05", self._time)
+            return
+        self._clock_error_ns = told_utc_ns - self._now_utc_ns()
+        await self._acknowledge(self._time)
+
+    async def _handle_faults(self, event: Any) -> None:
+        self.faults.set(asked_numbers(self.device, event))
+        await self._acknowledge(self.faults.vector)
+
+    async def _handle_coordinates(self, event: Any) -> None:
+        t_utc_ns = self._now_utc_ns()
+        if self._model.instant(t_utc_ns).is_parked:
+            await self._refuse("the mount is parked: unpark it first")
+            return
+        try:
+            ra_date_deg = hours_to_deg(self.device.indi_number_to_float(event["RA"]))
+            dec_date_deg = float(self.device.indi_number_to_float(event["DEC"]))
+        except (KeyError, TypeError):
+            await self._refuse("RA and DEC are both needed, as numbers")
+            return
+        if not math.isfinite(ra_date_deg) or not -90.0 <= dec_date_deg <= 90.0:
+            await self._refuse(f"declination {dec_date_deg} is outside -90 to 90")
+            return
+        if self._on_set["SYNC"] == "On":
+            await self._refuse("this mount takes no SYNC")
+            return
+        self._model.slew(wrap_360(ra_date_deg), dec_date_deg, t_utc_ns)
+        if self._on_set["SLEW"] == "On":
+            self._model.set_tracking(False, t_utc_ns)
+        await self.report()
+
+    async def _handle_on_set(self, event: Any) -> None:
+        turn_on(self._on_set, asked_for(event) or "TRACK")
+        await self._acknowledge(self._on_set)
+
+    async def _handle_abort(self, _event: Any) -> None:
+        t_utc_ns = self._now_utc_ns()
+        self._model.abort(t_utc_ns)
+        if self.faults.abort_ends_tracking:
+            self._model.set_tracking(False, t_utc_ns)
+        turn_on(self._abort, None)
+        await self._acknowledge(self._abort)
+        await self.report()
+
+    async def _handle_park(self, event: Any) -> None:
+        t_utc_ns = self._now_utc_ns()
+        wanted = asked_for(event)
+        if wanted == "PARK" and not self._model.instant(t_utc_ns).is_parked:
+            self._model.park(t_utc_ns)
+            turn_on(self._park, "PARK")
+            await self._park.send_setVector(timestamp=stamp(t_utc_ns), state="Busy")
+        elif wanted == "UNPARK":
+            self._model.abort(t_utc_ns)
+            self._model.unpark(t_utc_ns)
+            turn_on(self._park, "UNPARK")
+            await self._acknowledge(self._park)
+        else:
+            await self._acknowledge(self._park)
+        await self.report()
+
+    async def _handle_tracking(self, event: Any) -> None:
+        t_utc_ns = self._now_utc_ns()
+        if self._model.instant(t_utc_ns).is_parked:
+            await self._refuse("the mount is parked: unpark it first", self._tracking)
+            return
+        self._model.set_tracking(asked_for(event) == "TRACK_ON", t_utc_ns)
+        turn_on(self._tracking, asked_for(event))
+        await self._acknowledge(self._tracking)
+        await self.report()
+        if asked_for(event) == "TRACK_OFF" and self.faults.takes_back_tracking_off():
+            self._model.set_tracking(True, t_utc_ns)
+            await self.report()
+
+    async def _acknowledge(self, vector: Any) -> None:
+        if vector is self._time:
+            self._time["UTC"] = self._iso()
+        await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+
+    async def _refuse(self, why: str, vector: Any = None) -> None:
+        t = stamp(self._now_utc_ns())
+        await self.device.send_device_message(why, t)
+        await (vector or self._coordinates).send_setVector(timestamp=t, state="Alert")
+
+    def _iso(self) -> str:
+        """The mount's own clock; real ones tell whole seconds, this one more."""
+        return utc_ns_to_iso(self._now_utc_ns() + self._clock_error_ns, 3).rstrip("Z")

@@ -1,0 +1,136 @@
+"""What the simulated camera reads out of its sensor: joined pixels, a part, as INDI has it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from indipydriver import NumberVector
+
+from rsoconsole.simulator.camera import CameraTraits, Card
+from rsoconsole.simulator.mount import numbers
+
+_GROUP = "Image Settings"
+MOST_BINNING = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOut:
+    """One mode of reading out; places in pixels of the sensor, not in joined ones."""
+
+    binning: int
+    x_px: int
+    y_px: int
+    width_px: int
+    height_px: int
+
+    @classmethod
+    def whole(cls, traits: CameraTraits) -> "ReadOut":
+        """All of the sensor, as its driver begins."""
+        binning = traits.binning
+        return cls(
+            binning=binning,
+            x_px=0,
+            y_px=0,
+            width_px=traits.width_px * binning,
+            height_px=traits.height_px * binning,
+        )
+
+    def binned(self, horizontal: float, vertical: float) -> "ReadOut | None":
+        """With so many pixels joined; None where the camera cannot."""
+        is_square = horizontal == vertical == int(horizontal)
+        if not (is_square and 1 <= horizontal <= MOST_BINNING):
+            return None
+        return replace(self, binning=int(horizontal))
+
+    def part(self, wanted: Mapping[str, float], traits: CameraTraits) -> "ReadOut | None":
+        """Only a part, by the members of CCD_FRAME; None where that is none of the sensor."""
+        whole = ReadOut.whole(traits)
+        x, y, width, height = (int(wanted[each]) for each in ("X", "Y", "WIDTH", "HEIGHT"))
+        least = self.binning * 16
+        is_inside = x >= 0 and y >= 0 and width >= least and height >= least
+        if not is_inside or x + width > whole.width_px or y + height > whole.height_px:
+            return None
+        return replace(self, x_px=x, y_px=y, width_px=width, height_px=height)
+
+    def factor(self, traits: CameraTraits) -> int | None:
+        """Pixels joined beside those that the scene joins already; None: it joins more."""
+        return self.binning // traits.binning if self.binning % traits.binning == 0 else None
+
+    def cut(self, pixels: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
+        """The part of a frame of the whole sensor, joined as this mode joins."""
+        top, left = self.y_px // self.binning, self.x_px // self.binning
+        bottom = top + self.height_px // self.binning
+        right = left + self.width_px // self.binning
+        return pixels[top:bottom, left:right]
+
+    def cards(self, traits: CameraTraits) -> dict[str, Card]:
+        """What the header tells of the mode."""
+        pixel_um = traits.pixel_um / traits.binning * self.binning
+        found: dict[str, Card] = {
+            "XPIXSZ": pixel_um,
+            "YPIXSZ": pixel_um,
+            "XBINNING": self.binning,
+            "YBINNING": self.binning,
+        }
+        if replace(self, binning=traits.binning) != ReadOut.whole(traits):
+            found |= {
+                "XORGSUBF": self.x_px // self.binning,
+                "YORGSUBF": self.y_px // self.binning,
+            }
+        return found
+
+
+class ReadOutVectors:
+    """CCD_BINNING and CCD_FRAME, and what they are set to."""
+
+    def __init__(self, traits: CameraTraits, *, can_bin: bool) -> None:
+        """``can_bin``: whether the scene can be drawn with other pixels joined."""
+        self._traits, self._can_bin = traits, can_bin
+        self.mode = ReadOut.whole(traits)
+        self.binning: NumberVector = numbers(
+            "CCD_BINNING", _GROUP, self._of_binning(), perm="rw" if can_bin else "ro"
+        )
+        self.frame: NumberVector = numbers("CCD_FRAME", _GROUP, self._of_frame(), perm="rw")
+
+    def set_binning(self, asked: Mapping[str, float]) -> bool:
+        """Whether the camera does so from now on."""
+        mode = self.mode.binned(asked.get("HOR_BIN", 0.0), asked.get("VER_BIN", 0.0))
+        if mode is None or not self._can_bin or mode.factor(self._traits) is None:
+            return False
+        self._take(mode)
+        return True
+
+    def set_frame(self, asked: Mapping[str, float]) -> bool:
+        """Whether the camera does so from now on."""
+        mode = self.mode.part({**self._of_frame(), **asked}, self._traits)
+        if mode is None:
+            return False
+        self._take(mode)
+        return True
+
+    def _take(self, mode: ReadOut) -> None:
+        self.mode = mode
+        for vector, values in ((self.binning, self._of_binning()), (self.frame, self._of_frame())):
+            for name, value in values.items():
+                vector[name] = repr(value)
+
+    def _of_binning(self) -> dict[str, float]:
+        return dict.fromkeys(("HOR_BIN", "VER_BIN"), float(self.mode.binning))
+
+    def _of_frame(self) -> dict[str, float]:
+        mode = self.mode
+        sides = (mode.x_px, mode.y_px, mode.width_px, mode.height_px)
+        return dict(zip(("X", "Y", "WIDTH", "HEIGHT"), map(float, sides), strict=True))
+
+
+def numbers_asked(event: Any, to_float: Any) -> dict[str, float]:
+    """The numbers of a client's order; none for what is no number."""
+    found = {}
+    for name, value in event.items():
+        try:
+            found[name] = float(to_float(value))
+        except (TypeError, ValueError):
+            continue
+    return found

@@ -1,0 +1,110 @@
+"""The simulated weather station and dome as INDI devices; they follow the night's schedule."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from indipydriver import Device
+
+from rsoconsole.errors import ConfigError
+from rsoconsole.simulator.mount import asked_for, lights, stamp, switches, texts, turn_on
+
+NS = 1_000_000_000
+Schedule = tuple[tuple[float, str], ...]
+"""(seconds since the night's start, word), in order."""
+_GROUP = "Main Control"
+_LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}
+_DOME_WORDS = ("open", "closed", "moving")
+
+
+class WeatherDevice:
+    """WEATHER_STATUS by schedule; SIM_WEATHER lets a client make the weather."""
+
+    def __init__(
+        self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
+    ) -> None:
+        self._now_utc_ns = now_utc_ns
+        self._changes = _changes(schedule, t_start_utc_ns, tuple(_LIGHT), "weather")
+        self._status = lights(
+            "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
+        )
+        self._wish = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
+        connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
+        interface = texts(
+            "DRIVER_INFO",
+            "General Info",
+            {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "128"},
+        )
+        self.device = Device(name, [connection, self._status, self._wish, interface])
+
+    async def handle(self, event: Any) -> None:
+        """What a client asks for comes true, until the schedule has the next word."""
+        word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
+        if word in _LIGHT:
+            self._wish["STATE"] = word
+            await self._tell(word, self._now_utc_ns())
+        await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+
+    async def pass_time(self) -> None:
+        """Tell of every change that time has passed."""
+        for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
+            await self._tell(word, t_utc_ns)
+
+    async def _tell(self, word: str, t_utc_ns: int) -> None:
+        # The wind alone makes the weather here.
+        self._status["WEATHER_WIND_SPEED"] = _LIGHT[word]
+        await self._status.send_setVector(timestamp=stamp(t_utc_ns), state=_LIGHT[word])
+
+
+class DomeDevice:
+    """DOME_SHUTTER by schedule; a client that opens or closes it is obeyed at once."""
+
+    def __init__(
+        self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
+    ) -> None:
+        self._now_utc_ns = now_utc_ns
+        self._changes = _changes(schedule, t_start_utc_ns, _DOME_WORDS, "dome")
+        self._shutter = switches(
+            "DOME_SHUTTER", _GROUP, ("SHUTTER_OPEN", "SHUTTER_CLOSE"), "SHUTTER_OPEN"
+        )
+        self._park = switches("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
+        connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
+        interface = texts(
+            "DRIVER_INFO",
+            "General Info",
+            {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "32"},
+        )
+        self.device = Device(name, [connection, self._shutter, self._park, interface])
+
+    async def handle(self, event: Any) -> None:
+        """What a client asks for comes true, until the schedule has the next word."""
+        asked = asked_for(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
+        if asked is not None:
+            turn_on(event.vector, asked)
+        await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+
+    async def pass_time(self) -> None:
+        """Tell of every change that time has passed."""
+        for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
+            if word != "moving":
+                turn_on(self._shutter, "SHUTTER_OPEN" if word == "open" else "SHUTTER_CLOSE")
+            await self._shutter.send_setVector(
+                timestamp=stamp(t_utc_ns), state="Busy" if word == "moving" else "Ok"
+            )
+
+
+def _changes(
+    schedule: Schedule, t_start_utc_ns: int, words: Iterable[str], what: str
+) -> list[tuple[int, str]]:
+    """The schedule by instants, in order. Raises ConfigError for a word that is none."""
+    known = tuple(words)
+    for _, word in schedule:
+        if word not in known:
+            raise ConfigError(f"the {what} is {', '.join(known)}; not '{word}'")
+    return sorted((t_start_utc_ns + round(seconds * NS), word) for seconds, word in schedule)
+
+
+def _due(changes: list[tuple[int, str]], now_utc_ns: int) -> list[tuple[int, str]]:
+    """What has come to pass, taken off the list."""
+    due = [change for change in changes if change[0] <= now_utc_ns]
+    del changes[: len(due)]
+    return due

@@ -1,0 +1,14 @@
+from .indi_vectors import asked_for as asked_for
+from .indi_vectors import asked_numbers as asked_numbers
+from .indi_vectors import lights as lights
+from .indi_vectors import numbers as numbers
+from .indi_vectors import stamp as stamp
+from .indi_vectors import switches as switches
+from .indi_vectors import texts as texts
+from .indi_vectors import turn_on as turn_on
+from .mount_faults import MountFaults as MountFaults
+from .mount_model import MountInstant as MountInstant
+from .mount_model import MountModel as MountModel
+from .mount_model import MountTraits as MountTraits
+from .mount_model import systematic_error_deg as systematic_error_deg
+from .mount_unrest import MountUnrest as MountUnrest

@@ -1,0 +1,14 @@
+from .night_choice import choose_night as choose_night
+from .night_plan import NightPlan as NightPlan
+from .night_plan import plan_of_table as plan_of_table
+from .night_plan import satellite_of as satellite_of
+from .night_plan import scenario_of as scenario_of
+from .night_plan import stars_of as stars_of
+from .scenarios import DAYTONA_BEACH as DAYTONA_BEACH
+from .scenarios import DEFAULT_SCENARIO as DEFAULT_SCENARIO
+from .scenarios import NIGHT_FRAMES as NIGHT_FRAMES
+from .scenarios import Scenario as Scenario
+from .scenarios import all_scenarios as all_scenarios
+from .scenarios import elements_path as elements_path
+from .scenarios import scenario_named as scenario_named
+from .world_laws import random_world as random_world

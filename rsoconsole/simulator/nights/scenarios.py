@@ -1,0 +1,247 @@
+"""Named nights of the simulated observatory: where, when, which satellites, what weather.
+
+Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``.
+Magnitudes are what such satellites commonly show, chosen, not measured.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from rsoconsole.errors import ConfigError
+from rsoconsole.orbit.elements import CatalogueEntry, ElementSet, parse_elements
+from rsoconsole.records import Site
+from rsoconsole.resources import resource
+from rsoconsole.simulator.sky import BrightnessHistory, CloudDeck, Turning
+from rsoconsole.sky import iso_to_utc_ns
+
+DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+PAPER_FIELD_DEG = 1.635
+"""Width of the field of an ASI1600 behind 620 mm."""
+CLEAR = CloudDeck(schedule=())
+STEADY = BrightnessHistory()
+NIGHT_FRAMES = 40
+DEFAULT_SCENARIO = "intelsat-14"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioSatellite:
+    """One satellite that is really there."""
+
+    element_set: ElementSet | CatalogueEntry
+    standard_magnitude: float
+    """Fully lit, at 36,000 km."""
+    brightness: BrightnessHistory = STEADY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One night: everything that a seed does not vary."""
+
+    name: str
+    title: str
+    description: str
+    t_start_utc_ns: int
+    satellites: tuple[ScenarioSatellite, ...]
+    target_norad_id: int | None
+    """Which satellite the telescope is meant to find; None: none is there."""
+    target_hour_angle_deg: float | None
+    """Where it stands, of date, west positive; a geostationary satellite keeps it."""
+    start_hour_angle_deg: float
+    """Where the telescope stands at the start, of date, with the paper's field of view."""
+    start_declination_deg: float
+    frames: int = NIGHT_FRAMES
+    """Exposures, at the default cadence, in which all of the night's story has happened."""
+    site: Site = DAYTONA_BEACH
+    clouds: CloudDeck = CLEAR
+    seeing_arcsec: float = 2.8
+    """Full width at half maximum of the stars, optics included."""
+    sky_electrons_s: float = 13.2
+    """In a pixel of 1.264 arcsec at the zenith."""
+    cosmic_rays_s: float = 0.15
+    """Expected tracks a second over the paper's sensor."""
+
+    def start_hour_angle_for(self, field_width_deg: float) -> float:
+        """Start for another field: as many fields from the target as with the paper's."""
+        if self.target_hour_angle_deg is None:
+            return self.start_hour_angle_deg
+        ahead_deg = self.start_hour_angle_deg - self.target_hour_angle_deg
+        return self.target_hour_angle_deg + ahead_deg * field_width_deg / PAPER_FIELD_DEG
+
+
+def scenario_named(name: str) -> Scenario:
+    """The scenario of this name; raises ConfigError that lists the names there are."""
+    scenarios = all_scenarios()
+    if name not in scenarios:
+        known = ", ".join(scenarios)
+        raise ConfigError(f"there is no scenario {name!r}: take one of {known}")
+    return scenarios[name]
+
+
+@lru_cache(maxsize=1)
+def all_scenarios() -> dict[str, Scenario]:
+    """Every scenario by name, the default first."""
+    scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _cloud_bank(), _empty())
+    return {scenario.name: scenario for scenario in scenarios}
+
+
+def elements_path() -> Path:
+    """The file of element sets after which the scenarios' satellites move."""
+    return resource("simulator", "data", "belt_20230622.tle")
+
+
+@lru_cache(maxsize=1)
+def _element_sets() -> dict[int, ElementSet]:
+    path = elements_path()
+    sets = parse_elements(path.read_text(encoding="ascii"), path.name)
+    return {element_set.norad_id: element_set for element_set in sets}
+
+
+def _satellites(
+    magnitudes: dict[int, float], brightness: dict[int, BrightnessHistory] | None = None
+) -> tuple[ScenarioSatellite, ...]:
+    sets = _element_sets()
+    return tuple(
+        ScenarioSatellite(
+            element_set=sets[norad_id],
+            standard_magnitude=magnitude,
+            brightness=(brightness or {}).get(norad_id, STEADY),
+        )
+        for norad_id, magnitude in magnitudes.items()
+    )
+
+
+def _intelsat_14() -> Scenario:
+    """The paper tells of a handful of missed detections and of a loss in the last frames, under a
+    clear sky, and does not say why. Here the satellite itself fades: once a slow turn shows
+    a side darker by two and a half magnitudes, and near the end it dims for good, as a panel does
+    that leaves the mirror. That is a stand-in: nobody measured it, and a satellite in service
+    does not turn like this. A star under an end of the streak takes another frame.
+
+    Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
+    out, so that the sweep can meet only one; the neighbours kept lie beyond its ends."""
+    fading = BrightnessHistory(
+        schedule=((0.0, 0.0), (930.0, 0.0), (1110.0, 5.0)),
+        # Steeper slopes would hide one end of a streak and shift its middle.
+        turning=Turning(
+            period_s=600.0, first_s=330.0, depth_mag=2.5, sharpness=3, jitter_s=20.0, last_s=400.0
+        ),
+    )
+    return Scenario(
+        name="intelsat-14",
+        title="Intelsat 14, a clear night",
+        description="one satellite, found by a sweep of the belt; it fades now and then, and away",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
+        satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}, {36097: fading}),
+        target_norad_id=36097,
+        target_hour_angle_deg=-41.02,
+        start_hour_angle_deg=-39.5,
+        start_declination_deg=-4.70,
+    )
+
+
+def _ses_10() -> Scenario:
+    """The paper takes the most confident of two detections. SES-17 is made so faint that its
+    confidence is the lower one and not every frame shows it: two equally bright satellites would
+    leave to chance which is locked. It begins after a star has passed under the streak of SES-10,
+    which would leave the first frame to the rival."""
+    return Scenario(
+        name="ses-10",
+        title="SES-10 with SES-17 beside it",
+        description="two satellites 0.18 deg apart in one field, the fainter one a rival",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:01:00Z"),
+        satellites=_satellites({42432: 11.9, 49332: 14.5, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
+        target_norad_id=42432,
+        target_hour_angle_deg=-16.26,
+        start_hour_angle_deg=-14.8,
+        start_declination_deg=-4.81,
+    )
+
+
+def _intelsat_21() -> Scenario:
+    """A smooth veil thickens again and again until the confidence is near tau, and one thick
+    patch hides the satellite some 150 s after lock.
+
+    Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out."""
+    return Scenario(
+        name="intelsat-21",
+        title="Intelsat 21 through thin clouds",
+        description="20 min of thin clouds: up to 2 mag fainter, tracked on; hidden once",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
+        satellites=_intelsat_21_and_neighbours(),
+        target_norad_id=38749,
+        target_hour_angle_deg=-26.39,
+        start_hour_angle_deg=-24.9,
+        start_declination_deg=-4.80,
+        clouds=CloudDeck(
+            schedule=(
+                (0.0, 0.15),
+                (200.0, 0.25),
+                (258.0, 0.7),
+                (270.0, 7.0),
+                (296.0, 7.0),
+                (308.0, 0.6),
+                (400.0, 1.2),
+                (430.0, 2.28),
+                (490.0, 2.28),
+                (530.0, 0.9),
+                (590.0, 0.4),
+                (640.0, 2.25),
+                (690.0, 2.25),
+                (740.0, 0.3),
+                (840.0, 1.5),
+                (870.0, 2.3),
+                (920.0, 2.3),
+                (960.0, 0.8),
+                (1080.0, 1.9),
+                (1100.0, 1.9),
+                (1200.0, 0.2),
+            ),
+            structure=0.03,
+        ),
+    )
+
+
+def _cloud_bank() -> Scenario:
+    """Intelsat 21 again, and an overcast of ten minutes that lets nothing through."""
+    return Scenario(
+        name="cloud-bank",
+        title="Intelsat 21 behind ten minutes of cloud",
+        description="a bank of clouds hides stars and satellite for ten minutes after lock",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
+        satellites=_intelsat_21_and_neighbours(),
+        target_norad_id=38749,
+        target_hour_angle_deg=-26.39,
+        start_hour_angle_deg=-24.9,
+        start_declination_deg=-4.80,
+        frames=45,
+        clouds=CloudDeck(
+            schedule=(
+                (0.0, 0.05),
+                (400.0, 0.1),
+                (420.0, 9.0),
+                (1020.0, 9.0),
+                (1040.0, 0.2),
+                (1800.0, 0.1),
+            ),
+            structure=0.2,
+        ),
+    )
+
+
+def _intelsat_21_and_neighbours() -> tuple[ScenarioSatellite, ...]:
+    return _satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4})
+
+
+def _empty() -> Scenario:
+    return Scenario(
+        name="empty",
+        title="Nothing there",
+        description="a stretch of the belt without any satellite: nothing may be locked",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
+        satellites=(),
+        target_norad_id=None,
+        target_hour_angle_deg=None,
+        start_hour_angle_deg=-36.0,
+        start_declination_deg=-4.75,
+    )

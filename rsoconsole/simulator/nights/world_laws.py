@@ -1,0 +1,117 @@
+"""``--world random``: a world drawn from one published table of laws, fixed by its seed."""
+
+import math
+import zlib
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from rsoconsole.simulator.camera import frame_rng
+from rsoconsole.simulator.world import World, world_from
+
+_STREAM = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """How one setting is drawn."""
+
+    name: str
+    """Dotted, e.g. ``stars.drift_px``."""
+    low: float
+    high: float
+    """Same as ``low``: always that value."""
+    kind: Literal["uniform", "log-uniform"] = "uniform"
+    share: float = 1.0
+    """Of all worlds in which the setting is drawn at all; in the others it is not named."""
+    group: str = ""
+    """Settings of one group are drawn in the same worlds."""
+
+    @property
+    def words(self) -> str:
+        """The law as the documentation tells it."""
+        values = f"{self.low:g}"
+        if self.high != self.low:
+            values = f"{self.low:g} to {self.high:g}"
+            values += ", log-uniform" if self.kind == "log-uniform" else ""
+        return values if self.share == 1.0 else f"in {self.share:.0%} of worlds {values}"
+
+    def draw(self, seed: int) -> float | None:
+        """Its value in the world of this seed; None where it is not named there.
+
+        Each setting has generators of its own: a new line in the table changes no other.
+        """
+        chance = frame_rng(_STREAM, seed, 0, zlib.crc32((self.group or self.name).encode()))
+        if chance.random() >= self.share:
+            return None
+        at = frame_rng(_STREAM, seed, 1, zlib.crc32(self.name.encode())).random()
+        if self.kind == "log-uniform":
+            value = math.exp(np.interp(at, (0.0, 1.0), (math.log(self.low), math.log(self.high))))
+        else:
+            value = self.low + at * (self.high - self.low)
+        return float(f"{value:.4g}")
+
+
+LAWS = (
+    Law(name="shutter.scatter_s", low=0.01, high=1.0, kind="log-uniform"),
+    Law(name="shutter.latency_s", low=0.0, high=1.0),
+    Law(name="shutter.line_time_us", low=0.0, high=25.0),
+    Law(name="seeing.fwhm_arcsec", low=1.5, high=7.0),
+    Law(name="seeing.drift_percent_h", low=-10.0, high=30.0),
+    Law(name="seeing.image_motion_arcsec", low=0.0, high=1.0),
+    Law(name="focus.ring_px", low=0.0, high=10.0, share=0.2),
+    Law(name="stars.drift_px", low=0.0, high=20.0),
+    Law(name="stars.drift_angle_deg", low=0.0, high=360.0),
+    Law(name="stars.periodic_arcsec", low=0.0, high=15.0),
+    Law(name="stars.periodic_s", low=200.0, high=600.0),
+    Law(name="wind.rms_px", low=0.0, high=4.0),
+    Law(name="sensor.row_noise_sigma", low=0.0, high=2.0),
+    Law(name="sensor.column_noise_sigma", low=0.0, high=0.5),
+    Law(name="sensor.glow_e_s", low=1.0, high=100.0, kind="log-uniform", share=0.2),
+    Law(name="sensor.hot_fraction", low=1e-5, high=1e-3, kind="log-uniform"),
+    Law(name="clock.offset_s", low=-2.0, high=2.0),
+    Law(name="clock.drift_ppm", low=-20.0, high=20.0),
+    Law(name="optics.scale_error", low=-0.04, high=0.04),
+    Law(name="optics.distortion", low=-0.001, high=0.001),
+    Law(name="optics.camera_angle_deg", low=-180.0, high=180.0),
+    Law(name="catalogue.drift_arcsec", low=0.0, high=0.3),
+    Law(name="catalogue.drift_angle_deg", low=0.0, high=360.0),
+    Law(name="mount.arrival_arcsec", low=15.0, high=120.0, kind="log-uniform"),
+    Law(name="mount.settle_s", low=0.0, high=4.0),
+    Law(name="mount.settle_arcsec", low=5.0, high=60.0, kind="log-uniform"),
+    Law(name="mount.jump_arcsec", low=5.0, high=60.0, share=0.1),
+    Law(
+        name="satellite.flash_period_s",
+        low=1.0,
+        high=60.0,
+        kind="log-uniform",
+        share=0.1,
+        group="flash",
+    ),
+    Law(name="satellite.flash_duty", low=0.2, high=0.8, share=0.1, group="flash"),
+    Law(name="satellite.flash_depth_mag", low=1.0, high=5.0, share=0.1, group="flash"),
+    Law(name="clouds.rate_h", low=1.0, high=6.0, share=0.1, group="clouds"),
+    Law(name="clouds.duration_s", low=30.0, high=300.0, share=0.1, group="clouds"),
+    Law(name="clouds.extinction_mag", low=0.5, high=4.0, share=0.1, group="clouds"),
+    Law(name="moon.brightening_mag", low=0.0, high=2.0, share=0.25, group="moon"),
+    Law(name="moon.gradient", low=0.0, high=0.3, share=0.25, group="moon"),
+    Law(name="moon.gradient_angle_deg", low=0.0, high=360.0, share=0.25, group="moon"),
+    Law(name="traffic.low_satellite_rate", low=0.1, high=0.1),
+    Law(name="traffic.aircraft_rate", low=0.02, high=0.02),
+    Law(name="frames.failed_rate", low=0.0, high=0.03, share=0.1),
+    Law(name="frames.late_rate", low=0.0, high=0.1, share=0.1, group="late"),
+    Law(name="frames.late_s", low=1.0, high=20.0, share=0.1, group="late"),
+)
+"""The distribution. A camera's latency is known to its operator to 0.1 s in every world."""
+
+
+def random_world(seed: int) -> World:
+    """The world of this seed; the same on every machine."""
+    table: dict[str, dict[str, Any]] = {}
+    for law in LAWS:
+        value = law.draw(seed)
+        if value is not None:
+            section, _, key = law.name.partition(".")
+            table.setdefault(section, {})[key] = value
+    return world_from(table, source=f"the random world of seed {seed}")

@@ -1,0 +1,153 @@
+"""A world's settings as the parts of a scene: its sensor, its clouds, its sky and its stars."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rsoconsole.config import OpticsConfig
+from rsoconsole.records import FloatArray
+from rsoconsole.simulator.camera import (
+    CATALOGUE_SIGMA_ARCSEC,
+    FieldContent,
+    Float32Array,
+    SensorModel,
+    catalogue_errors_arcsec,
+    frame_rng,
+)
+from rsoconsole.simulator.sky import CloudDeck
+from rsoconsole.simulator.world import CatalogueWorld, CloudsWorld, MoonWorld, SeeingWorld, World
+
+_CLOUDS, _ROWS, _COLUMNS = 32, 33, 34
+NIGHT_S = 43_200.0
+_CLOUD_EDGE_S = 20.0
+_CLOUD_STRUCTURE = 0.2
+_RING_OBSTRUCTION = 0.45
+
+
+def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
+    """What the telescope's configuration says of a camera whose pixels are joined."""
+    factor = world.sensor.binning
+    if factor == 1:
+        return optics
+    return optics.model_copy(
+        update={
+            "width_px": optics.width_px // factor,
+            "height_px": optics.height_px // factor,
+            "pixel_um": optics.pixel_um * factor,
+        }
+    )
+
+
+def sensor_in(world: World, sensor: SensorModel) -> SensorModel:
+    """The sensor and the optics as they really are; size and pitch are binned already.
+
+    Joined pixels are a mean of numbers: the scale of the converter stays, in electrons a joined
+    pixel. With another number of bits full well still is full scale.
+    """
+    own, factor = world.sensor, world.sensor.binning
+    steps = 2.0**own.bits / 2.0**sensor.adc_bits
+    e_per_adu = sensor.e_per_adu12 / steps if own.gain_e_adu is None else own.gain_e_adu
+    hot = sensor.hot_fraction if own.hot_fraction is None else own.hot_fraction
+    return replace(
+        sensor,
+        focal_length_mm=sensor.focal_length_mm * (1.0 + world.optics.scale_error),
+        adc_bits=own.bits,
+        stored_shift_bits=16 - own.bits,
+        e_per_adu12=e_per_adu * factor**2,
+        offset_adu12=sensor.offset_adu12 * steps,
+        full_well_e=sensor.full_well_e * factor**2,
+        read_noise_e=sensor.read_noise_e * factor,
+        dark_e_s=sensor.dark_e_s * factor**2,
+        prnu=sensor.prnu / factor,
+        hot_fraction=hot * factor**2,
+        glow_e_s=own.glow_e_s * factor**2,
+        # Joined pixels of a colour sensor have seen all colours.
+        is_bayer=own.bayer and factor == 1,
+    )
+
+
+def clouds_in(world: CloudsWorld, seed: int, own: CloudDeck) -> CloudDeck:
+    """The night's clouds: banks at random times at the stated rate, or the scenario's own."""
+    if world.rate_h <= 0.0:
+        return own
+    rng = frame_rng(seed, _CLOUDS)
+    count = int(rng.poisson(world.rate_h * NIGHT_S / 3600.0))
+    schedule = [(0.0, 0.0)]
+    for begins_s in np.sort(rng.uniform(0.0, NIGHT_S, count)):
+        first_s = max(float(begins_s), schedule[-1][0])
+        thick_s = (first_s + _CLOUD_EDGE_S, first_s + _CLOUD_EDGE_S + world.duration_s)
+        schedule += [(first_s, 0.0), *((t, world.extinction_mag) for t in thick_s)]
+        schedule.append((thick_s[1] + _CLOUD_EDGE_S, 0.0))
+    return CloudDeck(schedule=tuple(schedule), structure=_CLOUD_STRUCTURE)
+
+
+def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -> float:
+    """Full width at half maximum at the zenith at this time of the night."""
+    fwhm = own_arcsec if world.fwhm_arcsec is None else world.fwhm_arcsec
+    if world.drift_percent_h == 0.0:
+        return fwhm
+    return float(fwhm * (1.0 + world.drift_percent_h / 100.0) ** (since_night_s / 3600.0))
+
+
+def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
+    """The same field under the Moon's light."""
+    if moon.brightening_mag == moon.gradient == 0.0:
+        return content
+    angle = math.radians(moon.gradient_angle_deg)
+    return replace(
+        content,
+        sky_electrons_px=content.sky_electrons_px * 10.0 ** (0.4 * moon.brightening_mag),
+        sky_gradient=(
+            content.sky_gradient[0] + moon.gradient * math.cos(angle),
+            content.sky_gradient[1] + moon.gradient * math.sin(angle),
+        ),
+    )
+
+
+def moved_stars_arcsec(
+    world: CatalogueWorld, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(east, north) by which index stars have moved since 1991: each its own way, and together."""
+    own = world.random_arcsec
+    sigma = CATALOGUE_SIGMA_ARCSEC if own is None else own
+    east, north = catalogue_errors_arcsec(ra_icrs_deg, dec_icrs_deg, sigma)
+    if world.drift_arcsec == 0.0:
+        return east, north
+    angle = math.radians(world.drift_angle_deg)
+    return (
+        east + world.drift_arcsec * math.sin(angle),
+        north + world.drift_arcsec * math.cos(angle),
+    )
+
+
+def with_pattern(
+    content: FieldContent, world: World, sensor: SensorModel, seed: int, t_start_utc_ns: int
+) -> FieldContent:
+    """The field with what the electronics add to rows and columns, in units of its own noise."""
+    own = world.sensor
+    noise_e = pixel_noise_e(sensor, content)
+
+    def offsets(sigma: float, size: int, *key: int) -> Float32Array | None:
+        if sigma == 0.0:
+            return None
+        normal = frame_rng(seed, *key).standard_normal(size, dtype=np.float32)
+        return np.asarray(normal * np.float32(sigma * noise_e), dtype=np.float32)
+
+    return replace(
+        content,
+        row_offsets_e=offsets(own.row_noise_sigma, sensor.height_px, t_start_utc_ns, _ROWS),
+        column_offsets_e=offsets(own.column_noise_sigma, sensor.width_px, _COLUMNS),
+    )
+
+
+def pixel_noise_e(sensor: SensorModel, content: FieldContent) -> float:
+    """One sigma of a pixel of empty sky in the middle of the frame."""
+    sky_e = content.sky_electrons_px * sensor.mean_response
+    dark_e = sensor.dark_e_s * content.exposure_s
+    return math.sqrt(sky_e + dark_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)
+
+
+def ring_variance_px2(ring_px: float) -> float:
+    """Of a ring of this radius with the dark middle that ``psf.annulus`` gives it, on one axis."""
+    return ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0

@@ -1,0 +1,16 @@
+from .brightness import BrightnessHistory as BrightnessHistory
+from .brightness import Turning as Turning
+from .brightness_world import flash_nodes as flash_nodes
+from .brightness_world import world_extra_mag as world_extra_mag
+from .clouds import CloudDeck as CloudDeck
+from .nearby import Nearby as Nearby
+from .other_objects import traffic as traffic
+from .passes import MARGIN_PX as MARGIN_PX
+from .passes import NODES as NODES
+from .passes import ExtraMagnitude as ExtraMagnitude
+from .passes import Sight as Sight
+from .passes import dimmed as dimmed
+from .passes import satellite_passes as satellite_passes
+from .passes import satellite_truth as satellite_truth
+from .star_background import faint_stars as faint_stars
+from .star_places import places_now as places_now

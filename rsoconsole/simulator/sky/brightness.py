@@ -1,0 +1,59 @@
+"""How a satellite's brightness changes through a night, beside range, phase and shadow.
+
+An attitude that turns shows a bright side and a dark one in turn; a panel that moves out of the
+mirror fades for good. Both are given as extra magnitudes against time, so that any exposure may
+be asked for in any order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.simulator.camera import frame_rng
+
+_STREAM = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turning:
+    """A slow turn with one dark side: fades of one shape at equal intervals."""
+
+    period_s: float
+    first_s: float
+    """Middle of the first fade, after the scenario's start."""
+    depth_mag: float
+    sharpness: int = 6
+    """Power of the cosine square that is the fade's shape: the larger, the shorter."""
+    jitter_s: float = 0.0
+    """A seed moves all fades together by up to so much, either way."""
+    last_s: float = float("inf")
+    """No fade has its middle later."""
+
+    def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
+        """Magnitudes lost (n,) at these seconds after the scenario's start."""
+        shift_s = float(frame_rng(seed, _STREAM).uniform(-self.jitter_s, self.jitter_s))
+        turns = (np.asarray(t_s, dtype=np.float64) - self.first_s - shift_s) / self.period_s
+        nearest = np.rint(turns)
+        is_fade = (nearest >= 0) & (self.first_s + nearest * self.period_s <= self.last_s)
+        shape = np.cos(np.pi * (turns - nearest)) ** (2 * self.sharpness)
+        return np.where(is_fade, self.depth_mag * shape, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrightnessHistory:
+    """One satellite's night; without arguments a steady one."""
+
+    schedule: tuple[tuple[float, float], ...] = ()
+    """(seconds since the scenario's start, extra magnitudes), linear in between."""
+    turning: Turning | None = None
+
+    def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
+        """Magnitudes (n,) to add to those of a steady satellite."""
+        extra = np.zeros(np.shape(t_s))
+        if self.schedule:
+            times, magnitudes = zip(*self.schedule, strict=True)
+            extra = extra + np.interp(t_s, times, magnitudes)
+        if self.turning is not None:
+            extra = extra + self.turning.extra_mag(t_s, seed)
+        return np.asarray(extra, dtype=np.float64)

@@ -1,0 +1,268 @@
+"""Satellites crossing one exposure: their streaks, and the truth of them."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.orbit.elements import Satellite
+from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.simulator.camera import (
+    FWHM_PER_SIGMA,
+    WINGS,
+    FieldContent,
+    ImageMotion,
+    SatelliteTruth,
+    SensorModel,
+    Streak,
+    TrueShutter,
+    cloud_at,
+    integrated_snr,
+    vignetting,
+)
+from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
+
+ExtraMagnitude = Callable[[IntArray], FloatArray]
+"""What a satellite loses by its own turning at instants (n,), in magnitudes (n,)."""
+
+NS = 1_000_000_000
+MARGIN_PX = 250.0
+"""How far outside the sensor a source may lie and still be drawn or told of."""
+NODES = 11
+"""Places in time along an exposure: enough for all but the unsteady and the fastest."""
+_MOST_NODES = 641
+STRAIGHT_PX = 0.05
+"""How far a way may leave the chord between two of its places."""
+_SAME_INSTANT_S = 1e-8
+_FAR_AWAY_S = 10.0
+"""A row whose turn comes that late lies far outside any frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SatellitePass:
+    """One satellite's way over the sensor during one exposure; arrays along the exposure."""
+
+    name: str
+    norad_id: int
+    streak: Streak
+    """Under a clear sky at the zenith; 0 electrons when unlit throughout."""
+    ra_icrs_deg: FloatArray
+    dec_icrs_deg: FloatArray
+    rates_deg_s: tuple[float, float]
+    """Of right ascension and declination at mid-exposure."""
+    lit_fraction: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """How one exposure sees what moves."""
+
+    site: Site
+    sensor: SensorModel
+    wcs: Wcs
+    t_start_utc_ns: int
+    """Opening as the operator has it: places are told for this and what follows."""
+    exposure_s: float
+    shutter_error_s: float = 0.0
+    """The shutter opens this much later, a few hundredths of a second; see ``true``."""
+    wander_px: tuple[float, float] = (0.0, 0.0)
+    """By which the air moves the whole streak."""
+    true: TrueShutter | None = None
+    """What really happened, where that is more than ``shutter_error_s``, which then is unused."""
+    motion: ImageMotion | None = None
+    nodes: int = NODES
+    """Places in time along the exposure, odd: finer where brightness or image are unsteady."""
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Middle of the frame."""
+        return (self.sensor.width_px - 1) / 2.0, (self.sensor.height_px - 1) / 2.0
+
+
+def satellite_passes(
+    satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: Sight
+) -> tuple[SatellitePass, ...]:
+    """Those whose streak comes near the sensor, sampled along the exposure.
+
+    Directions are those of the instants that the operator would name: what a perfect measurement
+    with a perfect clock and shutter would give.
+    """
+    found = []
+    for satellite, extra_mag in satellites:
+        own = sight
+        places, seen, x, y, pace = _way(satellite, own)
+        if not np.all(np.isfinite(x)) or not _is_near(own.sensor, x, y):
+            continue
+        nodes = _nodes_for(x, y)
+        if nodes > own.nodes:
+            own = replace(sight, nodes=nodes)
+            places, seen, x, y, pace = _way(satellite, own)
+            if not np.all(np.isfinite(x)):
+                continue
+        magnitude = satellite.magnitude(seen) + extra_mag(seen.t_utc_ns)
+        per_second = own.sensor.electrons(magnitude, 1.0) * pace
+        mean = float(np.trapezoid(per_second, dx=1.0 / (own.nodes - 1)))
+        brightness = per_second / mean if mean > 0.0 else np.zeros(own.nodes)
+        lit = lit_fraction(seen.position_gcrs_km, seen.t_utc_ns)
+        middle = own.nodes // 2
+        found.append(
+            SatellitePass(
+                name=satellite.element_set.name,
+                norad_id=satellite.element_set.norad_id,
+                streak=Streak(
+                    x_px=x, y_px=y, electrons=mean * sight.exposure_s, brightness=brightness
+                ),
+                ra_icrs_deg=places.ra_icrs_deg,
+                dec_icrs_deg=places.dec_icrs_deg,
+                rates_deg_s=(
+                    float(places.ra_rate_deg_s[middle]),
+                    float(places.dec_rate_deg_s[middle]),
+                ),
+                lit_fraction=float(np.mean(lit)),
+            )
+        )
+    return tuple(found)
+
+
+def _way(
+    satellite: Satellite, sight: Sight
+) -> tuple[Places, Places, FloatArray, FloatArray, FloatArray]:
+    """Places as the operator would name them, as truly seen, pixels, and the pace of time."""
+    share = np.linspace(0.0, 1.0, sight.nodes)
+    offsets = np.rint(share * sight.exposure_s * NS).astype(np.int64)
+    places = satellite.astrometric_place(sight.site, np.int64(sight.t_start_utc_ns) + offsets)
+    if sight.true is None:
+        # Over a few hundredths of a second the rates of the instant serve.
+        x, y = _on_frame(sight, share, places, sight.shutter_error_s)
+        return places, places, x, y, np.ones(sight.nodes)
+    return places, *_truly_seen(satellite, sight, sight.true, share)
+
+
+def _truly_seen(
+    satellite: Satellite, sight: Sight, true: TrueShutter, share: FloatArray
+) -> tuple[Places, FloatArray, FloatArray, FloatArray]:
+    """Places, pixels, and how much time a step of the exposure takes, at the true instants.
+
+    With a rolling shutter a satellite is seen at the time of the row on which it then is: solved
+    by going there again and again; every step is some hundred times nearer.
+    """
+    late_s = np.zeros(len(share))
+    while True:
+        t_s = share * sight.exposure_s + late_s
+        t_utc_ns = np.int64(true.t_open_utc_ns) + np.rint(t_s * NS).astype(np.int64)
+        places = satellite.astrometric_place(sight.site, t_utc_ns)
+        x, y = _on_frame(sight, share, places, 0.0)
+        row_s = y * true.line_time_s
+        if not np.all(np.isfinite(y)) or np.max(np.abs(row_s - late_s)) < _SAME_INSTANT_S:
+            return places, x, y, np.gradient(t_s) / (sight.exposure_s / (len(share) - 1))
+        if np.max(np.abs(row_s)) > _FAR_AWAY_S:
+            return places, np.full_like(x, np.nan), y, np.ones(len(share))
+        late_s = row_s
+
+
+def _on_frame(
+    sight: Sight, share: FloatArray, places: Places, later_s: float
+) -> tuple[FloatArray, FloatArray]:
+    x, y = sky_to_pixel(
+        sight.wcs,
+        places.ra_icrs_deg + places.ra_rate_deg_s * later_s,
+        places.dec_icrs_deg + places.dec_rate_deg_s * later_s,
+    )
+    x, y = x + sight.wander_px[0], y + sight.wander_px[1]
+    if sight.motion is not None:
+        x, y = sight.motion.moved(share, x, y, sight.centre_px)
+    return x, y
+
+
+def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
+    """Places that keep the way straight between them, an odd number: one is the middle."""
+    steps = len(x_px) - 1
+    bend_px = float(np.max(np.hypot(np.diff(x_px, 2), np.diff(y_px, 2)), initial=0.0)) / 8.0
+    if bend_px <= STRAIGHT_PX:
+        return len(x_px)
+    finer = math.ceil(math.sqrt(bend_px / STRAIGHT_PX))
+    return max(len(x_px), min(steps * finer + 1, _MOST_NODES))
+
+
+def dimmed(streak: Streak, transmission: float) -> Streak:
+    """The same streak through air that lets this share of the light through."""
+    return replace(streak, electrons=streak.electrons * transmission)
+
+
+def satellite_truth(
+    each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
+) -> SatelliteTruth:
+    """What there is to know of one streak in this field."""
+    x, y = each.streak.x_px, each.streak.y_px
+    middle = len(x) // 2
+    clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))
+    electrons = each.streak.electrons * air_transmission * clouds
+    is_lit = each.streak.electrons > 0.0
+    rate = each.streak.electrons / content.exposure_s
+    peak, matched = _signal_to_noise(sensor, content, each.streak, electrons)
+    middle = len(x) // 2
+    return SatelliteTruth(
+        name=each.name,
+        norad_id=each.norad_id,
+        is_in_frame=_is_on_sensor(sensor, x[middle], y[middle]),
+        is_whole=_is_on_sensor(sensor, x[0], y[0]) and _is_on_sensor(sensor, x[-1], y[-1]),
+        ra_icrs_deg=float(each.ra_icrs_deg[middle]),
+        dec_icrs_deg=float(each.dec_icrs_deg[middle]),
+        ra_rate_deg_s=each.rates_deg_s[0],
+        dec_rate_deg_s=each.rates_deg_s[1],
+        x_px=float(x[middle]),
+        y_px=float(y[middle]),
+        x_start_px=float(x[0]),
+        y_start_px=float(y[0]),
+        x_end_px=float(x[-1]),
+        y_end_px=float(y[-1]),
+        magnitude=sensor.zero_point_mag - 2.5 * math.log10(rate) if is_lit else None,
+        lit_fraction=each.lit_fraction,
+        transmission=clouds,
+        electrons=electrons,
+        snr_peak_pixel=peak,
+        snr_matched=matched,
+        snr_integrated=integrated_snr(sensor, content, dimmed(each.streak, air_transmission)),
+    )
+
+
+def _signal_to_noise(
+    sensor: SensorModel, content: FieldContent, streak: Streak, electrons: float
+) -> tuple[float, float]:
+    """Of the brightest pixel, and of the whole streak weighted by its shape; noise of the sky.
+
+    Across the streak the disc's core alone, widened by the pixel; along it steady.
+    """
+    x, y = streak.x_px, streak.y_px
+    middle = len(x) // 2
+    length_px = max(float(np.hypot(np.diff(x), np.diff(y)).sum()), 1.0)
+    flat = vignetting(sensor, x[middle : middle + 1], y[middle : middle + 1])
+    flat = flat * sensor.mean_response
+    sigma_px = math.sqrt(
+        (content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0 + content.blur_variance_px2
+    )
+    core = electrons * float(flat[0]) * WINGS[0][0]
+    peak_e = core / length_px / (sigma_px * math.sqrt(2.0 * math.pi))
+    variance_e2 = (
+        content.sky_electrons_px * float(flat[0])
+        + sensor.dark_e_s * content.exposure_s
+        + sensor.read_noise_e**2
+        + sensor.e_per_adu12**2 / 12.0
+    )
+    noise_e = math.sqrt(variance_e2)
+    weight_px = 2.0 * math.sqrt(math.pi) * sigma_px * length_px
+    return peak_e / noise_e, core / (noise_e * math.sqrt(weight_px))
+
+
+def _is_on_sensor(sensor: SensorModel, x_px: float, y_px: float) -> bool:
+    return bool(-0.5 <= x_px < sensor.width_px - 0.5 and -0.5 <= y_px < sensor.height_px - 0.5)
+
+
+def _is_near(sensor: SensorModel, x_px: FloatArray, y_px: FloatArray) -> bool:
+    return bool(
+        x_px.max() > -MARGIN_PX
+        and x_px.min() < sensor.width_px + MARGIN_PX
+        and y_px.max() > -MARGIN_PX
+        and y_px.min() < sensor.height_px + MARGIN_PX
+    )

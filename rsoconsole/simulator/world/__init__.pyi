@@ -1,0 +1,13 @@
+from .world import NAMELESS as NAMELESS
+from .world import CatalogueWorld as CatalogueWorld
+from .world import CloudsWorld as CloudsWorld
+from .world import FramesWorld as FramesWorld
+from .world import MoonWorld as MoonWorld
+from .world import SatelliteWorld as SatelliteWorld
+from .world import SeeingWorld as SeeingWorld
+from .world import TrafficWorld as TrafficWorld
+from .world import World as World
+from .world_file import load_world as load_world
+from .world_file import settings_of_worlds as settings_of_worlds
+from .world_file import world_from as world_from
+from .world_file import world_to_toml as world_to_toml

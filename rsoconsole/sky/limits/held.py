@@ -1,0 +1,175 @@
+"""Each limit held against the places of a track: how far beyond its bound, instant by instant."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.config import LimitsConfig, MountConfig
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import Epoch, IntArray, PierSide, altaz_of_hour_angle, wrap_180
+from rsoconsole.sky.limits import refusals
+from rsoconsole.sky.limits.axes import is_pole, polar_deg
+from rsoconsole.sky.limits.horizon import horizon_altitude_deg
+from rsoconsole.sky.limits.refusals import AngleLimit, LimitName, Refusal
+from rsoconsole.sky.limits.sun_passage import from_sun_deg
+
+SUN_HARMLESS_DEG = -6.0
+"""No tube above the horizon looks at a Sun that low, and a German mount that flips by night may
+well swing through the place below the horizon where it is; also one that is parked at dawn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Held:
+    """One limit at N instants; an excess above 0 is a violation."""
+
+    limit: AngleLimit
+    value_deg: FloatArray
+    bound_deg: FloatArray
+    excess_deg: FloatArray
+    azimuth_deg: FloatArray | None = None
+    side: PierSide | None = None
+    is_axis: bool = False
+    """The value is the polar axis itself, not an hour angle."""
+
+    def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
+        """What to say of one instant."""
+        value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
+        if self.is_axis:
+            return refusals.axis_past_meridian(value_deg, bound_deg)
+        reason = SlewRefusal.beyond(
+            self.limit,
+            value_deg,
+            bound_deg,
+            azimuth_deg=None if self.azimuth_deg is None else float(self.azimuth_deg[index]),
+            side=self.side,
+            later_s=later_s,
+        )
+        return Refusal(limit=self.limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """A place of date that is followed, and on which side of the pier (None: not known, fork)."""
+
+    epoch: Epoch
+    ra_deg: float
+    dec_deg: float
+    side: PierSide | None
+
+
+def hour_angle_deg(site: Site, track: Track, t_ns: IntArray) -> FloatArray:
+    """Hour angle of date, -180 to 180, at (N,) instants."""
+    return wrap_180(track.epoch.sidereal_deg(site.longitude_deg, t_ns) - track.ra_deg)
+
+
+def while_tracking(
+    site: Site,
+    limits: LimitsConfig,
+    mount: MountConfig,
+    track: Track,
+    t_ns: IntArray,
+    *,
+    lifted: Collection[LimitName],
+) -> Iterator[Held]:
+    """Every limit but twilight at (N,) instants, the gravest first."""
+    if "Sun" not in lifted:
+        yield _from_sun(site, limits, track, t_ns)
+    ha_deg = hour_angle_deg(site, track, t_ns)
+    altitude_deg, azimuth_deg = altaz_of_hour_angle(
+        site, ha_deg, np.full(ha_deg.shape, track.dec_deg)
+    )
+    if "altitude" not in lifted:
+        yield _at_least("altitude", altitude_deg, limits.min_altitude_deg)
+    if limits.horizon and "horizon" not in lifted:
+        mask_deg = horizon_altitude_deg(limits.horizon, azimuth_deg)
+        yield _at_least("horizon", altitude_deg, mask_deg, azimuth_deg)
+    if is_pole(track.dec_deg):
+        return
+    if "hour angle" not in lifted:
+        yield _within_hours(limits, ha_deg)
+    if mount.type == "german" and track.side is not None and "pier" not in lifted:
+        past_deg = limits.past_meridian_deg if track.side == "west" else -limits.past_meridian_deg
+        excess_deg = ha_deg - past_deg if track.side == "west" else past_deg - ha_deg
+        yield Held(
+            limit="pier",
+            value_deg=ha_deg,
+            bound_deg=np.full(ha_deg.shape, past_deg),
+            excess_deg=excess_deg,
+            side=track.side,
+        )
+
+
+def while_slewing(
+    site: Site,
+    limits: LimitsConfig,
+    mount: MountConfig,
+    track: Track,
+    t_ns: IntArray,
+    *,
+    lifted: Collection[LimitName],
+) -> Iterator[Held]:
+    """What holds on the way too: the Sun's cone, and how far the polar axis has turned.
+
+    A flip leads past the pole, where the hour angle may be anything: there it is the axis that
+    counts, whose counterweight must not rise above the horizontal by more than the meridian's
+    limit.
+    """
+    if "Sun" not in lifted:
+        yield _from_sun(site, limits, track, t_ns)
+    if is_pole(track.dec_deg):
+        return
+    ha_deg = hour_angle_deg(site, track, t_ns)
+    if mount.type == "fork":
+        if "hour angle" not in lifted:
+            yield _within_hours(limits, ha_deg)
+    elif track.side is not None and "pier" not in lifted:
+        axis_deg = np.array([polar_deg(float(one), track.side) for one in ha_deg])
+        past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
+        bound_deg = np.full(ha_deg.shape, limits.past_meridian_deg)
+        yield Held(
+            limit="pier",
+            value_deg=past_deg,
+            bound_deg=bound_deg,
+            excess_deg=past_deg - bound_deg,
+            is_axis=True,
+        )
+
+
+def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
+    """Altitude of the Sun's centre at (N,) instants, without refraction."""
+    ra_deg, dec_deg = epoch.sun_date_deg(t_ns)
+    ha_deg = epoch.sidereal_deg(site.longitude_deg, t_ns) - ra_deg
+    return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
+
+
+def _from_sun(site: Site, limits: LimitsConfig, track: Track, t_ns: IntArray) -> Held:
+    """How deep in the Sun's cone; by night there is none to be deep in."""
+    sun_ra_deg, sun_dec_deg = track.epoch.sun_date_deg(t_ns)
+    distance_deg = from_sun_deg(track.ra_deg, track.dec_deg, sun_ra_deg, sun_dec_deg)
+    held = _at_least("Sun", distance_deg, limits.sun_cone_deg)
+    is_harmless = sun_altitude_deg(site, track.epoch, t_ns) <= SUN_HARMLESS_DEG
+    return replace(held, excess_deg=np.where(is_harmless, -np.inf, held.excess_deg))
+
+
+def _within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Held:
+    bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
+    excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
+    return Held(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
+
+
+def _at_least(
+    limit: AngleLimit,
+    value_deg: FloatArray,
+    bound_deg: float | FloatArray,
+    azimuth_deg: FloatArray | None = None,
+) -> Held:
+    bound = np.broadcast_to(bound_deg, value_deg.shape)
+    return Held(
+        limit=limit,
+        value_deg=value_deg,
+        bound_deg=bound,
+        excess_deg=bound - value_deg,
+        azimuth_deg=azimuth_deg,
+    )

@@ -1,0 +1,322 @@
+"""Where a telescope must never look or turn: held against every slew and watched at 1 Hz.
+
+Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the
+safe side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour
+angle tells nothing and is not held against a limit.
+"""
+
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import LimitsConfig, MountConfig
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import Site
+from rsoconsole.sky import (
+    NS_PER_S,
+    Epoch,
+    IntArray,
+    PierSide,
+    epoch_at,
+    iso_to_utc_ns,
+    utc_ns_to_iso,
+)
+from rsoconsole.sky.limits import refusals
+from rsoconsole.sky.limits.axes import Way, side_after, ways
+from rsoconsole.sky.limits.held import (
+    SUN_HARMLESS_DEG,
+    Held,
+    Track,
+    hour_angle_deg,
+    sun_altitude_deg,
+    while_slewing,
+    while_tracking,
+)
+from rsoconsole.sky.limits.refusals import LimitName, Refusal
+from rsoconsole.sky.limits.sun_passage import sun_passage
+
+__all__ = ["LimitName", "Limits", "PierSide", "Pose", "Refusal"]
+
+STALE_S = 300.0
+AHEAD_S = 2 * 3600.0
+UNTIL_S = 4 * 3600.0
+FIRST_UTC_NS = iso_to_utc_ns("2000-01-01T00:00:00Z")
+LAST_UTC_NS = iso_to_utc_ns("2100-01-01T00:00:00Z")
+LESS_BAD_DEG = 0.002
+"""Reported positions that tremble by this much are not getting worse."""
+_SLEW_STEP_S = 2.0
+_SUN_STEP_S = 300.0
+_WATCH_STEP_S = 5.0
+_WATCH_FINE_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where a mount stands at one instant."""
+
+    t_utc_ns: int
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    pier_side: PierSide | None
+
+
+class Limits:
+    """The limits of one site and mount; pure, and quick enough to stand before every slew."""
+
+    def __init__(self, site: Site, limits: LimitsConfig, mount: MountConfig) -> None:
+        self._site = site
+        self._limits = limits
+        self._mount = mount
+
+    def refuse_slew(
+        self,
+        start: Pose,
+        ra_icrs_deg: float,
+        dec_icrs_deg: float,
+        *,
+        t_aim_utc_ns: int,
+        t_until_utc_ns: int,
+        lifted: Collection[LimitName] = (),
+    ) -> Refusal | None:
+        """Why this slew must not be begun; None when all of it is safe.
+
+        ``start`` is where the mount stands now. Held are: the instants (an aim more than 5 min
+        ago or 2 h ahead, an end before now or the aim or more than 4 h ahead, a clock outside
+        2000 to 2100), the directions, the target from arrival at full slew rate until
+        ``t_until_utc_ns`` on the side of the pier the mount will choose, the Sun's cone along
+        the way (``sun_passage``) unless the Sun is more than 6 deg below the horizon, and
+        twilight. A way that begins inside the cone may only lead away from the Sun, and out.
+        Where the side of the pier is unknown both are tried and either refuses. ``lifted``
+        limits are not held; time and direction always are.
+        """
+        fault = _slew_times_fault(start.t_utc_ns, t_aim_utc_ns, t_until_utc_ns) or (
+            _direction_fault(start.ra_icrs_deg, start.dec_icrs_deg)
+            or _direction_fault(ra_icrs_deg, dec_icrs_deg)
+        )
+        if fault is not None:
+            return fault
+        epoch = epoch_at(start.t_utc_ns)
+        target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
+        candidates = list(self._ways(epoch, start, target))
+        shortest_deg = min(max(way.travel_deg) for way, _ in candidates)
+        travel_ns = round(shortest_deg / self._mount.slew_rate_deg_s * NS_PER_S)
+        arrival_ns = start.t_utc_ns + travel_ns
+        t_ns = _instants(arrival_ns, max(arrival_ns, t_until_utc_ns), _SLEW_STEP_S)
+        for side in dict.fromkeys(side for _, side in candidates):
+            track = self._track(epoch, ra_icrs_deg, dec_icrs_deg, side)
+            for held in self._while_tracking(track, t_ns, lifted):
+                worst = int(np.argmax(held.excess_deg))
+                if held.excess_deg[worst] > 0.0:
+                    return held.refusal_at(worst, (int(t_ns[worst]) - start.t_utc_ns) / NS_PER_S)
+        if "Sun" not in lifted:
+            fault = self._sun_on(epoch, (way for way, _ in candidates), start.t_utc_ns)
+        if fault is None and "twilight" not in lifted:
+            fault = self._twilight(epoch, start.t_utc_ns, int(t_ns[-1]))
+        return fault
+
+    def arrival_side(
+        self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
+    ) -> PierSide | None:
+        """Side of the pier after a slew told at this instant; None for a fork or when unknown.
+
+        The side changes only where the target is ``flip_hysteresis_deg`` past the meridian.
+        """
+        fault = _instant_fault(t_utc_ns) or _direction_fault(ra_icrs_deg, dec_icrs_deg)
+        if fault is not None or self._mount.type == "fork":
+            return None
+        track = self._track(epoch_at(t_utc_ns), ra_icrs_deg, dec_icrs_deg, None)
+        ha_deg = self._hour_angle_at(track, t_utc_ns)
+        return side_after(ha_deg, start.pier_side, self._mount.flip_hysteresis_deg)
+
+    def travel_deg(
+        self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
+    ) -> tuple[float, float]:
+        """What the polar and the declination axis have to go for a slew begun now.
+
+        The longest way where the side of the pier or, at a pole, the polar axis is not known.
+        """
+        epoch = epoch_at(start.t_utc_ns)
+        target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
+        turns = (way.travel_deg for way, _ in self._ways(epoch, start, target))
+        return max(turns, key=max, default=(0.0, 0.0))
+
+    def refuse_pose(
+        self,
+        pose: Pose,
+        *,
+        is_slewing: bool,
+        lifted: Collection[LimitName] = (),
+        before: Pose | None = None,
+    ) -> Refusal | None:
+        """Why the mount must not be there, by what it reports; None when all is well.
+
+        While it slews: the Sun's cone, and how far the polar axis has turned (a fork: its hour
+        angle); the way may dip. ``before``, the pose reported last, tells a way out: what was
+        violated then and does not grow worse is no reason while slewing. While it tracks or
+        stands: all but twilight, and the meridian's limit where the side of the pier is known.
+        """
+        fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
+            pose.ra_icrs_deg, pose.dec_icrs_deg
+        )
+        if fault is not None:
+            return fault
+        was_deg = {}
+        if is_slewing and before is not None and _instant_fault(before.t_utc_ns) is None:
+            was_deg = {held.limit: held.excess_deg[0] for held in self._slewing_at(before, lifted)}
+        for held in (
+            self._slewing_at(pose, lifted) if is_slewing else self._tracking_at(pose, lifted)
+        ):
+            excess_deg = held.excess_deg[0]
+            before_deg = was_deg.get(held.limit, 0.0)
+            is_way_out = before_deg > 0.0 and excess_deg <= before_deg + LESS_BAD_DEG
+            if excess_deg > 0.0 and not is_way_out:
+                return held.refusal_at(0)
+        return None
+
+    def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
+        """How far each limit of a tracking mount is from a pose, the nearest first.
+
+        Negative beyond it. The pier's needs a side of it. Empty where instant or direction are
+        no such.
+        """
+        fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
+            pose.ra_icrs_deg, pose.dec_icrs_deg
+        )
+        if fault is not None:
+            return ()
+        held = self._tracking_at(pose, ())
+        margins = ((each.limit, -float(each.excess_deg[0])) for each in held)
+        return tuple(sorted(margins, key=lambda margin: margin[1]))
+
+    def next_limit(
+        self, pose: Pose, horizon_s: float = 6 * 3600.0, *, lifted: Collection[LimitName] = ()
+    ) -> tuple[int, Refusal] | None:
+        """First instant (to 0.1 s) at which tracking from this pose meets a limit, and which.
+
+        The edge of the Sun's cone is good to an arcsecond: half a minute of the Sun's own motion.
+        None when it meets none within ``horizon_s``. Twilight is not asked. A German mount that
+        does not tell its side of the pier is taken to be west of it as long as it may be.
+        """
+        fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
+            pose.ra_icrs_deg, pose.dec_icrs_deg
+        )
+        if fault is not None:
+            return pose.t_utc_ns, fault
+        track = self._pose_track(pose)
+        if track.side is None:
+            is_west = self._hour_angle_at(track, pose.t_utc_ns) <= self._limits.past_meridian_deg
+            track = self._pose_track(pose, "west" if is_west else "east")
+        t_ns = _instants(pose.t_utc_ns, pose.t_utc_ns + round(horizon_s * NS_PER_S), _WATCH_STEP_S)
+        first = _first_violation(self._while_tracking(track, t_ns, lifted))
+        if first is not None and first[0] > 0:
+            t_ns = _instants(int(t_ns[first[0] - 1]), int(t_ns[first[0]]), _WATCH_FINE_S)
+            first = _first_violation(self._while_tracking(track, t_ns, lifted))
+        if first is None:
+            return None
+        t_utc_ns = int(t_ns[first[0]])
+        return t_utc_ns, first[1].refusal_at(first[0], (t_utc_ns - pose.t_utc_ns) / NS_PER_S)
+
+    def _track(
+        self, epoch: Epoch, ra_icrs_deg: float, dec_icrs_deg: float, side: PierSide | None
+    ) -> Track:
+        ra_deg, dec_deg = epoch.to_date(ra_icrs_deg, dec_icrs_deg)
+        return Track(epoch=epoch, ra_deg=ra_deg, dec_deg=dec_deg, side=side)
+
+    def _pose_track(self, pose: Pose, side: PierSide | None = None) -> Track:
+        epoch = epoch_at(pose.t_utc_ns)
+        return self._track(epoch, pose.ra_icrs_deg, pose.dec_icrs_deg, side or pose.pier_side)
+
+    def _hour_angle_at(self, track: Track, t_utc_ns: int) -> float:
+        return float(hour_angle_deg(self._site, track, np.array([t_utc_ns]))[0])
+
+    def _ways(
+        self, epoch: Epoch, start: Pose, target: Track
+    ) -> Iterator[tuple[Way, PierSide | None]]:
+        here = self._track(epoch, start.ra_icrs_deg, start.dec_icrs_deg, start.pier_side)
+        return ways(
+            self._mount,
+            self._limits,
+            self._site.latitude_deg,
+            (self._hour_angle_at(here, start.t_utc_ns), here.dec_deg, here.side),
+            (self._hour_angle_at(target, start.t_utc_ns), target.dec_deg),
+        )
+
+    def _while_tracking(
+        self, track: Track, t_ns: IntArray, lifted: Collection[LimitName]
+    ) -> Iterator[Held]:
+        return while_tracking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+
+    def _tracking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Held]:
+        return self._while_tracking(self._pose_track(pose), np.array([pose.t_utc_ns]), lifted)
+
+    def _slewing_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Held]:
+        track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
+        return while_slewing(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+
+    def _sun_on(self, epoch: Epoch, candidates: Iterable[Way], t_utc_ns: int) -> Refusal | None:
+        if sun_altitude_deg(self._site, epoch, np.array([t_utc_ns]))[0] <= SUN_HARMLESS_DEG:
+            return None
+        sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_utc_ns)
+        sun_ha_deg = float(epoch.sidereal_deg(self._site.longitude_deg, t_utc_ns) - sun_ra_deg)
+        cone_deg, rate_deg_s = self._limits.sun_cone_deg, self._mount.slew_rate_deg_s
+        for way in candidates:
+            near = sun_passage(way, sun_ha_deg, float(sun_dec_deg), cone_deg, rate_deg_s)
+            if near is not None:
+                return refusals.sun_on_the_way(
+                    near.from_sun_deg, near.kept_deg, is_way_out=near.is_way_out
+                )
+        return None
+
+    def _twilight(self, epoch: Epoch, from_ns: int, to_ns: int) -> Refusal | None:
+        t_ns = _instants(from_ns, to_ns, _SUN_STEP_S)
+        altitude_deg = float(np.max(sun_altitude_deg(self._site, epoch, t_ns)))
+        if altitude_deg <= self._limits.twilight_deg:
+            return None
+        return refusals.beyond("twilight", altitude_deg, self._limits.twilight_deg)
+
+
+def _instants(from_ns: int, to_ns: int, step_s: float) -> IntArray:
+    """Both ends, and between them as many as it takes for steps of at most ``step_s``."""
+    steps = max(1, int(np.ceil((to_ns - from_ns) / (step_s * NS_PER_S))))
+    return np.asarray(from_ns + (to_ns - from_ns) * np.arange(steps + 1) // steps, np.int64)
+
+
+def _first_violation(held: Iterable[Held]) -> tuple[int, Held] | None:
+    """The earliest instant at which any limit is violated; of two at once the graver."""
+    violated = [(int(np.argmax(one.excess_deg > 0.0)), one) for one in held]
+    violated = [(index, one) for index, one in violated if one.excess_deg[index] > 0.0]
+    return min(violated, key=lambda found: found[0]) if violated else None
+
+
+def _direction_fault(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal | None:
+    if 0.0 <= ra_icrs_deg < 360.0 and -90.0 <= dec_icrs_deg <= 90.0:  # NaN fails too
+        return None
+    return refusals.no_direction(ra_icrs_deg, dec_icrs_deg)
+
+
+def _instant_fault(t_utc_ns: int) -> Refusal | None:
+    if FIRST_UTC_NS <= t_utc_ns < LAST_UTC_NS:
+        return None
+    try:
+        said = utc_ns_to_iso(t_utc_ns, 0)
+    except (ValueError, OverflowError, TypeError):
+        said = f"{t_utc_ns} ns"
+    return refusals.wrong_time(SlewRefusal(kind="clock", detail=said))
+
+
+def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None:
+    """Instants that cannot be meant, in the order now, aim, until."""
+    fault = _instant_fault(now_ns) or _instant_fault(aim_ns) or _instant_fault(until_ns)
+    if fault is not None:
+        return fault
+    aim_s, until_s = (aim_ns - now_ns) / NS_PER_S, (until_ns - now_ns) / NS_PER_S
+    if aim_s < -STALE_S:
+        return refusals.wrong_time(SlewRefusal.by_instant("aimed before", aim_s))
+    if aim_s > AHEAD_S:
+        return refusals.wrong_time(SlewRefusal.by_instant("aimed ahead", aim_s))
+    if until_s < 0.0 or until_ns < aim_ns:
+        return refusals.wrong_time(SlewRefusal(kind="ends before"))
+    if until_s > UNTIL_S:
+        return refusals.wrong_time(SlewRefusal.by_instant("ends ahead", until_s))
+    return None

@@ -1,0 +1,123 @@
+"""How a slew passes the Sun: the motion of both axes, so finely that nothing slips through.
+
+Reckoned is that both axes start together at the same rate and the one with less to go ends first.
+A real mount is a little different, so that either axis is also let run ahead of the other: by
+half a second of full speed and by 5 % in rate. All that lies between these ways is enclosed by
+them, and a cone cannot hide in the gap: further ways are laid in between where it is narrow.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.sky.limits.axes import Way
+
+LAG_S = 0.5
+"""Ramps of T seconds put one axis v T / 8 behind the other (a quarter of a second of full speed
+where they last 2 s), ramps that differ by a second half a second."""
+RATE_SPREAD = 0.05
+NEARER_DEG = 0.05
+"""A way out of the cone does not come nearer to the Sun by more than this."""
+_COARSE_STEPS_DEG = (4.0, 0.5)
+_FINE_DEG = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SunPassage:
+    """The worst place of a way that does not keep clear of the Sun."""
+
+    from_sun_deg: float
+    kept_deg: float
+    """What was to be kept there."""
+    is_way_out: bool
+    """It began inside the cone, and comes nearer than it was."""
+
+
+def sun_passage(
+    way: Way, sun_hour_angle_deg: float, sun_dec_deg: float, cone_deg: float, slew_rate_deg_s: float
+) -> SunPassage | None:
+    """Where the way comes too near to the Sun; None when it is clear.
+
+    From outside it must never enter the cone, however the axes run. From inside it may not come
+    nearer than it has been (``NEARER_DEG``) as long as it is inside, both axes at one pace.
+    Between two samples the telescope moves by no more than both axes' steps together: 4 deg, then
+    0.5 and 0.05 deg where that leaves a doubt, so that at most 0.025 deg of the cone slip through.
+    """
+    if cone_deg <= 0.0:
+        return None
+    paces = _paces(way, cone_deg, slew_rate_deg_s)
+    lag_deg = LAG_S * slew_rate_deg_s
+    sun = (sun_hour_angle_deg, sun_dec_deg)
+    start_deg = cone_deg
+    for step_deg in _COARSE_STEPS_DEG:
+        coarse_deg = _along(way, paces, lag_deg, step_deg, sun)
+        start_deg = float(coarse_deg[0, 0])
+        if np.min(coarse_deg) - step_deg / 2.0 >= cone_deg:
+            return None
+    is_way_out = start_deg < cone_deg
+    if is_way_out:
+        paces = np.zeros(1)
+    fine_deg = _along(way, paces, lag_deg, _FINE_DEG, sun)
+    kept_deg = np.full(fine_deg.shape, cone_deg)
+    if is_way_out:
+        kept_deg = np.minimum(cone_deg, np.maximum.accumulate(fine_deg, axis=1) - NEARER_DEG)
+    worst = np.unravel_index(np.argmin(fine_deg - kept_deg), fine_deg.shape)
+    if fine_deg[worst] >= kept_deg[worst]:
+        return None
+    return SunPassage(
+        from_sun_deg=float(fine_deg[worst]), kept_deg=float(kept_deg[worst]), is_way_out=is_way_out
+    )
+
+
+def _paces(way: Way, cone_deg: float, slew_rate_deg_s: float) -> FloatArray:
+    """From -1 (the declination axis ahead) to 1 (the polar axis); gaps narrower than the cone."""
+    width_deg = LAG_S * slew_rate_deg_s + RATE_SPREAD * min(way.travel_deg)
+    between = int(np.ceil(width_deg / max(cone_deg, 1.0)))
+    return np.linspace(-1.0, 1.0, 2 * between + 1)
+
+
+def _along(
+    way: Way,
+    paces: FloatArray,
+    lag_deg: float,
+    step_deg: float,
+    sun: tuple[float, float],
+) -> FloatArray:
+    """Distances (paces, N) from the Sun, in steps of at most ``step_deg`` of both axes together."""
+    polar_travel_deg, dec_travel_deg = way.travel_deg
+    rate = 1.0 - RATE_SPREAD * np.abs(paces)[:, None]
+    delay_deg = lag_deg * np.abs(paces)[:, None]
+    longest_deg = max(polar_travel_deg, dec_travel_deg) / (1.0 - RATE_SPREAD) + lag_deg
+    even_deg = np.linspace(0.0, longest_deg, int(np.ceil(longest_deg / (step_deg / 2.0))) + 1)
+    travels_deg = np.array(way.travel_deg)
+    # Where an axis starts or ends the way has a corner, and a corner may be the nearest place.
+    corners_deg = np.hstack([delay_deg, travels_deg + 0.0 * rate, delay_deg + travels_deg / rate])
+    ahead_deg = np.sort(
+        np.hstack([np.broadcast_to(even_deg, (paces.size, even_deg.size)), corners_deg]), axis=1
+    )
+    behind_deg = np.maximum(ahead_deg - delay_deg, 0.0) * rate
+    is_polar_ahead = paces[:, None] > 0.0
+    polar_gone_deg = np.minimum(np.where(is_polar_ahead, ahead_deg, behind_deg), polar_travel_deg)
+    dec_gone_deg = np.minimum(np.where(is_polar_ahead, behind_deg, ahead_deg), dec_travel_deg)
+    polar_sign = np.sign(way.polar_to_deg - way.polar_from_deg)
+    dec_sign = np.sign(way.declination_to_deg - way.declination_from_deg)
+    return from_sun_deg(
+        way.polar_from_deg + polar_sign * polar_gone_deg,
+        way.declination_from_deg + dec_sign * dec_gone_deg,
+        *sun,
+    )
+
+
+def from_sun_deg(
+    polar: float | FloatArray,
+    declination: float | FloatArray,
+    sun_hour_angle_deg: float | FloatArray,
+    sun_dec_deg: float | FloatArray,
+) -> FloatArray:
+    """Angle on the sky; the declination axis may stand beyond a pole. Good to 1e-6 deg."""
+    dec, sun_dec = np.radians(declination), np.radians(sun_dec_deg)
+    cosine = np.sin(dec) * np.sin(sun_dec) + np.cos(dec) * np.cos(sun_dec) * np.cos(
+        np.radians(np.asarray(polar) - sun_hour_angle_deg)
+    )
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

@@ -1,0 +1,273 @@
+"""Stars of the Tycho-2 catalogue: where they are at an epoch, and how bright.
+
+The shipped stars reach VT about 12.5. Those of the belt of the geostationary satellites, |dec| <=
+12 deg, lie in a file of their own, because most telescopes here need no others. Places are ICRS
+at J2000.0; proper motions carry them to the epoch that is asked for. A star is then where Tycho-2
+has it to about 0.1 arcsec in 2026 (60 mas at its mean epoch, 2.5 mas/yr). Source: Hog et al. 2000,
+A&A 355, L27; licence in ``data/COPYRIGHT.tycho2``.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import SolverError
+from rsoconsole.records import FloatArray
+from rsoconsole.resources import resource
+from rsoconsole.sky import separation_deg, wrap_180
+from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, moved
+
+RA_STEP_DEG = 360.0 / 2**32
+"""Stored right ascensions count these (0.3 mas)."""
+DEC_STEP_DEG = 1e-7
+MAG_STEP = 1e-3
+_SHIPPED = ("sky", "data", "tycho2_belt.npz")
+_SHIPPED_REST = ("sky", "data", "tycho2_rest.npz")
+
+IndexArray = npt.NDArray[np.int64]
+_T = TypeVar("_T", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stars:
+    """Stars of one piece of sky, brightest first; arrays of one length."""
+
+    ra_icrs_deg: FloatArray
+    dec_icrs_deg: FloatArray
+    magnitude: FloatArray
+    """Tycho VT."""
+    pm_ra_mas_yr: FloatArray
+    """Times cos(dec); 0 where the catalogue knows none."""
+    pm_dec_mas_yr: FloatArray
+
+    @classmethod
+    def at_rest(
+        cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
+    ) -> "Stars":
+        """Stars whose motion nobody knows, or that have none."""
+        still = np.zeros(len(magnitude))
+        return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
+
+    def __len__(self) -> int:
+        """Number of stars."""
+        return len(self.magnitude)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StarCatalogue:
+    """Stars in order of declination, and the declinations within which none is missing.
+
+    Kept as they are stored, 14 bytes a star.
+    """
+
+    ra_counts: npt.NDArray[np.uint32]
+    dec_counts: npt.NDArray[np.int32]
+    mmag: npt.NDArray[np.int16]
+    pm_ra_mas_yr: npt.NDArray[np.int16]
+    pm_dec_mas_yr: npt.NDArray[np.int16]
+    dec_min_deg: float
+    dec_max_deg: float
+
+    def __len__(self) -> int:
+        """Number of stars."""
+        return len(self.mmag)
+
+    @property
+    def ra_icrs_deg(self) -> FloatArray:
+        """Of every star, at J2000.0."""
+        return _scaled(self.ra_counts, RA_STEP_DEG)
+
+    @property
+    def dec_icrs_deg(self) -> FloatArray:
+        """Of every star, at J2000.0."""
+        return _scaled(self.dec_counts, DEC_STEP_DEG)
+
+    @property
+    def magnitude(self) -> FloatArray:
+        """Tycho VT of every star."""
+        return _scaled(self.mmag, MAG_STEP)
+
+    @classmethod
+    def of(
+        cls,
+        stars: Stars,
+        dec_min_deg: float = -90.0,
+        dec_max_deg: float = 90.0,
+    ) -> "StarCatalogue":
+        """These stars, given at J2000.0, to 0.3 mas, 1 mmag and 1 mas/yr."""
+        order = np.argsort(stars.dec_icrs_deg, kind="stable")
+        ra_counts = np.round(stars.ra_icrs_deg[order] % 360.0 / RA_STEP_DEG).astype(np.uint64)
+        return cls(
+            ra_counts.astype(np.uint32),
+            np.round(stars.dec_icrs_deg[order] / DEC_STEP_DEG).astype(np.int32),
+            np.round(stars.magnitude[order] / MAG_STEP).astype(np.int16),
+            np.round(stars.pm_ra_mas_yr[order]).astype(np.int16),
+            np.round(stars.pm_dec_mas_yr[order]).astype(np.int16),
+            dec_min_deg,
+            dec_max_deg,
+        )
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> "StarCatalogue":
+        """The shipped belt, or a file written by ``save``; read once, then kept.
+
+        Raises SolverError when the file cannot be read.
+        """
+        return _load(resource(*_SHIPPED) if path is None else path)
+
+    @classmethod
+    def load_whole_sky(cls) -> "StarCatalogue":
+        """All shipped stars; read when first asked for, then kept (26 MB).
+
+        Raises SolverError when a file cannot be read.
+        """
+        return _load_whole_sky()
+
+    def save(self, path: Path) -> None:
+        """Write a compact file that ``load`` reads; the declinations as steps from star to star."""
+        np.savez_compressed(
+            path,
+            ra=self.ra_counts,
+            dec_steps=np.diff(self.dec_counts, prepend=np.int32(0)),
+            mmag=self.mmag,
+            pm_ra=self.pm_ra_mas_yr,
+            pm_dec=self.pm_dec_mas_yr,
+            dec_limits_deg=np.array([self.dec_min_deg, self.dec_max_deg]),
+        )
+
+    def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
+        """False where the catalogue is cut off: an empty sky there says nothing of the sky."""
+        return (
+            self.dec_min_deg <= max(dec_icrs_deg - radius_deg, -90.0)
+            and min(dec_icrs_deg + radius_deg, 90.0) <= self.dec_max_deg
+        )
+
+    def cone(
+        self,
+        ra_icrs_deg: float,
+        dec_icrs_deg: float,
+        radius_deg: float,
+        faintest_magnitude: float = 99.0,
+        *,
+        epoch_jyear: float = J2000_JYEAR,
+    ) -> Stars:
+        """Stars within a great-circle distance at that epoch, and where they are then."""
+        years = epoch_jyear - J2000_JYEAR
+        wide_deg = radius_deg + abs(years) * FASTEST_ARCSEC_YR / 3600.0
+        reach = wide_deg / max(
+            math.cos(math.radians(min(abs(dec_icrs_deg) + wide_deg, 89.9))), 1e-6
+        )
+        index = self._box(ra_icrs_deg, dec_icrs_deg, min(reach, 180.0), wide_deg)
+        index = index[_scaled(self.mmag[index], MAG_STEP) <= faintest_magnitude]
+        stars = self._take(index, years)
+        distance = separation_deg(ra_icrs_deg, dec_icrs_deg, stars.ra_icrs_deg, stars.dec_icrs_deg)
+        return _kept(stars, np.asarray(distance) <= radius_deg)
+
+    def box(
+        self,
+        ra_icrs_deg: float,
+        dec_icrs_deg: float,
+        half_ra_deg: float,
+        half_dec_deg: float,
+        faintest_magnitude: float = 99.0,
+    ) -> Stars:
+        """Stars within these differences of right ascension and declination, at J2000.0."""
+        index = self._box(ra_icrs_deg, dec_icrs_deg, half_ra_deg, half_dec_deg)
+        return self._take(index[_scaled(self.mmag[index], MAG_STEP) <= faintest_magnitude], 0.0)
+
+    def _box(
+        self, ra_deg: float, dec_deg: float, half_ra_deg: float, half_dec_deg: float
+    ) -> IndexArray:
+        limits = np.array([dec_deg - half_dec_deg, dec_deg + half_dec_deg]) / DEC_STEP_DEG
+        # Limits beyond the poles would not fit into the counts.
+        lowest, highest = np.clip(np.round(limits), -(2**31), 2**31 - 1).astype(np.int32)
+        first = int(np.searchsorted(self.dec_counts, lowest, side="left"))
+        last = int(np.searchsorted(self.dec_counts, highest, side="right"))
+        dra = wrap_180(_scaled(self.ra_counts[first:last], RA_STEP_DEG) - ra_deg)
+        return np.asarray(first + np.flatnonzero(np.abs(dra) <= half_ra_deg), dtype=np.int64)
+
+    def _take(self, index: IndexArray, years: float) -> Stars:
+        """Brightest first, moved for so long."""
+        index = index[np.argsort(self.mmag[index], kind="stable")]
+        ra = _scaled(self.ra_counts[index], RA_STEP_DEG)
+        dec = _scaled(self.dec_counts[index], DEC_STEP_DEG)
+        pm_ra = self.pm_ra_mas_yr[index].astype(np.float64)
+        pm_dec = self.pm_dec_mas_yr[index].astype(np.float64)
+        if years:
+            ra, dec = moved(ra, dec, pm_ra, pm_dec, years)
+        return Stars(ra, dec, _scaled(self.mmag[index], MAG_STEP), pm_ra, pm_dec)
+
+
+def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
+    return np.asarray(np.multiply(counts, step, dtype=np.float64))
+
+
+def _kept(stars: Stars, kept: npt.NDArray[np.bool_]) -> Stars:
+    return Stars(
+        stars.ra_icrs_deg[kept],
+        stars.dec_icrs_deg[kept],
+        stars.magnitude[kept],
+        stars.pm_ra_mas_yr[kept],
+        stars.pm_dec_mas_yr[kept],
+    )
+
+
+def holds_stars(path: Path) -> bool:
+    """Whether ``from_index`` can read this file: a Tycho-2 one. Quick: it looks at headers."""
+    from astropy.io import fits
+
+    try:
+        with fits.open(path) as tables:
+            return any(table.header.get("TTYPE1", "") == "MAG_VT" for table in tables[1:])
+    except OSError:
+        return False
+
+
+@lru_cache(maxsize=2)
+def _load(path: Path) -> StarCatalogue:
+    return _read(path)
+
+
+@lru_cache(maxsize=1)
+def _load_whole_sky() -> StarCatalogue:
+    """The rest of the sky with the belt in the middle of it."""
+    belt, rest = _load(resource(*_SHIPPED)), _read(resource(*_SHIPPED_REST))
+    south = int(np.searchsorted(rest.dec_counts, 0))
+
+    def joined(of: Callable[[StarCatalogue], npt.NDArray[_T]]) -> npt.NDArray[_T]:
+        outer = of(rest)
+        column = np.concatenate([outer[:south], of(belt), outer[south:]])
+        column.setflags(write=False)
+        return column
+
+    return StarCatalogue(
+        joined(lambda part: part.ra_counts),
+        joined(lambda part: part.dec_counts),
+        joined(lambda part: part.mmag),
+        joined(lambda part: part.pm_ra_mas_yr),
+        joined(lambda part: part.pm_dec_mas_yr),
+        -90.0,
+        90.0,
+    )
+
+
+def _read(path: Path) -> StarCatalogue:
+    try:
+        with np.load(path) as stored:
+            ra = stored["ra"].astype(np.uint32, copy=False)
+            dec = np.cumsum(stored["dec_steps"], dtype=np.int32)
+            mmag = stored["mmag"].astype(np.int16, copy=False)
+            pm_ra = stored["pm_ra"].astype(np.int16, copy=False)
+            pm_dec = stored["pm_dec"].astype(np.int16, copy=False)
+            lowest, highest = (float(v) for v in stored["dec_limits_deg"])
+    except (OSError, KeyError, ValueError, EOFError) as error:
+        raise SolverError(f"{path} is no star catalogue ({error}): install again") from error
+    for column in (ra, dec, mmag, pm_ra, pm_dec):
+        column.setflags(write=False)
+    return StarCatalogue(ra, dec, mmag, pm_ra, pm_dec, lowest, highest)

@@ -1,0 +1,15 @@
+from .company import MANY as MANY
+from .drift import Drift as Drift
+from .drift import Look as Look
+from .drift import PolarHint as PolarHint
+from .drift import Rate as Rate
+from .drift import drift_of as drift_of
+from .drift import offsets_arcsec as offsets_arcsec
+from .drift import polar_hint as polar_hint
+from .frame_by_frame import follow as follow
+from .joint import STRANGERS_ARCSEC2 as STRANGERS_ARCSEC2
+from .pointing import CLIP_ARCSEC as CLIP_ARCSEC
+from .pointing import PointingModel as PointingModel
+from .pointing import PointingOffset as PointingOffset
+from .pointing import command_for as command_for
+from .pointing import observed as observed

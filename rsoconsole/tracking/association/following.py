@@ -1,0 +1,187 @@
+"""What the fold over frames goes by: what one frame showed, and what is tracked. Pure."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.reasons import Missed, NotTaken
+from rsoconsole.records import FoldRecord, LoopState, Measurement, Miss, NotFollowed, TrackState
+from rsoconsole.tracking.association.neighbours import Field, Neighbour
+from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern
+from rsoconsole.tracking.association.rivals import Rival
+from rsoconsole.tracking.filters import Bend, Motion, lqe
+
+Choice = Literal["nearest", "most confident"]
+
+
+NOTHING_SEEN = Missed(kind="no detection")
+
+
+CROSSED = Missed(kind="crossing")
+
+
+MAY_BE_FOLLOWED = ("satellite", "undetermined")
+"""Classes of streaks that start a track; any other is told so, unless the operator chose it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What one frame showed."""
+
+    frame_id: int
+    t_mid_utc_ns: int
+    exposure_s: float
+    measurements: tuple[Measurement, ...]
+    """Most confident first."""
+    absence: Missed | Callable[[], Missed] = NOTHING_SEEN
+    """What a miss of this frame is put down to; a function is asked only where there is one."""
+    field: Field | None = None
+    """What the frame could show; None where that is not known."""
+    star_width_arcsec: float | None = None
+    """Full width of its stars at half maximum; None where nobody measured it."""
+    chosen: Measurement | None = None
+    """The one that the operator wants followed; one of ``measurements``."""
+    refused: tuple[Measurement, ...] = ()
+    """Those that the operator wants left alone; none of ``measurements``."""
+    dropped: tuple[int, ...] = ()
+    """Tracks that the operator wants followed no more from this frame on, by their numbers."""
+    kept: tuple[int, ...] = ()
+    """Those that no miss is to end from this frame on."""
+    released: tuple[int, ...] = ()
+    """Those of which that holds no longer."""
+    by_orbit: Callable[[TrackState], TrackState | None] | None = None
+    """What the orbit predicts in the place of a prediction that failed; None where it does not.
+    Asked only where nothing fits."""
+
+    @property
+    def why_absent(self) -> Missed:
+        """What a miss of this frame is put down to."""
+        return self.absence if isinstance(self.absence, Missed) else self.absence()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowSettings:
+    """What the fold depends on beside its inputs."""
+
+    filter: FilterConfig
+    half_field_deg: float
+    """Distance from the centre to the nearest edge of the usable field."""
+    choice: Choice = "nearest"
+    bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
+    """How an orbit through a direction with a rate (east, north, arcsec/s) may bend at an instant;
+    None: nobody knows."""
+    is_shutter_known: bool = False
+    """Whether the frame's camera mode is calibrated: its scatter is in every measurement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """One track between two frames."""
+
+    track: TrackState
+    """Last state of the filter: updated, or predicted to the frame that missed."""
+    taken: Measurement | None = None
+    """The last measurement the track took."""
+    neighbours: tuple[Neighbour, ...] = ()
+    """What moves alike beside it."""
+    rivals: tuple[Rival, ...] = ()
+    """What has fitted nothing since, but each other; preset ``adaptive`` only."""
+    unexplained: int = 0
+    """Frames since then in which nothing hid it, and it was not there."""
+    excesses_arcsec: tuple[float, ...] = ()
+    """By how much its last streaks were longer than it moves in one exposure."""
+    is_kept: bool = False
+    """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
+    since_utc_ns: int = 0
+    """When it began, with its second measurement; 0: not known."""
+    trial: int = 1
+    """Measurements after its second that it needs to outlive a miss where it does not lead."""
+
+    @property
+    def is_on_trial(self) -> bool:
+        """Whether chance may have made it: the next frame has to show it."""
+        return self.track.innovations < self.trial
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Following:
+    """The loop between two frames."""
+
+    state: LoopState = "SEARCH"
+    candidates: tuple[Measurement, ...] = ()
+    """Measurements of the last frame, each of which may start a track."""
+    earlier: tuple[Measurement, ...] = ()
+    """Those of the frames before it that may still start one, with later frames that agree."""
+    tracks: tuple[Tracked, ...] = ()
+    """The lead first; empty where nothing is followed."""
+    pattern: Pattern = NO_PATTERN
+    """Where the tracks stand to each other."""
+    last_track_id: int = 0
+    """Of the session's last track that has begun; 0 before the first."""
+    dropped: tuple[Tracked, ...] = ()
+    """What the operator has dropped and may still be in the field: its streaks begin no track."""
+
+    @property
+    def lead(self) -> Tracked | None:
+        """The track that the telescope follows; None where there is none."""
+        return self.tracks[0] if self.tracks else None
+
+    @property
+    def track(self) -> TrackState | None:
+        """The lead's last state of the filter."""
+        return self.tracks[0].track if self.tracks else None
+
+    @property
+    def taken(self) -> Measurement | None:
+        """The last measurement the lead took."""
+        return self.tracks[0].taken if self.tracks else None
+
+    @property
+    def track_id(self) -> int | None:
+        """Of the lead; None where there is none."""
+        return self.tracks[0].track.track_id if self.tracks else None
+
+    def without_track(
+        self,
+        state: LoopState,
+        candidates: tuple[Measurement, ...] = (),
+        earlier: tuple[Measurement, ...] = (),
+    ) -> "Following":
+        """Nothing is followed any more; the next track is another one."""
+        return Following(
+            state=state,
+            candidates=candidates,
+            earlier=earlier,
+            last_track_id=self.last_track_id,
+            dropped=self.dropped,
+        )
+
+
+def not_followed(
+    measurement: Measurement, reason: NotTaken, nis: float | None = None
+) -> NotFollowed:
+    return NotFollowed(
+        frame_id=measurement.frame_id, measurement=measurement, reason=reason, nis=nis
+    )
+
+
+def of_track(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
+    """What was not taken and what was missed, each with its track."""
+    return tuple(
+        replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
+        for each in records
+    )
+
+
+def expected_motion(track: TrackState, exposure_s: float) -> Motion:
+    """Motion on the sky during one exposure at the track's rates."""
+    east_arcsec_s, north_arcsec_s = lqe.sky_rate_arcsec_s(track)
+    return Motion(east_arcsec_s * exposure_s, north_arcsec_s * exposure_s)
+
+
+def three_sigma_deg(track: TrackState) -> float:
+    """Half length of the longer side of the 3-sigma box of the state's position on the sky."""
+    cos_dec = math.cos(math.radians(track.x[2]))
+    return 3.0 * max(math.sqrt(track.P[0][0]) * cos_dec, math.sqrt(track.P[2][2]))

@@ -1,0 +1,221 @@
+"""Who stands beside what is followed, so that neither is taken for the other after a coast.
+
+Satellites of one slot have one rate and one streak, and after a long coast the prediction's
+bounds hold several of them: position alone would then take whichever happens to lie nearer.
+Brightness does not tell them apart either, since phase, cloud and tumbling change it by more than
+they differ. What stays is their pattern: a prediction that has gone astray is wrong by the same
+shift for all of them. So of every shift that would lay something seen onto something known, the
+one that explains most is believed. Waiting a frame instead would teach nothing: they keep their
+places to each other and the bounds only grow. Where the best two explanations name different
+objects and lie close together, nothing is believed: one streak alone, after a long coast, may be
+either of two. Pure.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, Measurement, TrackState, Wcs
+from rsoconsole.sky import jacobian_arcsec_px, sky_to_pixel
+from rsoconsole.tracking.filters import direction_icrs_deg, motion_between, sky_covariance_arcsec2
+
+BoolArray = npt.NDArray[np.bool_]
+
+NEAREST_ARCSEC = 30.0
+"""Closer than that it is the same streak found twice."""
+SIGMA_ARCSEC = 10.0
+DRIFT_ARCSEC_S = 1.0 / 60.0
+"""Neighbours of a slot swing past each other by some 0.05 deg in half a day."""
+UNSEEN_COST = 9.0
+"""Of something known that is not there, as much as a deviation of 3 sigma."""
+UNKNOWN_COST = 9.0
+"""Of something seen with the same motion where nothing is known."""
+LEAST_MARGIN = 4.0
+"""By how much one identity must be better than the next: seven to one."""
+KEPT_S = 7200.0
+MOST_KEPT = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbour:
+    """Something with the same motion beside what is followed."""
+
+    east_arcsec: float
+    """From what is followed, on the sky."""
+    north_arcsec: float
+    t_utc_ns: int
+    """When it was last seen."""
+    error_arcsec: float = 0.0
+    """Sigma of both places then, as far as the track has learnt how much its streaks err."""
+
+    def sigma_arcsec(self, t_utc_ns: int) -> float:
+        """How well its place is known by then, on each axis."""
+        drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
+        return float(np.hypot(drifted, self.error_arcsec))
+
+
+def remembered(
+    before: tuple[Neighbour, ...],
+    taken: Measurement,
+    others: Mapping[Measurement, float],
+    error_arcsec: float = 0.0,
+) -> tuple[Neighbour, ...]:
+    """The neighbours after a frame; ``others`` have the motion of what was taken.
+
+    ``error_arcsec`` is what the track has learnt of the errors of what was taken, the values of
+    ``others`` are the same of each.
+    """
+    here = (taken.ra_icrs_deg, taken.dec_icrs_deg)
+    seen = []
+    for other, theirs_arcsec in others.items():
+        away = motion_between(*here, other.ra_icrs_deg, other.dec_icrs_deg)
+        if away.length_arcsec >= NEAREST_ARCSEC:
+            seen.append(
+                Neighbour(
+                    east_arcsec=away.east_arcsec,
+                    north_arcsec=away.north_arcsec,
+                    t_utc_ns=taken.t_mid_utc_ns,
+                    error_arcsec=float(np.hypot(error_arcsec, theirs_arcsec)),
+                )
+            )
+    unseen = (
+        old
+        for old in before
+        if (taken.t_mid_utc_ns - old.t_utc_ns) / 1e9 <= KEPT_S
+        and not any(_apart_arcsec(old, new) < NEAREST_ARCSEC for new in seen)
+    )
+    return (*seen, *unseen)[:MOST_KEPT]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """What the frame could show."""
+
+    wcs: Wcs
+    width_px: int
+    height_px: int
+
+    def holds(
+        self, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, inside_arcsec: FloatArray
+    ) -> BoolArray:
+        """Which directions (N,) lie so far inside the frame's edges."""
+        centre = ((self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0)
+        jacobian = jacobian_arcsec_px(self.wcs, *centre)
+        inside_px = inside_arcsec / np.sqrt(abs(np.linalg.det(jacobian)))
+        x_px, y_px = sky_to_pixel(self.wcs, ra_icrs_deg, dec_icrs_deg)
+        from_edge_px = np.minimum(
+            np.minimum(x_px, self.width_px - 1 - x_px), np.minimum(y_px, self.height_px - 1 - y_px)
+        )
+        return np.asarray(from_edge_px > inside_px)  # NaN, far outside the plate, is not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Match:
+    """Which measurement is what is followed, and how surely."""
+
+    measurement: Measurement | None
+    """None: what is followed is not among them."""
+    margin: float
+    """By how much it costs less than the best explanation that says otherwise."""
+
+
+def best_match(
+    alike: tuple[Measurement, ...],
+    predicted: TrackState,
+    neighbours: tuple[Neighbour, ...],
+    *,
+    streak_arcsec: float = 0.0,
+    field: Field | None = None,
+    errors_arcsec: Sequence[float] | None = None,
+) -> Match:
+    """Which of the measurements with the track's motion is what is followed.
+
+    For each pair of something seen and something known (what is followed, its neighbours) the
+    prediction's shift is weighed: the deviation it means, and how well all that is known and all
+    that is seen then fit together. Costs are in NIS. What would stand outside ``field``, or so
+    near its edge that its streak of ``streak_arcsec`` would not be whole, may be unseen for
+    nothing; without a field everything should be seen. ``errors_arcsec`` is what the track has
+    learnt of the error of each of the measurements, beside what they state.
+    """
+    errors = np.zeros(len(alike)) if errors_arcsec is None else np.array(errors_arcsec)
+    away = np.array([(0.0, 0.0), *((n.east_arcsec, n.north_arcsec) for n in neighbours)])
+    sigma = np.array([0.0, *(n.sigma_arcsec(predicted.t_utc_ns) for n in neighbours)])
+    places = np.array([_from_prediction(m, predicted) for m in alike])
+    bounds = sky_covariance_arcsec2(predicted)
+    costs: dict[int | None, float] = {}
+    for measurement, place, error in zip(alike, places, errors, strict=True):
+        east, cross, north = measurement.cov_sky_arcsec2
+        for offset, sigma_of in zip(away, sigma, strict=True):
+            shift = place - offset
+            more = (sigma_of**2 + error**2) * np.eye(2)
+            spread = bounds + np.array([[east, cross], [cross, north]]) + more
+            where = shift + away
+            should_be_seen = np.ones(len(where), bool)
+            if field is not None:
+                directions = _directions(where, predicted)
+                should_be_seen = field.holds(*directions, streak_arcsec / 2.0 + sigma)
+            # What is laid onto its place brings its own error along.
+            shifted = np.hypot(errors, error)
+            cost, number = _misfit(where, places, sigma, shifted, should_be_seen)
+            cost += float(shift @ np.linalg.solve(spread, shift))
+            costs[number] = min(cost, costs.get(number, np.inf))
+    return _decided(costs, alike, places)
+
+
+def _decided(
+    costs: dict[int | None, float], alike: tuple[Measurement, ...], places: FloatArray
+) -> Match:
+    best = min(costs, key=lambda number: costs[number])
+
+    def is_another(number: int | None) -> bool:
+        if number is None or best is None:
+            return number is not best
+        return bool(np.hypot(*(places[number] - places[best])) >= NEAREST_ARCSEC)
+
+    others = [cost for number, cost in costs.items() if is_another(number)]
+    return Match(
+        measurement=None if best is None else alike[best],
+        margin=min(others, default=np.inf) - costs[best],
+    )
+
+
+def _misfit(
+    where: FloatArray,
+    places: FloatArray,
+    sigma_arcsec: FloatArray,
+    errors_arcsec: FloatArray,
+    should_be_seen: BoolArray,
+) -> tuple[float, int | None]:
+    """What it costs that all known (K, 2) stand ``where`` and all seen (M, 2) at ``places``.
+
+    With it the number of what is seen where the first of the known stands, if anything is.
+    """
+    squares = np.sum((where[:, None, :] - places[None, :, :]) ** 2, axis=2)
+    spread = np.maximum(sigma_arcsec, SIGMA_ARCSEC)[:, None] ** 2 + errors_arcsec[None, :] ** 2
+    each = squares / spread
+    nearest = each.min(axis=1)
+    is_found = nearest <= UNSEEN_COST
+    cost = float(np.sum(nearest[is_found]))
+    cost += UNSEEN_COST * int(np.sum(~is_found & should_be_seen))
+    cost += UNKNOWN_COST * int(np.sum(each.min(axis=0) > UNSEEN_COST))
+    return cost, int(np.argmin(each[0])) if is_found[0] else None
+
+
+def _directions(where: FloatArray, predicted: TrackState) -> tuple[FloatArray, FloatArray]:
+    """RA and Dec (N,) of places (N, 2) given from the prediction."""
+    ra_deg, dec_deg = direction_icrs_deg(predicted)
+    decs = dec_deg + where[:, 1] / 3600.0
+    cos_dec = np.cos(np.radians((dec_deg + decs) / 2.0))
+    return ra_deg + where[:, 0] / 3600.0 / np.maximum(cos_dec, 1e-3), decs
+
+
+def _from_prediction(measurement: Measurement, predicted: TrackState) -> FloatArray:
+    to = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    away = motion_between(*direction_icrs_deg(predicted), *to)
+    return np.array([away.east_arcsec, away.north_arcsec])
+
+
+def _apart_arcsec(a: Neighbour, b: Neighbour) -> float:
+    return float(np.hypot(a.east_arcsec - b.east_arcsec, a.north_arcsec - b.north_arcsec))

@@ -1,0 +1,232 @@
+"""Where the satellites of a field stand to each other, from the frames that showed both. Pure.
+
+What a frame's time or plate is wrong by moves all of its streaks alike, so the way from one to
+another knows nothing of it (differential coordinates). Of every two tracks that way and its rate
+are filtered by themselves: they tell members of a slot apart after frames in which one of them was
+not seen, where each track's own prediction is off by what the shutter did in the others.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.sky import IntArray
+from rsoconsole.tracking.filters import Plane, lqe, streak_axis
+
+BoolArray = npt.NDArray[np.bool_]
+_RATE_ARCSEC_S = 0.5
+"""One sigma of how fast one may move against another before two frames have shown it."""
+OTHERWISE_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
+"""Faster by their own rates they are no members of one slot: those rates are believed."""
+_ACCELERATION_Q = 1e-9
+"""White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
+_LEAST_ARCSEC = 0.5
+"""Sigma on each axis of any place against another in its frame: the lens, ends that err."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """The ways from each track to each other, arcsec east and north, at the last frame of both."""
+
+    track_ids: tuple[int, ...] = ()
+    t_utc_ns: FloatArray | None = None
+    """(N, N); 0 where no frame has shown both."""
+    ways: FloatArray | None = None
+    """(N, N, 4): east, north and their rates."""
+    covariances: FloatArray | None = None
+    """(N, N, 4, 4)"""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pattern) or self.track_ids != other.track_ids:
+            return False
+        ours = (self.t_utc_ns, self.ways, self.covariances)
+        theirs = (other.t_utc_ns, other.ways, other.covariances)
+        return all(
+            one is another or (one is not None and another is not None and _is_same(one, another))
+            for one, another in zip(ours, theirs, strict=True)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.track_ids)
+
+    def ways_between(
+        self, tracks: Sequence[int], t_utc_ns: int
+    ) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Between N tracks at an instant: which are known (N, N), ways (N, N, 2), covariances."""
+        number = len(tracks)
+        known, ways = np.zeros((number, number), bool), np.zeros((number, number, 2))
+        covariances = np.zeros((number, number, 2, 2))
+        i, j = np.triu_indices(number, 1)
+        there, mean, covariance = self._carried(np.array(tracks), i, j, t_utc_ns)
+        i, j = i[there], j[there]
+        known[i, j] = known[j, i] = True
+        ways[i, j], ways[j, i] = mean[:, :2], -mean[:, :2]
+        covariances[i, j] = covariances[j, i] = covariance[:, :2, :2]
+        return known, ways, covariances
+
+    def _carried(
+        self, tracks: IntArray, i: IntArray, j: IntArray, t_utc_ns: int
+    ) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Which of M pairs are known (M,), and of those, at an instant, way and rate (K, 4) with
+        their covariances (K, 4, 4).
+        """
+        if self.t_utc_ns is None or self.ways is None or self.covariances is None:
+            return np.zeros(len(i), bool), np.zeros((0, 4)), np.zeros((0, 4, 4))
+        at = _places_in(tracks, self.track_ids)
+        a, b = at[i], at[j]
+        there = (a >= 0) & (b >= 0)
+        there[there] = self.t_utc_ns[a[there], b[there]] != 0.0
+        a, b = a[there], b[there]
+        dt_s = (t_utc_ns - self.t_utc_ns[a, b]) / 1e9
+        carry = np.tile(np.eye(4), (len(a), 1, 1))
+        carry[:, 0, 2] = carry[:, 1, 3] = dt_s
+        span = np.abs(dt_s)
+        noise = np.zeros((len(a), 4, 4))
+        for axis in (0, 1):
+            noise[:, axis, axis] = _ACCELERATION_Q * span**3 / 3.0
+            noise[:, axis, axis + 2] = noise[:, axis + 2, axis] = _ACCELERATION_Q * dt_s * span / 2
+            noise[:, axis + 2, axis + 2] = _ACCELERATION_Q * span
+        mean = (carry @ self.ways[a, b][:, :, None])[:, :, 0]
+        covariance = carry @ self.covariances[a, b] @ np.swapaxes(carry, 1, 2) + noise
+        return there, mean, covariance
+
+
+def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
+    """(N,) number of each track among the known ones; -1: not among them."""
+    number = {track: k for k, track in enumerate(known)}
+    return np.array([number.get(track, -1) for track in tracks.tolist()], np.int64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Place:
+    """What a frame has shown of one track."""
+
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    covariance: FloatArray
+    """(2, 2) of the place, arcsec^2, without what all of a frame share."""
+    rate_arcsec_s: FloatArray
+    """(2,) of the track, east and north."""
+
+    @classmethod
+    def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
+        """Of the streak that a track has taken; ``along_arcsec`` as ``own_covariance`` has it."""
+        return cls(
+            ra_icrs_deg=m.ra_icrs_deg,
+            dec_icrs_deg=m.dec_icrs_deg,
+            covariance=own_covariance(m, track, along_arcsec),
+            rate_arcsec_s=np.array(lqe.sky_rate_arcsec_s(track)),
+        )
+
+
+NO_PATTERN = Pattern()
+"""Of a field with fewer than two tracks."""
+
+
+def _is_same(one: FloatArray, other: FloatArray) -> bool:
+    return bool(np.array_equal(one, other))
+
+
+def after(
+    before: Pattern,
+    alive: Sequence[int],
+    seen: Mapping[int, "Place"],
+    t_utc_ns: int,
+) -> Pattern:
+    """The pattern of the tracks ``alive``, with what a frame has shown of them.
+
+    ``seen``: what the frame has shown of each track.
+    """
+    if len(alive) < 2:
+        return NO_PATTERN
+    number, tracks = len(alive), np.array(alive)
+    t, ways = np.zeros((number, number)), np.zeros((number, number, 4))
+    covariances = np.zeros((number, number, 4, 4))
+    i, j = np.triu_indices(number, 1)
+    shown = np.array([track in seen for track in alive])
+    both = shown[i] & shown[j]
+    if before.t_utc_ns is not None and before.ways is not None and before.covariances is not None:
+        # What this frame has not shown stays as it was.
+        at = _places_in(tracks, before.track_ids)
+        old = ~both & (at[i] >= 0) & (at[j] >= 0)
+        a, b = at[i[old]], at[j[old]]
+        t[i[old], j[old]] = before.t_utc_ns[a, b]
+        ways[i[old], j[old]] = before.ways[a, b]
+        covariances[i[old], j[old]] = before.covariances[a, b]
+    if both.any():
+        i, j = i[both], j[both]
+        t[i, j] = float(t_utc_ns)
+        ways[i, j], covariances[i, j] = _shown(before, tracks, seen, (i, j), t_utc_ns)
+    t += t.T
+    ways -= np.swapaxes(ways, 0, 1)
+    covariances += np.swapaxes(covariances, 0, 1)
+    return Pattern(tuple(alive), t, ways, covariances)
+
+
+def _shown(
+    before: Pattern,
+    tracks: IntArray,
+    seen: Mapping[int, "Place"],
+    pairs: tuple[IntArray, IntArray],
+    t_utc_ns: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Ways and rates (M, 4) of the pairs that a frame has shown, with covariances (M, 4, 4)."""
+    i, j = pairs
+    each = [seen.get(track) for track in tracks.tolist()]
+    first = next(one for one in each if one is not None)
+    plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
+    none = np.full(2, np.nan)
+    places = np.array(
+        [none if e is None else plane.place_of(e.ra_icrs_deg, e.dec_icrs_deg) for e in each]
+    )
+    rates = np.array([none if e is None else e.rate_arcsec_s for e in each])
+    own = np.array([np.full((2, 2), np.nan) if e is None else e.covariance for e in each])
+    R, rate = own[i] + own[j], rates[j] - rates[i]
+    rate[np.hypot(*rate.T) < OTHERWISE_ARCSEC_S] = 0.0
+    means = np.concatenate([places[j] - places[i], rate], axis=1)
+    covariances = np.zeros((len(i), 4, 4))
+    covariances[:, 2, 2] = covariances[:, 3, 3] = _RATE_ARCSEC_S**2
+    covariances[:, :2, :2] = R
+    known, mean, covariance = before._carried(tracks, i, j, t_utc_ns)
+    R = R[known]
+    gain = covariance[:, :, :2] @ np.linalg.inv(covariance[:, :2, :2] + R)
+    left = np.tile(np.eye(4), (len(mean), 1, 1))
+    left[:, :, :2] -= gain
+    off = means[known, :2] - mean[:, :2]
+    means[known] = mean + (gain @ off[:, :, None])[:, :, 0]
+    across = np.swapaxes(gain, 1, 2)
+    covariances[known] = left @ covariance @ np.swapaxes(left, 1, 2) + gain @ R @ across
+    return means, covariances
+
+
+def own_covariance(
+    m: Measurement, track: TrackState, along_arcsec: float | None = None
+) -> FloatArray:
+    """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
+
+    By what its track has learnt of its errors; ``along_arcsec``: what its length adds along
+    the streak; None: as of the one that the track took last.
+    """
+    ee, en, nn = m.cov_sky_arcsec2
+    said = track.mixture
+    scale, more = (1.0, 0.0) if said is None else (said.variance_scale, said.along_arcsec)
+    more = more if along_arcsec is None else along_arcsec
+    ahead = streak_axis(m)
+    if ahead is None:
+        rate = np.array(lqe.sky_rate_arcsec_s(track))
+        ahead = rate / max(float(np.hypot(*rate)), 1e-3)
+    own = scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
+    return own + _LEAST_ARCSEC**2 * np.eye(2)
+
+
+def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
+    """One sigma of a streak's place by what its track has learnt, on its worse axis.
+
+    0 where the filter learns nothing: what the measurement states is all that is known.
+    """
+    if track.mixture is None:
+        return 0.0
+    return float(np.sqrt(np.linalg.eigvalsh(own_covariance(m, track))[-1]))

@@ -1,0 +1,257 @@
+"""How two satellites of a field move against each other, from the frames that showed both. Pure.
+
+What shutter and plate are wrong by moves both streaks of a frame alike, so each axis of the way
+from one to the other is fitted by itself, frame by frame, and knows nothing of it. The path is an
+offset, a drift, and swings of one turn and of half a turn, which is what two orbits of nearly one
+period do to each other (Clohessy & Wiltshire 1960); two that move otherwise have their drift. A
+short arc does not tell a swing: how wide swings and drifts may be is averaged over priors from
+small to large, each weighed by how well it explains what was seen.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, IntArray, direction_to_unit
+
+SIDEREAL_RAD_S = 7.292115e-5
+"""The Earth's turn: what stands over the ground moves by that over the stars."""
+LONGEST_HORIZON_S = 6 * 3600.0
+"""A quarter of that turn."""
+LEAST_FRAMES = 3
+_SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
+_DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
+_OFFSET_SHARES, _LEAST_OFFSET_ARCSEC = (1.0 / 3.0, 10.0 / 3.0), 60.0
+"""How far the middle of a swing may lie from the other one, by the swing's width."""
+_HALF_TURN_SHARE, _OF_WIDE_SWINGS, _WIDE_ARCSEC = 0.05, 0.2, 1e3
+"""Of a swing's width that of half a turn: orbits that lean, a site that is not the Earth's centre.
+All of these cover what pairs of catalogued geostationary objects do (``test_relative.py``)."""
+SAMPLES = 200
+_TERMS = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sights:
+    """What the frames have shown of one track: N of them, in order of time."""
+
+    frame_id: IntArray
+    """(N,)"""
+    t_utc_ns: IntArray
+    units: FloatArray
+    """(N, 3) towards it."""
+    cov_sky_arcsec2: FloatArray
+    """(N, 3) east-east, east-north, north-north, without what all of a frame share."""
+    rate_arcsec_s: FloatArray
+    """(N, 2) east and north."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ways:
+    """From one track to another in the N frames that showed both."""
+
+    t_utc_ns: IntArray
+    """(N,)"""
+    ways_arcsec: FloatArray
+    """(N, 2) east and north, at the middle between them."""
+    covariance_arcsec2: FloatArray
+    """(N, 2, 2)"""
+    rate_arcsec_s: FloatArray
+    """(2,) of the faster one over the stars, in the last of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RelativePath:
+    """The way from one to the other as a function of time, as S equally likely paths."""
+
+    t_utc_ns: int
+    """Its reference: the last frame that showed both."""
+    frequency_rad_s: float
+    axes: FloatArray
+    """(2, 2) rows: unit vectors (east, north) of the two axes that are fitted."""
+    samples: FloatArray
+    """(S, 2, 6) coefficients of each axis."""
+    frames: int
+    """That have shown both."""
+
+    @property
+    def horizon_s(self) -> float:
+        """How far ahead it is looked at: a quarter of the turn, 6 hours at most."""
+        return min(LONGEST_HORIZON_S, 0.5 * math.pi / self.frequency_rad_s)
+
+    def at(self, since_s: FloatArray) -> FloatArray:
+        """(S, M, 2) ways, east and north, so long after the reference."""
+        terms = _terms(self.frequency_rad_s * np.atleast_1d(since_s))
+        return np.asarray(np.swapaxes(self.samples @ terms.T, 1, 2) @ self.axes)
+
+    def rate_at(self, since_s: FloatArray) -> FloatArray:
+        """(S, M, 2) arcsec/s."""
+        slopes = _slopes(self.frequency_rad_s * np.atleast_1d(since_s))
+        rates = np.swapaxes(self.samples @ slopes.T, 1, 2) @ self.axes
+        return np.asarray(rates * self.frequency_rad_s)
+
+
+def ways_between(one: Sights, other: Sights) -> Ways | None:
+    """The frames that showed both; None where there are too few to tell a motion."""
+    _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
+    if len(i) < LEAST_FRAMES:
+        return None
+    # A rolling shutter sees one a moment after the other.
+    late_s = (one.t_utc_ns[i] - other.t_utc_ns[j]) / NS_PER_S
+    here, there = one.units[i], other.units[j]
+    east, north = axes_at(here + there)
+    moved = other.rate_arcsec_s[j] * late_s[:, None]
+    rates = np.stack([one.rate_arcsec_s[i[-1]], other.rate_arcsec_s[j[-1]]])
+    return Ways(
+        t_utc_ns=one.t_utc_ns[i],
+        ways_arcsec=_way(here, there, east, north) + moved,
+        covariance_arcsec2=_square(one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]),
+        rate_arcsec_s=rates[int(np.argmax(np.hypot(*rates.T)))],
+    )
+
+
+def way_arcsec(
+    ra_deg: FloatArray, dec_deg: FloatArray, other_ra_deg: FloatArray, other_dec_deg: FloatArray
+) -> FloatArray:
+    """(N, 2) from directions to others, east and north at the middle between them."""
+    here, there = direction_to_unit(ra_deg, dec_deg), direction_to_unit(other_ra_deg, other_dec_deg)
+    return _way(here, there, *axes_at(here + there))
+
+
+def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(N, 3) east and north at directions of any length."""
+    x, y, z = np.moveaxis(towards / np.linalg.norm(towards, axis=-1, keepdims=True), -1, 0)
+    level = np.maximum(np.hypot(x, y), 1e-9)
+    east = np.stack([-y / level, x / level, np.zeros_like(x)], axis=-1)
+    north = np.stack([-z * x / level, -z * y / level, level], axis=-1)
+    return east, north
+
+
+def relative_path(ways: Ways) -> RelativePath:
+    """The path that the ways tell, with all that they leave open."""
+    frequency = max(SIDEREAL_RAD_S, float(np.hypot(*ways.rate_arcsec_s)) * ARCSEC_RAD)
+    ahead = ways.rate_arcsec_s / max(float(np.hypot(*ways.rate_arcsec_s)), 1e-9)
+    axes = np.array([ahead, [-ahead[1], ahead[0]]])
+    since_s = (ways.t_utc_ns - ways.t_utc_ns[-1]) / NS_PER_S
+    terms = _terms(frequency * since_s)
+    values = ways.ways_arcsec @ axes.T
+    variances = np.einsum("ai,nij,aj->na", axes, ways.covariance_arcsec2, axes)
+    fits = [_fit(terms, values[:, a], variances[:, a]) for a in (0, 1)]
+    drawn = [_drawn(fit, a) for a, fit in enumerate(fits)]
+    return RelativePath(
+        t_utc_ns=int(ways.t_utc_ns[-1]),
+        frequency_rad_s=frequency,
+        axes=axes,
+        samples=np.stack(drawn, axis=1),
+        frames=len(since_s),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Fit:
+    """One axis: a mixture over priors."""
+
+    weights: FloatArray
+    """(K,)"""
+    means: FloatArray
+    """(K, 6)"""
+    roots: FloatArray
+    """(K, 6, 6) times a standard normal: the spread about the mean."""
+
+
+def _fit(terms: FloatArray, values: FloatArray, variances: FloatArray) -> _Fit:
+    fit, misfit = _fitted(terms, values, variances)
+    freedom = len(values) - _TERMS
+    if freedom > 0 and misfit > freedom:
+        # The streaks err by more than they state.
+        fit, _ = _fitted(terms, values, variances * misfit / freedom)
+    return fit
+
+
+def _fitted(terms: FloatArray, values: FloatArray, variances: FloatArray) -> tuple[_Fit, float]:
+    """With the sum of the squares that the likeliest prior leaves, each in its sigma."""
+    sigmas = _priors()
+    weighted = terms / variances[:, None]
+    normal, right = weighted.T @ terms, weighted.T @ values
+    M = np.eye(_TERMS) + sigmas[:, :, None] * normal * sigmas[:, None, :]
+    roots = np.linalg.inv(np.linalg.cholesky(M))
+    half = np.einsum("kij,kj->ki", roots, sigmas * right)
+    log_det = -np.sum(np.log(np.abs(np.diagonal(roots, axis1=1, axis2=2))), axis=1)
+    evidence = 0.5 * np.sum(half**2, axis=1) - log_det
+    weights = np.exp(evidence - np.max(evidence))
+    means = sigmas * np.einsum("kji,kj->ki", roots, half)
+    best = means[int(np.argmax(weights))]
+    left = values - terms @ best
+    fit = _Fit(
+        weights=weights / weights.sum(),
+        means=means,
+        roots=sigmas[:, :, None] * np.swapaxes(roots, 1, 2),
+    )
+    return fit, float(np.sum(left**2 / variances))
+
+
+@cache
+def _priors() -> FloatArray:
+    """(K, 6) one sigma of each coefficient: all of them as likely beforehand."""
+    rows = []
+    for swing, drift, share in itertools.product(
+        _SWINGS_ARCSEC, _DRIFTS_ARCSEC_RAD, _OFFSET_SHARES
+    ):
+        half = (_OF_WIDE_SWINGS if swing >= _WIDE_ARCSEC else _HALF_TURN_SHARE) * swing
+        least = _LEAST_OFFSET_ARCSEC * share / _OFFSET_SHARES[0]
+        rows.append([max(least, share * swing), drift, swing, swing, half, half])
+    return np.array(rows)
+
+
+def _drawn(fit: _Fit, axis: int) -> FloatArray:
+    """(S, 6) equally likely coefficients."""
+    share, normal = _draws(axis)
+    chosen = np.searchsorted(np.cumsum(fit.weights), share * (1.0 - 1e-12))
+    chosen = np.minimum(chosen, len(fit.weights) - 1)
+    return np.asarray(fit.means[chosen] + np.einsum("sij,sj->si", fit.roots[chosen], normal))
+
+
+@cache
+def _draws(axis: int) -> tuple[FloatArray, FloatArray]:
+    """The same ones each time: (S,) evenly from 0 to 1 in an order of their own, (S, 6) normal."""
+    random = np.random.Generator(np.random.PCG64(axis))
+    share = random.permutation((np.arange(SAMPLES) + 0.5) / SAMPLES)
+    normal = random.standard_normal((SAMPLES, _TERMS))
+    normal = (normal - normal.mean(axis=0)) / normal.std(axis=0)
+    return share, normal
+
+
+def _terms(angle: FloatArray) -> FloatArray:
+    one = np.ones_like(angle)
+    return np.stack(
+        [
+            *(one, angle, np.cos(angle), np.sin(angle)),
+            *(np.cos(2.0 * angle), np.sin(2.0 * angle)),
+        ],
+        axis=-1,
+    )
+
+
+def _slopes(angle: FloatArray) -> FloatArray:
+    one = np.ones_like(angle)
+    return np.stack(
+        [
+            *(0.0 * one, one, -np.sin(angle), np.cos(angle)),
+            *(-2.0 * np.sin(2.0 * angle), 2.0 * np.cos(2.0 * angle)),
+        ],
+        axis=-1,
+    )
+
+
+def _way(here: FloatArray, there: FloatArray, east: FloatArray, north: FloatArray) -> FloatArray:
+    chord = there - here
+    half = np.clip(np.linalg.norm(chord, axis=-1) / 2.0, 1e-12, 1.0)
+    flat = np.stack([np.sum(chord * east, axis=-1), np.sum(chord * north, axis=-1)], axis=-1)
+    return np.asarray(flat * (np.arcsin(half) / half)[..., None] / ARCSEC_RAD)
+
+
+def _square(cov: FloatArray) -> FloatArray:
+    return np.stack([cov[:, [0, 1]], cov[:, [1, 2]]], axis=1)

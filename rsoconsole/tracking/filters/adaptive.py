@@ -1,0 +1,408 @@
+"""Preset ``adaptive``: the track as the mixture of a bank of filters (``bank``). Pure.
+
+The state on record is the mixture's mean and covariance, as of one filter; the bank itself goes
+along in memory. A state that was read from a session has none: the record predicts it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
+from rsoconsole.tracking.filters import bank as banks
+from rsoconsole.tracking.filters import bank_update, lqe
+from rsoconsole.tracking.filters.association import streak_axis
+from rsoconsole.tracking.filters.bank import Bank, Position
+from rsoconsole.tracking.filters.bank_update import Innovation
+from rsoconsole.tracking.filters.scatter import scatter_interval_s
+from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Plane
+
+_WORTH_TELLING = 1.5
+_MOST_CORRELATED = 0.99999
+
+COMMON_ARCSEC = 0.2
+"""Sigma on each axis of what all directions of a night share (the catalogue's frame, the lens) and
+no innovation shows: part of a state's covariance, not of the filters'."""
+Bend = tuple[FloatArray, FloatArray]
+"""Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
+
+
+def initialise(
+    first: Measurement,
+    second: Measurement,
+    settings: FilterConfig,
+    *,
+    track_id: int = 1,
+    bend: Bend | None = None,
+    along_arcsec: tuple[float, float] = (0.0, 0.0),
+    is_shutter_known: bool = False,
+) -> TrackState:
+    """Track at the second of two measurements.
+
+    ``bend``: what an orbit through the first may do; ``along_arcsec``: sigma along the motion that
+    the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises ValueError
+    when the second is not the later one.
+    """
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0.0:
+        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    one = _position(first, settings, along_arcsec[0])
+    two = _position(second, settings, along_arcsec[1])
+    way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
+    rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
+    bank = banks.initiate(one, rate, bend, is_shutter_known=is_shutter_known)
+    bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
+    return _state(
+        bank,
+        along_arcsec[1],
+        kind="initial",
+        frame_id=second.frame_id,
+        track_id=track_id,
+        measurement_id=second.measurement_id,
+        begun_with=(first.measurement_id, second.measurement_id),
+    )
+
+
+def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
+    """The track carried to another instant, for the frame ``frame_id``."""
+    known = None
+    if isinstance(state.memory, _Memory) and state.memory.x == state.x and state.mixture:
+        said = state.mixture  # no prediction changes what is believed of scatter
+        known = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
+    return _state(
+        banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
+        scatter_s=known,
+        kind="predicted",
+        frame_id=frame_id,
+        track_id=state.track_id,
+        is_lead=state.is_lead,
+        misses=state.misses + 1,
+        innovations=state.innovations,
+    )
+
+
+def innovation(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> Innovation:
+    """How far a measurement at the predicted instant is off the track: what ``taken`` begins with.
+
+    ``along_arcsec``: sigma along the motion that the length of its streak adds. Raises ValueError
+    when the measurement belongs to another instant: predict to it first.
+    """
+    if measurement.t_mid_utc_ns != predicted.t_utc_ns:
+        raise ValueError("the measurement and the prediction are of different instants")
+    return innovations(predicted, ((measurement, along_arcsec),), settings)[0]
+
+
+def innovations(
+    predicted: TrackState,
+    measured: Sequence[tuple[Measurement, float]],
+    settings: FilterConfig,
+) -> list[Innovation]:
+    """``innovation`` of several measurements, each with its ``along_arcsec``, for less."""
+    positions = [_position(m, settings, along_arcsec) for m, along_arcsec in measured]
+    return bank_update.innovations_of(_bank_of(predicted), positions)
+
+
+def taken(
+    predicted: TrackState, measurement: Measurement, found: Innovation, along_arcsec: float = 0.0
+) -> TrackState:
+    """The track after a measurement, with what the innovation says."""
+    said = bank_update.taken(found)
+    east, north = said.innovation.tolist()
+    sigma = np.sqrt(np.diag(said.covariance)).tolist()
+    return _state(
+        said.after,
+        along_arcsec,
+        said.covariance,
+        kind="updated",
+        frame_id=measurement.frame_id,
+        track_id=predicted.track_id,
+        is_lead=predicted.is_lead,
+        measurement_id=measurement.measurement_id,
+        nis=said.nis,
+        innovation_arcsec=(east, north),
+        sigma_innovation_arcsec=(sigma[0], sigma[1]),
+        innovations=predicted.innovations + 1,
+        foretold_by=predicted.foretold_by,
+    )
+
+
+def update(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> TrackState:
+    """The track after a measurement at the predicted instant, with what the innovation says.
+
+    Arguments and errors as of ``innovation``.
+    """
+    found = innovation(predicted, measurement, settings, along_arcsec)
+    return taken(predicted, measurement, found, along_arcsec)
+
+
+def begun_from(
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    frame_id: int,
+    failed: TrackState,
+) -> TrackState:
+    """The bank restarted from another prediction at the instant of one that has ``failed``.
+
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What was learnt
+    of scatter and of how the path bends stays.
+    """
+    before = _bank_of(failed)
+    mean, spread = before.moments()
+    bend = (mean[ACCELERATION:], spread[ACCELERATION:, ACCELERATION:])
+    return _state(
+        banks.restarted(before, direction_deg, rate_arcsec_s, covariance, bend),
+        kind="predicted",
+        frame_id=frame_id,
+        track_id=failed.track_id,
+        is_lead=failed.is_lead,
+        misses=failed.misses,
+        innovations=failed.innovations,
+        foretold_by="orbit",
+    )
+
+
+def thinned(state: TrackState) -> TrackState:
+    """The same track by fewer filters, for less work; what is on record of it stays."""
+    if not isinstance(state.memory, _Memory) or state.memory.x != state.x:
+        return state
+    return replace(state, memory=replace(state.memory, bank=banks.thinned(state.memory.bank)))
+
+
+def log_det_innovation(
+    predicted: TrackState, measurement: Measurement, settings: FilterConfig
+) -> float:
+    """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
+    found = bank_update.innovation(_bank_of(predicted), _position(measurement, settings))
+    return float(np.linalg.slogdet(bank_update.covariance_of(found))[1])
+
+
+def _position(
+    measurement: Measurement, settings: FilterConfig, along_arcsec: float = 0.0
+) -> Position:
+    noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
+    # An ellipse whatever a file may claim: what is more than correlated has no density.
+    most = _MOST_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
+    noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
+    cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
+    to_sky = np.array([cos_dec, 1.0])
+    return Position(
+        t_utc_ns=measurement.t_mid_utc_ns,
+        ra_icrs_deg=measurement.ra_icrs_deg,
+        dec_icrs_deg=measurement.dec_icrs_deg,
+        covariance=noise * np.outer(to_sky, to_sky),
+        along_arcsec=along_arcsec,
+        axis=streak_axis(measurement) if along_arcsec else None,
+    )
+
+
+def _roots(settings: FilterConfig) -> FloatArray | None:
+    """Of the operator's factors of Q, in the order of a motion."""
+    ra, ra_rate, dec, dec_rate = (
+        settings.q_ra_multiplier,
+        settings.q_ra_rate_multiplier,
+        settings.q_dec_multiplier,
+        settings.q_dec_rate_multiplier,
+    )
+    factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
+    return None if np.all(factors == 1.0) else np.sqrt(factors)
+
+
+def _bank_of(state: TrackState) -> Bank:
+    if isinstance(state.memory, _Memory) and state.memory.x == state.x:
+        return state.memory.bank
+    return _from_record(state)
+
+
+@dataclass(frozen=True, slots=True)
+class _Memory:
+    """The bank, and the state that it is the bank of: one that was made otherwise has none."""
+
+    bank: Bank
+    x: tuple[float, float, float, float]
+    innovation_covariance: FloatArray | None = None
+    """(2, 2) of the update that made it, arcsec^2."""
+
+
+def _from_record(state: TrackState) -> Bank:
+    """A bank that says what a state on record says."""
+    cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
+    to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
+    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+    said = state.mixture
+    motion = np.zeros(6)
+    motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
+    covariance = np.zeros((6, 6))
+    covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
+    own = covariance[:4, :4] - np.diag([COMMON_ARCSEC**2, COMMON_ARCSEC**2, 0.0, 0.0])
+    if np.all(np.linalg.eigvalsh(own) > 0.0):  # another preset's knows nothing of what is common
+        covariance[:4, :4] = own
+    weights, scatter_s, variance_scale = list(banks.MOTION_PRIORS), 0.0, 1.0
+    if said is None:
+        covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend(
+            math.hypot(*motion[VX : VY + 1])
+        )[1]
+    else:
+        motion[ACCELERATION], motion[TURN] = said.acceleration_arcsec_s2, said.turn
+        covariance[ACCELERATION, ACCELERATION] = said.acceleration_sigma_arcsec_s2**2
+        covariance[TURN, TURN] = said.turn_sigma**2
+        known = dict(said.motion_probabilities)
+        weights = [known.get(name, 0.0) for name in banks.MOTIONS]
+        scatter_s, variance_scale = said.scatter_s, said.variance_scale
+    plane = Plane.at(state.x[0], state.x[2])
+    return banks.of_single(
+        plane, state.t_utc_ns, motion, covariance, weights, scatter_s, variance_scale
+    )
+
+
+def innovation_covariance(updated: TrackState) -> FloatArray:
+    """Covariance (2, 2) of the innovation on the sky, arcsec^2, of the update that made a state.
+
+    Raises ValueError for any other state: it is in memory only.
+    """
+    memory = updated.memory
+    if not isinstance(memory, _Memory) or memory.innovation_covariance is None:
+        raise ValueError("only a state that an update of preset adaptive has just made tells that")
+    return memory.innovation_covariance
+
+
+def _state(
+    bank: Bank,
+    along_arcsec: float = 0.0,
+    innovation_covariance: FloatArray | None = None,
+    scatter_s: tuple[float, float, float] | None = None,
+    **told: object,
+) -> TrackState:
+    mean, covariance = bank.moments()
+    ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
+    cos_dec = max(math.cos(math.radians(dec)), 1e-3)
+    to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / lqe.ARCSEC_PER_DEG
+    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+    on_sky = covariance[:4, :4].copy()
+    on_sky[0, 0] += COMMON_ARCSEC**2
+    on_sky[1, 1] += COMMON_ARCSEC**2
+    P = on_sky[order] * np.outer(to_deg, to_deg)
+    median, low, high = scatter_s or scatter_interval_s(bank)
+    x = (ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2]))
+    return TrackState(
+        t_utc_ns=bank.t_utc_ns,
+        x=x,
+        P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
+        mixture=Mixture(
+            motion_probabilities=tuple(
+                zip(banks.MOTIONS, bank.motion_probabilities.tolist(), strict=True)
+            ),
+            acceleration_arcsec_s2=float(mean[ACCELERATION]),
+            acceleration_sigma_arcsec_s2=math.sqrt(
+                max(covariance[ACCELERATION, ACCELERATION], 0.0)
+            ),
+            turn=float(mean[TURN]),
+            turn_sigma=math.sqrt(max(covariance[TURN, TURN], 0.0)),
+            scatter_s=median,
+            scatter_low_s=low,
+            scatter_high_s=high,
+            variance_scale=bank.variance_scale,
+            along_arcsec=along_arcsec,
+        ),
+        memory=_Memory(bank, x, innovation_covariance),
+        **told,  # type: ignore[arg-type]
+    )
+
+
+def scatter_words(state: TrackState, known_s: float) -> str | None:
+    """What a track has learnt of scatter along its motion; None: nothing.
+
+    One streak alone does not tell the shutter from an end that is found badly, so it is called
+    the shutter's only under a condition. ``known_s``: what the measurements contain already.
+    """
+    if state.mixture is None:
+        return None
+    said = state.mixture
+    speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
+    every = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
+    median, low, high = (math.hypot(each, known_s) for each in every)
+    return (
+        f"along-track scatter {median * speed:.1f} arcsec ({median:.2g} s if it is the shutter,"
+        f" {low:.2g} to {high:.2g} s at 90 %)"
+    )
+
+
+def summary_words(state: TrackState | None, known_s: float) -> str:
+    """In a few words for a narrow screen what motion is believed, and the scatter; may be empty."""
+    if state is None or state.mixture is None:
+        return ""
+    name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])
+    speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
+    scatter_s = math.hypot(state.mixture.scatter_s, known_s)
+    wider = math.sqrt(state.mixture.variance_scale)
+    errors = f", errors ×{wider:.1f}" if wider >= _WORTH_TELLING else ""
+    timing = f"timing ±{scatter_s:.2g} s = {scatter_s * speed:.1f}″"
+    return f"motion {name} {share:.0%}, {timing}{errors}"
+
+
+def with_learned_errors(
+    taken: Sequence[Measurement], scatter_s: float, variance_scale: float = 1.0
+) -> tuple[Measurement, ...]:
+    """A track's measurements, with covariances that contain the errors learnt.
+
+    Each moves as from or to the one that is nearer to it in time.
+    """
+    if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
+        return tuple(taken)
+    last, errors = len(taken) - 1, (scatter_s, variance_scale)
+    others = [
+        _nearer(m, taken[max(n - 1, 0)], taken[min(n + 1, last)]) for n, m in enumerate(taken)
+    ]
+    return tuple(_scattered(*pair, errors) for pair in zip(taken, others, strict=True))
+
+
+def _nearer(measurement: Measurement, before: Measurement, after: Measurement) -> Measurement:
+    """Of its two neighbours in time; at an end one of them is itself."""
+    since_ns = measurement.t_mid_utc_ns - before.t_mid_utc_ns
+    until_ns = after.t_mid_utc_ns - measurement.t_mid_utc_ns
+    return after if since_ns <= 0 or 0 < until_ns < since_ns else before
+
+
+def _scattered(
+    measurement: Measurement, other: Measurement, learnt: tuple[float, float]
+) -> Measurement:
+    span_s = (other.t_mid_utc_ns - measurement.t_mid_utc_ns) / 1e9
+    if span_s == 0.0:
+        return measurement
+    plane = Plane.at(measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    way = plane.place_of(other.ra_icrs_deg, other.dec_icrs_deg) / span_s * learnt[0]
+    east, north = float(way[0]), float(way[1])
+    ee, en, nn = (learnt[1] * each for each in measurement.cov_sky_arcsec2)
+    if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):
+        return measurement  # what is no direction does not become one
+    return replace(measurement, cov_sky_arcsec2=(ee + east**2, en + east * north, nn + north**2))
+
+
+__all__ = [
+    "Bend",
+    "begun_from",
+    "initialise",
+    "innovation",
+    "innovation_covariance",
+    "innovations",
+    "log_det_innovation",
+    "predict",
+    "scatter_words",
+    "summary_words",
+    "taken",
+    "update",
+    "with_learned_errors",
+]

@@ -1,0 +1,162 @@
+"""Which measurement belongs to the object followed, and which two make a first track.
+
+Position alone does not tell neighbours apart: rate, streak direction and streak length are
+asked too. One streak does not tell which of its ends came first, so directions are compared
+modulo 180 degrees and before lock the displacement between two frames must match the streak.
+After it the streak is held against the track's own rates, and the position against its bounds. The
+way from the last measurement is no third test: inside bounds of even 8 arcmin, after a coast of
+half an hour, it agrees with the track's rate to 2 per cent.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.reasons import MotionMismatch
+from rsoconsole.records import FloatArray, Measurement
+from rsoconsole.sky import wrap_180
+
+DIRECTION_TOLERANCE_DEG = 12.0
+LENGTH_TOLERANCE = 0.25
+SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
+BENT_TOLERANCE_DEG = 20.0
+"""Of one that is as long as the motion and lies where it is expected: stars that drift during the
+exposure, wind and a jumping mount bend it against them by as much."""
+SHORTER_TOLERANCE = 0.4
+"""Of what a streak may have lost of its length and fit a rival."""
+PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
+"""Once it is followed it may have lost, or gained, so much: that then says how badly its place
+along the motion is known (``streak_length``). Half as long is another object, half as fast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A displacement on the sky."""
+
+    east_arcsec: float
+    north_arcsec: float
+
+    @property
+    def length_arcsec(self) -> float:
+        """Its length."""
+        return math.hypot(self.east_arcsec, self.north_arcsec)
+
+    @property
+    def axis_deg(self) -> float:
+        """Position angle modulo 180 deg."""
+        return math.degrees(math.atan2(self.east_arcsec, self.north_arcsec)) % 180.0
+
+
+def motion_between(ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg: float) -> Motion:
+    """Displacement from a to b on the sky, small angles, safe across RA 0h."""
+    cos_dec = math.cos(math.radians((dec_a_deg + dec_b_deg) / 2.0))
+    return Motion(
+        float(wrap_180(ra_b_deg - ra_a_deg)) * cos_dec * 3600.0, (dec_b_deg - dec_a_deg) * 3600.0
+    )
+
+
+def streak_motion(measurement: Measurement) -> Motion | None:
+    """The streak itself as a displacement, sense unknown; None where its ends are not known."""
+    if measurement.ends_icrs_deg is None:
+        return None
+    (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
+    return motion_between(ra_a, dec_a, ra_b, dec_b)
+
+
+def streak_axis(measurement: Measurement) -> FloatArray | None:
+    """(2,) unit vector east and north along the streak, sense unknown; None without an own one."""
+    streak = streak_motion(measurement)
+    if streak is None or streak.length_arcsec <= 0.0:
+        return None
+    return np.array([streak.east_arcsec, streak.north_arcsec]) / streak.length_arcsec
+
+
+def axis_difference_deg(a_deg: float, b_deg: float) -> float:
+    """Angle between two undirected axes, 0 to 90."""
+    difference = abs(a_deg - b_deg) % 180.0
+    return min(difference, 180.0 - difference)
+
+
+def disagreement(
+    measurement: Measurement,
+    expected: Motion,
+    shorter: float = LENGTH_TOLERANCE,
+    longer: float = LENGTH_TOLERANCE,
+    bent_deg: float = DIRECTION_TOLERANCE_DEG,
+) -> MotionMismatch | None:
+    """Why the streak cannot be this motion during the exposure; None when it can.
+
+    ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: by which share of
+    it a streak may be so; ``bent_deg``: by how much one of its length may point otherwise. A
+    clipped streak has no length to compare, and a short one no direction.
+    """
+    streak = streak_motion(measurement)
+    if streak is None:
+        return None
+    if min(streak.length_arcsec, expected.length_arcsec) > SHORTEST_WITH_DIRECTION_ARCSEC:
+        off_deg = axis_difference_deg(streak.axis_deg, expected.axis_deg)
+        off_arcsec = abs(streak.length_arcsec - expected.length_arcsec)
+        is_whole = off_arcsec <= LENGTH_TOLERANCE * expected.length_arcsec
+        if off_deg > (bent_deg if is_whole else DIRECTION_TOLERANCE_DEG):
+            return MotionMismatch.of_direction(off_deg)
+    if measurement.is_clipped:
+        return None
+    share = shorter if streak.length_arcsec < expected.length_arcsec else longer
+    allowed_arcsec = max(share * expected.length_arcsec, 10.0)
+    if abs(streak.length_arcsec - expected.length_arcsec) > allowed_arcsec:
+        return MotionMismatch.of_length(streak.length_arcsec, expected.length_arcsec)
+    return None
+
+
+def pair_disagreement(
+    first: Measurement, second: Measurement, exposure_s: float
+) -> MotionMismatch | None:
+    """Why two measurements of successive frames cannot be one object; None when they can.
+
+    Their displacement, scaled to the exposure, must match the streaks in length and axis.
+    """
+    in_exposure = motion_in_exposure(first, second, exposure_s)
+    if in_exposure is None:
+        return MotionMismatch(kind="order of time")
+    for measurement in (first, second):
+        reason = disagreement(measurement, in_exposure)
+        if reason is not None:
+            return reason
+    return None
+
+
+def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: float) -> float:
+    """How far the pair's displacement lies from its streaks, whichever way they ran.
+
+    Several pairs may agree within the tolerances, where neighbours are as near to each other as
+    one of them moves: the one that agrees best is the one object. 0 where no ends are known.
+    """
+    moved = motion_in_exposure(first, second, exposure_s)
+    if moved is None:
+        return math.inf
+    misfits = [0.0]
+    for streak in (streak_motion(first), streak_motion(second)):
+        if streak is not None:
+            misfits.append(
+                min(
+                    math.hypot(
+                        moved.east_arcsec - sense * streak.east_arcsec,
+                        moved.north_arcsec - sense * streak.north_arcsec,
+                    )
+                    for sense in (1.0, -1.0)
+                )
+            )
+    return max(misfits)
+
+
+def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: float) -> Motion | None:
+    """The displacement between two frames as it would be during one exposure."""
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0:
+        return None
+    moved = motion_between(
+        first.ra_icrs_deg, first.dec_icrs_deg, second.ra_icrs_deg, second.dec_icrs_deg
+    )
+    share = exposure_s / dt_s
+    return Motion(moved.east_arcsec * share, moved.north_arcsec * share)

@@ -1,0 +1,364 @@
+"""Several motions weighed by their likelihood, and how much a night scatters. Pure.
+
+One filter cannot fit a satellite that keeps its slot, one that turns ten times as fast, and a
+shutter that opens when it likes. So a filter for each combination of ``MOTIONS``, of
+``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion is updated
+with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom,
+Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
+``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
+are open as far as the admissible region of orbits leaves them (``orbit.admissible``).
+
+What the length of a streak tells of its error is one of two hypotheses, weighed in the same way.
+What the shutter is late by moves a streak along itself. How much it scatters is not known
+in advance: the innovations give each scatter its probability, and the interval is on record.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray
+from rsoconsole.tracking.filters.sky_path import (
+    ACCELERATION,
+    ARCSEC_RAD,
+    TURN,
+    Plane,
+    parallel_of,
+    plane_after,
+    with_slopes,
+)
+
+MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
+PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
+VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
+"""Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
+errors larger than they say, across the motion as well as along it."""
+MOST_SCATTER_S = 3.0
+_LEAST_SCATTER_S = 0.005
+SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, 14)
+"""Timing scatter beyond what the measurements' covariances contain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Which errors of measurements are weighed against each other."""
+
+    variance_scales: FloatArray
+    """(V,)"""
+    scatters_s: FloatArray
+    """(S,)"""
+
+    @property
+    def per_motion(self) -> int:
+        """Filters of each motion."""
+        return len(self.variance_scales) * len(self.scatters_s)
+
+    @functools.cached_property
+    def late_s(self) -> FloatArray:
+        """(N,) scatter of each filter, in their order."""
+        return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
+
+    @functools.cached_property
+    def widened_by(self) -> FloatArray:
+        """(N,) factor of each filter's measured variances."""
+        each = np.repeat(self.variance_scales, len(self.scatters_s))
+        return np.tile(each, len(MOTIONS))
+
+
+FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
+COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
+"""For the many members of a group: every second one of both."""
+_SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
+"""Before anything is measured a scatter is as likely as it is small, to this power; the second
+where the shutter's own is calibrated, so that it is in the measurements' covariances already."""
+MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
+_VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
+LEAST_WEIGHT = 1e-12
+_CALM_Q, _OPEN_Q = 3e-9, 1e-8
+"""White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
+_CALM_RATE_ARCSEC_S = 15.0
+_CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
+"""By how much a turn changes over a radian of path, of each motion: what an orbit seen from a
+turning Earth does. From one measurement to the next it changes as at random over such lengths."""
+_GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
+"""By how much at least over a coast that is longer than that."""
+_LONGEST_STEP_S, _MOST_STEPS = 120.0, 60
+_WIDENED = 2.0
+"""Of the variances that the admissible region leaves: it is no census."""
+_OF_RATE = 0.5
+"""Sigma of the first rate, in units of it: the places alone are to tell it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """All filters at one instant: by motion, variance scale, scatter, the last of them quickest."""
+
+    plane: Plane
+    t_utc_ns: int
+    means: FloatArray
+    """(N, 6)"""
+    covariances: FloatArray
+    """(N, 6, 6)"""
+    log_weights: FloatArray
+    """(N,)"""
+    path_since_update_rad: FloatArray
+    """(N,) length of path since the last measurement."""
+    length_log_odds: float = 0.0
+    """That the length of a streak tells its error, against that it says too much."""
+    grid: Grid = FINE
+
+    @functools.cached_property
+    def weights(self) -> FloatArray:
+        """(N,) probabilities."""
+        each = np.exp(self.log_weights - self.log_weights.max())
+        return np.asarray(each / each.sum())
+
+    @property
+    def motion_probabilities(self) -> FloatArray:
+        """(4,) of ``MOTIONS``."""
+        return np.asarray(self.weights.reshape(len(MOTIONS), -1).sum(axis=1))
+
+    @property
+    def scatter_probabilities(self) -> FloatArray:
+        """(S,) of the grid's scatters."""
+        return np.asarray(self.weights.reshape(-1, len(self.grid.scatters_s)).sum(axis=0))
+
+    @property
+    def variance_scale_probabilities(self) -> FloatArray:
+        """(V,) of the grid's."""
+        shape = (len(MOTIONS), -1, len(self.grid.scatters_s))
+        return np.asarray(self.weights.reshape(shape).sum(axis=(0, 2)))
+
+    @property
+    def variance_scale(self) -> float:
+        """As it is believed in the middle."""
+        return float(self.variance_scale_probabilities @ self.grid.variance_scales)
+
+    def moments(self) -> tuple[FloatArray, FloatArray]:
+        """Mean (6,) and covariance (6, 6) of the mixture."""
+        weights = self.weights
+        mean = weights @ self.means
+        off = self.means - mean
+        spread = (off * weights[:, None]).T @ off
+        return mean, np.einsum("n,nij->ij", weights, self.covariances) + spread
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Position:
+    """One measured direction as a bank hears it."""
+
+    t_utc_ns: int
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    covariance: FloatArray
+    """(2, 2) arcsec^2, without the shutter's scatter."""
+    along_arcsec: float = 0.0
+    """Sigma along its streak beyond that, from the streak's length."""
+    axis: FloatArray | None = None
+    """(2,) unit vector along its streak, which drift and wind bend; None: the motion's."""
+
+    def length_error(self, ahead: FloatArray) -> FloatArray:
+        """(..., 2, 2) arcsec^2 of what the length adds; ``ahead`` (..., 2): unit, the motion's."""
+        axis = ahead if self.axis is None else self.axis
+        return np.asarray(self.along_arcsec**2 * axis[..., :, None] * axis[..., None, :])
+
+
+def initiate(
+    first: Position,
+    rate_arcsec_s: tuple[float, float],
+    bend: tuple[FloatArray, FloatArray] | None,
+    *,
+    is_shutter_known: bool = False,
+) -> Bank:
+    """A bank at one direction, with a rate (east, north) that is hardly believed.
+
+    ``is_shutter_known``: its scatter is calibrated, and in the covariance: more is less likely.
+    ``bend``: mean (2,) and covariance (2, 2) of change of speed and turn of any orbit through it;
+    None: unknown.
+    """
+    plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
+    rate = np.array(rate_arcsec_s)
+    speed = max(float(np.hypot(*rate)), 1e-3)
+    ahead = rate / speed
+    mean, spread = unknown_bend(speed) if bend is None else bend
+    calm = parallel_of(first.dec_icrs_deg, rate)
+    bends = (calm, np.zeros(2), mean, mean)
+    means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
+    covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S), 6, 6))
+    along = np.outer(ahead, ahead) * speed**2
+    covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
+    covariances[..., :2, :2] += (SCATTERS_S**2)[:, None, None] * along + first.length_error(ahead)
+    covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
+    covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
+    likely = SCATTERS_S ** -(_SCATTER_FALLS_KNOWN if is_shutter_known else _SCATTER_FALLS)
+    weights = np.einsum("m,w,s->mws", MOTION_PRIORS, _VARIANCE_SCALE_PRIORS, likely / likely.sum())
+    return Bank(
+        plane=plane,
+        t_utc_ns=first.t_utc_ns,
+        means=np.repeat(means, FINE.per_motion, axis=0),
+        covariances=covariances.reshape(-1, 6, 6),
+        log_weights=np.log(np.maximum(weights.ravel(), LEAST_WEIGHT)),
+        path_since_update_rad=np.zeros(len(covariances.reshape(-1, 6, 6))),
+    )
+
+
+def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
+    """The bank carried to another instant, also back.
+
+    ``roots`` (6,): of the operator's factors of the process noise; None: all 1.
+    """
+    left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
+    steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MOST_STEPS)
+    scale = np.ones((6, 6)) if roots is None else np.outer(roots, roots)
+    for _ in range(steps if left_s else 0):
+        bank = _stepped(bank, left_s / steps, scale)
+    return replace(bank, t_utc_ns=t_utc_ns)
+
+
+def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
+    means = bank.means.copy()
+    per_motion = bank.grid.per_motion
+    parallel = slice(PARALLEL * per_motion, (PARALLEL + 1) * per_motion)
+    _, dec_deg = bank.plane.direction_deg
+    means[parallel, ACCELERATION:] = parallel_of(
+        dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
+    )
+    mean = bank.weights @ means
+    onto = plane_after(bank.plane, mean, dt_s)
+    after, slopes = with_slopes(bank.plane, means, dt_s, onto)
+    covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
+    length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
+    covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
+    return replace(
+        bank,
+        plane=onto,
+        means=after,
+        covariances=covariances,
+        path_since_update_rad=bank.path_since_update_rad + length,
+    )
+
+
+def _noise(
+    means: FloatArray, dt_s: float, path_since_update_rad: FloatArray, length_rad: FloatArray
+) -> FloatArray:
+    """(N, 6, 6); over a coast what changes goes on changing the same way."""
+    span = abs(dt_s)
+    speed = np.hypot(means[:, 2], means[:, 3])
+    motion = np.arange(len(means)) // (len(means) // len(MOTIONS))
+    is_open = motion >= ANY_ORBIT
+    q = np.where(is_open, _OPEN_Q, _CALM_Q) * (speed / _CALM_RATE_ARCSEC_S) ** 3
+    noise = np.zeros((len(means), 6, 6))
+    for place, rate in ((0, 2), (1, 3)):
+        noise[:, place, place] = q * span**3 / 3.0
+        noise[:, place, rate] = noise[:, rate, place] = q * dt_s * span / 2.0
+        noise[:, rate, rate] = q * span
+    until = path_since_update_rad + length_rad
+    at_random = _CHANGES[motion] ** 2 * np.minimum(length_rad, _OVER_RAD) * _OVER_RAD
+    goes_on = np.maximum(_CHANGES, _GOES_ON)[motion] ** 2 * (until**2 - path_since_update_rad**2)
+    turned = np.maximum(at_random, np.where(until > _OVER_RAD, goes_on, 0.0))
+    noise[:, TURN, TURN] = turned
+    noise[:, ACCELERATION, ACCELERATION] = turned * (speed**2 * ARCSEC_RAD) ** 2
+    return noise
+
+
+def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
+    """Where no orbit passes, or none is asked for."""
+    gain = speed_arcsec_s**2 * ARCSEC_RAD
+    return np.zeros(2), np.diag([gain**2, 1.0])
+
+
+def restarted(
+    bank: Bank,
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    bend: tuple[FloatArray, FloatArray],
+) -> Bank:
+    """All filters where another prediction puts the object, at the bank's instant.
+
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What is known of
+    scatter stays.
+    """
+    plane = Plane.at(*direction_deg)
+    mean, spread = bend
+    calm = parallel_of(direction_deg[1], np.array(rate_arcsec_s))
+    bends = (calm, np.zeros(2), mean, mean)
+    means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
+    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+    per_motion = bank.grid.per_motion
+    covariances = np.zeros((len(MOTIONS), per_motion, 6, 6))
+    covariances[..., :4, :4] = np.asarray(covariance)[order]
+    covariances[ANY_ORBIT:, :, ACCELERATION:, ACCELERATION:] = spread
+    return replace(
+        bank,
+        plane=plane,
+        means=np.repeat(means, per_motion, axis=0),
+        covariances=covariances.reshape(-1, 6, 6),
+        path_since_update_rad=np.zeros(len(MOTIONS) * per_motion),
+    )
+
+
+def thinned(bank: Bank) -> Bank:
+    """The same belief on the ``COARSE`` grid: each of its filters has the moments of those that it
+    stands for.
+    """
+    if bank.grid is COARSE:
+        return bank
+    scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)
+    scatter = _nearest(COARSE.scatters_s, bank.grid.scatters_s)
+    of_motion = (scale[:, None] * len(COARSE.scatters_s) + scatter).ravel()
+    onto = np.arange(len(MOTIONS))[:, None] * COARSE.per_motion + of_motion
+    belongs = np.zeros((len(MOTIONS) * COARSE.per_motion, len(bank.means)))
+    belongs[onto.ravel(), np.arange(len(bank.means))] = np.maximum(bank.weights, LEAST_WEIGHT)
+    weights = belongs.sum(axis=1)
+    share = belongs / weights[:, None]
+    means = share @ bank.means
+    off = bank.means - means[onto.ravel()]
+    spread = bank.covariances + off[:, :, None] * off[:, None, :]
+    return replace(
+        bank,
+        means=means,
+        covariances=(share @ spread.reshape(-1, 36)).reshape(-1, 6, 6),
+        log_weights=np.log(weights),
+        path_since_update_rad=share @ bank.path_since_update_rad,
+        grid=COARSE,
+    )
+
+
+def _nearest(few: FloatArray, many: FloatArray) -> npt.NDArray[np.intp]:
+    """Of each of the many the nearest of the few by their ratio."""
+    return np.asarray(np.argmin(np.abs(np.log(many[:, None] / few)), axis=1))
+
+
+def of_single(  # noqa: PLR0917 -- all that one filter says
+    plane: Plane,
+    t_utc_ns: int,
+    motion: FloatArray,
+    covariance: FloatArray,
+    motion_probabilities: Sequence[float],
+    scatter_s: float,
+    variance_scale: float = 1.0,
+) -> Bank:
+    """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
+    every = len(MOTIONS) * FINE.per_motion
+    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _LEAST_SCATTER_S)))))
+    widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
+    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), LEAST_WEIGHT)
+    weights[:, widest, nearest] = np.maximum(motion_probabilities, LEAST_WEIGHT)
+    means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
+    calm = slice(0, ANY_ORBIT * FINE.per_motion)
+    means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[
+        calm, :, ACCELERATION:
+    ] = 0.0
+    return Bank(
+        plane=plane,
+        t_utc_ns=t_utc_ns,
+        means=means,
+        covariances=covariances,
+        log_weights=np.log(weights.ravel()),
+        path_since_update_rad=np.zeros(every),
+    )

@@ -1,0 +1,206 @@
+"""What a measurement says to a bank of filters, and the bank that has taken it. Pure.
+
+How far it is off costs a fraction of taking it, and of most pairs of a crowded field nothing else
+is wanted. What the length of a streak tells of its error is one of two hypotheses, and one
+measurement in a hundred has gone wrong: their mixtures are what each filter makes of it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.tracking.filters.bank import (
+    ANY_ORBIT,
+    GREAT_CIRCLE,
+    LEAST_WEIGHT,
+    VARIANCE_SCALES,
+    Bank,
+    Position,
+)
+from rsoconsole.tracking.filters.filter_update import (
+    Answer,
+    Innovations,
+    answer,
+    innovations,
+    log_sum,
+    merged,
+    merged_nis,
+)
+from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, moved
+
+RARE, _RARE_SCATTER_S = 0.01, 0.8
+"""One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
+has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
+_LENGTH_SAYS_TOO_MUCH = 0.15
+"""Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
+_MOST_LOG_ODDS = 3.0
+"""So that a night that changes is believed again soon."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Innovation:
+    """How far a measurement is off a bank, and what taking it begins with."""
+
+    bank: Bank
+    place: FloatArray
+    """(2,) arcsec on the bank's plane."""
+    told: Innovations
+    untold: Innovations | None
+    """Where the length of its streak says too much; None where it says nothing."""
+    rare: Innovations
+    """Where the measurement has gone wrong."""
+    nis: float
+    """As of ``Update``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Update:
+    """What a measurement says to a bank, before it is taken."""
+
+    after: Bank
+    nis: float
+    """Minus twice the logarithm of the probability that a sound mixture shows more: with one
+    filter alone its normalised innovation squared."""
+    innovation: FloatArray
+    """(2,) arcsec, measured minus the mixture's mean."""
+    covariance: FloatArray
+    """(2, 2) of the mixture's innovation."""
+
+
+def innovation(bank: Bank, seen: Position) -> Innovation:
+    """How far a measurement at the bank's instant is off it: less work than to take it."""
+    return innovations_of(bank, (seen,))[0]
+
+
+def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
+    """How far each of several measurements at the bank's instant is off it."""
+    places = [bank.plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
+    off = [place - bank.means[:, :2] for place in places]
+    # Where its length says something, also as if it said too much.
+    less = {
+        n: replace(each, along_arcsec=_LENGTH_SAYS_TOO_MUCH * each.along_arcsec)
+        for n, each in enumerate(seen)
+        if each.along_arcsec != 0.0
+    }
+    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
+    noise = [_measured_noise(bank, speed, each) for each in (*seen, *less.values())]
+    noise += [_rare_noise(bank, speed, each) for each in seen]
+    found = innovations(bank.covariances, [*off, *(off[n] for n in less), *off], noise)
+    told, rare = found[: len(seen)], found[-len(seen) :]
+    untold = dict(zip(less, found[len(seen) :], strict=False))
+    log_weights, each_of = _log_weights(bank), []
+    for n, place in enumerate(places):
+        plain_nis = told[n].nis
+        if n in untold:
+            plain_nis = merged_nis(plain_nis, untold[n].nis, _says_too_much(bank))
+        nis = merged_nis(plain_nis, rare[n].nis, RARE)
+        each_of.append(
+            Innovation(
+                bank=bank,
+                place=place,
+                told=told[n],
+                untold=untold.get(n),
+                rare=rare[n],
+                nis=-2.0 * min(log_sum(log_weights - 0.5 * nis), 0.0),
+            )
+        )
+    return each_of
+
+
+def update(bank: Bank, seen: Position) -> Update:
+    """What a measurement at the bank's instant says, and the bank that has taken it."""
+    return taken(innovation(bank, seen))
+
+
+def taken(found: Innovation) -> Update:
+    """The bank that has taken the measurement whose innovation that is."""
+    bank, log_weights = found.bank, _log_weights(found.bank)
+    plain, length_log_odds = _plain(found, log_weights)
+    both = merged(plain, answer(bank.covariances, found.rare), RARE)
+    total = log_weights + both.log_likelihoods
+    log_likelihood = log_sum(total)
+    after = replace(
+        bank,
+        means=bank.means + both.steps,
+        covariances=both.covariances,
+        log_weights=np.maximum(total - log_likelihood, math.log(LEAST_WEIGHT)),
+        path_since_update_rad=np.zeros(len(log_weights)),
+        length_log_odds=length_log_odds,
+    )
+    per_motion = bank.grid.per_motion
+    calm = slice(0, ANY_ORBIT * per_motion)
+    after.covariances[calm, ACCELERATION:, :] = after.covariances[calm, :, ACCELERATION:] = 0.0
+    after.means[GREAT_CIRCLE * per_motion : ANY_ORBIT * per_motion, ACCELERATION:] = 0.0
+    return Update(
+        after=_centred(after),
+        nis=found.nis,
+        innovation=found.place - bank.weights @ bank.means[:, :2],
+        covariance=covariance_of(found),
+    )
+
+
+def covariance_of(found: Innovation) -> FloatArray:
+    """(2, 2) of the mixture's innovation, arcsec^2."""
+    bank, weights, s = found.bank, found.bank.weights, found.told.s
+    if found.untold is not None:
+        share = _says_too_much(bank)
+        s = (1.0 - share) * s + share * found.untold.s
+    mean = weights @ bank.means[:, :2]
+    apart = bank.means[:, :2] - mean
+    spread = (apart * weights[:, None]).T @ apart
+    return np.asarray(np.einsum("n,nij->ij", weights, s) + spread)
+
+
+def _log_weights(bank: Bank) -> FloatArray:
+    return np.log(np.maximum(bank.weights, LEAST_WEIGHT))
+
+
+def _says_too_much(bank: Bank) -> float:
+    """Probability that the length of a streak tells too much of its error."""
+    return 1.0 / (1.0 + math.exp(bank.length_log_odds))
+
+
+def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
+    """What the filters make of it by what its length tells of its error, and what that is worth."""
+    bank = found.bank
+    told = answer(bank.covariances, found.told)
+    if found.untold is None:
+        return told, bank.length_log_odds
+    untold = answer(bank.covariances, found.untold)
+    odds = log_sum(log_weights + told.log_likelihoods)
+    odds -= log_sum(log_weights + untold.log_likelihoods)
+    after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+    return merged(told, untold, _says_too_much(bank)), after
+
+
+def _centred(bank: Bank) -> Bank:
+    """The same bank on the plane that touches the sky where its mixture is."""
+    x, y = bank.weights @ bank.means[:, :2]
+    onto = Plane.at(*bank.plane.direction_of(float(x), float(y)))
+    return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
+
+
+def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
+    """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
+    shift = bank.means[:, 2:4] * bank.grid.late_s[:, None]
+    own = bank.grid.widened_by[:, None, None] * seen.covariance
+    noise = own + shift[:, :, None] * shift[:, None, :]
+    return np.asarray(_with_length_error(noise, bank, speed, seen))
+
+
+def _rare_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
+    """(N, 2, 2) of a measurement that has gone wrong."""
+    shift = bank.means[:, 2:4] * _RARE_SCATTER_S
+    noise = VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :]
+    return np.asarray(_with_length_error(noise, bank, speed, seen))
+
+
+def _with_length_error(
+    noise: FloatArray, bank: Bank, speed: FloatArray, seen: Position
+) -> FloatArray:
+    if seen.along_arcsec == 0.0:
+        return noise
+    return noise + seen.length_error(bank.means[:, 2:4] / speed[:, None])

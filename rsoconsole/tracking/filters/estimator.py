@@ -1,0 +1,157 @@
+"""Which filter a preset means: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
+
+Nights are replayed by the preset that they were recorded with, so no preset ever changes what it
+makes of given measurements.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.tracking.filters import adaptive, lqe
+from rsoconsole.tracking.filters.adaptive import Bend
+
+
+def initialise(
+    first: Measurement,
+    second: Measurement,
+    settings: FilterConfig,
+    *,
+    track_id: int = 1,
+    bend: Bend | None = None,
+    along_arcsec: tuple[float, float] = (0.0, 0.0),
+    is_shutter_known: bool = False,
+) -> TrackState:
+    """Track at the second of two measurements.
+
+    For the preset that asks: ``bend``, how an orbit's path may bend there, ``along_arcsec``, sigma
+    along the motion that the length of each streak adds, and ``is_shutter_known``, whether the
+    shutter's scatter was calibrated. Raises ValueError when the second is not the later one.
+    """
+    if settings.preset == "adaptive":
+        return adaptive.initialise(
+            first,
+            second,
+            settings,
+            track_id=track_id,
+            bend=bend,
+            along_arcsec=along_arcsec,
+            is_shutter_known=is_shutter_known,
+        )
+    return lqe.initialise(first, second, settings, track_id=track_id)
+
+
+def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
+    """The track carried to another instant, for the frame ``frame_id``."""
+    if settings.preset == "adaptive":
+        return adaptive.predict(state, t_utc_ns, settings, frame_id)
+    return lqe.predict(state, t_utc_ns, settings, frame_id)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Update:
+    """A measurement that a track may take: how far it is off, and the track after it once asked.
+
+    Of most pairs of a crowded field only the first is wanted; the second takes most of the time.
+    """
+
+    nis: float | None
+    make: Callable[[], TrackState]
+
+    @functools.cached_property
+    def state(self) -> TrackState:
+        """The track after the measurement."""
+        return self.make()
+
+
+def weighed(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> Update:
+    """A measurement against the track.
+
+    ``along_arcsec``: sigma that the length of its streak adds, for the preset that asks. With a
+    rolling shutter the measurement may be of a little later than the frame: the prediction is
+    carried there.
+    """
+    there = _at(predicted, measurement, settings)
+    return _weighed_there(there, ((measurement, along_arcsec),), settings)[measurement]
+
+
+def all_weighed(
+    predicted: TrackState,
+    measured: Sequence[tuple[Measurement, float]],
+    settings: FilterConfig,
+) -> dict[Measurement, Update]:
+    """``weighed`` of several measurements, each with its ``along_arcsec``, for less."""
+    if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
+        return _weighed_there(predicted, measured, settings)
+    return {m: weighed(predicted, m, settings, along) for m, along in measured}
+
+
+def _weighed_there(
+    there: TrackState, measured: Sequence[tuple[Measurement, float]], settings: FilterConfig
+) -> dict[Measurement, Update]:
+    if not measured:
+        return {}
+    if settings.preset != "adaptive":
+        return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
+    innovations = adaptive.innovations(there, measured, settings)
+    return {
+        m: Update(nis=found.nis, make=functools.partial(adaptive.taken, there, m, found, along))
+        for (m, along), found in zip(measured, innovations, strict=True)
+    }
+
+
+def _made(state: TrackState) -> Update:
+    return Update(nis=state.nis, make=lambda: state)
+
+
+def update(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> TrackState:
+    """The track after a measurement; arguments as of ``weighed``."""
+    return weighed(predicted, measurement, settings, along_arcsec).state
+
+
+def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+    t_utc_ns = measurement.t_mid_utc_ns
+    if t_utc_ns == predicted.t_utc_ns:
+        return predicted
+    carried = predict(predicted, t_utc_ns, settings, predicted.frame_id)
+    return replace(carried, misses=predicted.misses, foretold_by=predicted.foretold_by)
+
+
+def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    t_utc_ns: int,
+    failed: TrackState,
+    settings: FilterConfig,
+) -> TrackState:
+    """The filter begun anew from another prediction, where its own has ``failed``."""
+    if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
+        return adaptive.begun_from(
+            direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed
+        )
+    return lqe.begun_from(
+        direction_deg, rate_arcsec_s, covariance, t_utc_ns, failed.frame_id, failed
+    )
+
+
+def log_det_innovation(
+    predicted: TrackState, measurement: Measurement, settings: FilterConfig
+) -> float:
+    """Logarithm of the determinant of the innovation's covariance on the sky, arcsec^2 squared."""
+    predicted = _at(predicted, measurement, settings)
+    if settings.preset == "adaptive":
+        return adaptive.log_det_innovation(predicted, measurement, settings)
+    return lqe.log_det_innovation(predicted, measurement, settings)

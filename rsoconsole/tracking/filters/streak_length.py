@@ -1,0 +1,74 @@
+"""What the length of a streak says of the error of its middle. Pure.
+
+The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
+opened, of cloud, of a star upon it. Their sum is the streak's excess over the length that its
+motion has in one exposure, their difference shifts the middle by half of it. Independent ends make
+both as large, so the scatter of the excess from frame to frame tells the error along the motion,
+whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of
+independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
+middle; but what is always too short, as of a satellite that flashes, may lie anywhere in what it
+should fill: half of that is believed.
+"""
+
+import math
+import statistics
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsoconsole.records import Measurement
+from rsoconsole.tracking.filters.association import Motion, streak_motion
+
+REMEMBERED = 30
+"""Frames of which the excess is remembered."""
+_NONE_AT_FIRST = (0.0, 0.0)
+"""As if two streaks had been as long as they should be: the centre does not follow the first."""
+_FEWEST_FOR_SCATTER = 4
+_OFF_SIGMAS = 2.5
+"""Beyond which an excess speaks for itself."""
+_MAD_TO_SIGMA = 1.4826
+_ALONE = 0.85
+"""Share of the excess's scatter that is of ends which err alone: haze moves both alike."""
+_HARMLESS_SHARE = 0.02
+"""Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
+
+
+def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
+    """By how much a streak is longer than its motion in one exposure; None: it has no length."""
+    streak = streak_motion(measurement)
+    if streak is None or measurement.is_clipped or measurement.is_crossing:
+        return None
+    return streak.length_arcsec - expected.length_arcsec
+
+
+def along_error_arcsec(
+    measurement: Measurement, expected: Motion, before: Sequence[float] = ()
+) -> float:
+    """Sigma along the motion beyond the measurement's own, from the excess of its streak.
+
+    ``before``: the excess of the streaks before it, arcsec.
+    """
+    excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
+    if excess is None or length == 0.0:
+        return 0.0
+    ahead = np.array([expected.east_arcsec, expected.north_arcsec]) / length
+    ee, en, nn = measurement.cov_sky_arcsec2
+    own2 = max(float(ahead @ np.array([[ee, en], [en, nn]]) @ ahead), 0.0)
+    centre = statistics.median((*before, *_NONE_AT_FIRST))
+    scatter = 0.0
+    if len(before) >= _FEWEST_FOR_SCATTER:
+        scatter = _ALONE * _MAD_TO_SIGMA * statistics.median(abs(each - centre) for each in before)
+    away = abs(excess - centre)
+    if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
+        away = scatter
+    slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
+    return math.sqrt(max(away**2 / 4.0 + slack**2 / 24.0 - own2, 0.0))
+
+
+def remembered_with(
+    before: Sequence[float], measurement: Measurement, expected: Motion
+) -> tuple[float, ...]:
+    """The excess of the streaks up to this one."""
+    excess = excess_arcsec(measurement, expected)
+    every = before if excess is None else (*before, excess)
+    return tuple(every)[-REMEMBERED:]

@@ -1,0 +1,305 @@
+"""From what each frame showed to what is followed: a fold over recorded inputs.
+
+``follow(before, seen, settings)`` is pure, so the engine, ``process``, what-if and a replay of a
+session all get the same track from the same inputs, bit for bit. States and their passages are
+those of the architecture page; IDLE, MANUAL and FAULT belong to who holds the mount and are set
+from outside.
+"""
+
+from dataclasses import replace
+
+from rsoconsole.reasons import Cause, NotTaken
+from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, StateChange, TrackState
+from rsoconsole.tracking import blended, company, track_words
+from rsoconsole.tracking.association import (
+    CROSSED,
+    NOTHING_SEEN,
+    Following,
+    FollowSettings,
+    Pattern,
+    Place,
+    Seen,
+    Tracked,
+    expected_motion,
+    not_followed,
+    of_track,
+)
+from rsoconsole.tracking.association import pattern as patterns
+from rsoconsole.tracking.gates import CANNOT_TELL, all_updated_with, nis_of, refusals
+from rsoconsole.tracking.initiation import REFUSED, acquire, chains
+from rsoconsole.tracking.joint import Weighed, assigned
+from rsoconsole.tracking.one_track import (
+    follow_chosen,
+    initiated_again,
+    predicted_track,
+    shared_track,
+    stepped_track,
+)
+from rsoconsole.tracking.takeover import Step, cause_of
+
+
+def follow(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """The next state, and what to put on the record, in order."""
+    seen, crossings = _without_crossings(seen)
+    before = track_words.with_word(before, seen, settings)
+    if before.state not in ("TRACK", "COAST") or not before.tracks:
+        steps = _steps_of_dropped(before, seen, settings)
+        dropped, told = track_words.gone_on(before.dropped, steps, seen)
+        after, records = acquire(before, track_words.without_taken(seen, steps), settings)
+        after, records = replace(after, dropped=dropped), (*records, *told)
+    else:
+        after, records = _follow_tracks(before, seen, settings)
+    after, records = track_words.with_word_on_begun(after, records, seen)
+    records = track_words.as_kept(records, before, after)
+    records += of_track(crossings, before.track_id)
+    if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
+        change = StateChange(
+            frame_id=seen.frame_id,
+            before=before.state,
+            after=after.state,
+            reason=_reason(before, after, records, seen),
+        )
+        records = (*records, change)
+    return after, tuple(_as_recorded(each) for each in records)
+
+
+def _as_recorded(record: FoldRecord) -> FoldRecord:
+    """Without what the next frame needs of it, which is large: that goes along in what follows."""
+    if isinstance(record, TrackState) and record.memory is not None:
+        return replace(record, memory=None)
+    return record
+
+
+def _without_crossings(seen: Seen) -> tuple[Seen, tuple[NotFollowed, ...]]:
+    """What the frame showed that has a place in time, and the rest as not taken.
+
+    Where neither end is in the frame nobody knows when it was where: even the operator's choice
+    makes no measurement of it. What lies beside it is followed as ever.
+    """
+    crossings = tuple(m for m in seen.measurements if m.is_crossing)
+    if not crossings:
+        return seen, ()
+    rest = tuple(m for m in seen.measurements if not m.is_crossing)
+    is_all = not rest and seen.absence == NOTHING_SEEN
+    left = replace(
+        seen,
+        measurements=rest,
+        chosen=None if seen.chosen in crossings else seen.chosen,
+        absence=CROSSED if is_all else seen.absence,
+    )
+    return left, tuple(not_followed(m, NotTaken(kind="crossing")) for m in crossings)
+
+
+def _follow_tracks(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """All tracks of a frame, the lead first; where it ends, the next track leads."""
+    is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
+    if is_joint:
+        before = company.lightened(before)
+    if seen.chosen is not None and is_joint and len(before.tracks) > 1:
+        before, seen = _with_chosen_lead(before, seen, settings)
+    if seen.chosen is None and is_joint:
+        steps = _steps_of_all(before, seen, settings)
+    else:
+        steps = _steps_in_turn(before, seen, settings)
+        steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
+    of_dropped = steps[len(steps) - len(before.dropped) :]
+    dropped, told_of_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
+    before = replace(before, dropped=dropped)
+    records: tuple[FoldRecord, ...] = ()
+    last_track_id, causes, ended = before.last_track_id, list[Cause](), list[Step]()
+    for number, (each, step) in enumerate(zip(before.tracks, steps, strict=False)):
+        done = step
+        if step.reacquired is not None:
+            last_track_id += 1
+            causes += [cause_of(step.reacquired)] * (number == 0)
+            done = initiated_again(step, each, last_track_id, seen, settings)
+        ended.append(done)
+        refused = seen.refused if number == 0 else ()
+        told = (*done.records, *(not_followed(m, REFUSED) for m in refused))
+        records += of_track(told, each.track.track_id)
+        if done.begins_with is not None:
+            return before.without_track("ACQUIRE", (done.begins_with,)), records
+    after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
+    if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
+        after, records = company.joined_by_new(
+            before, after, [*ended, *of_dropped], records, seen, settings
+        )
+    if len(after.tracks) + len(after.dropped) > 1:
+        after = replace(after, pattern=_pattern(before, after, seen))
+    if causes and after.state == "TRACK":
+        change = StateChange(
+            frame_id=seen.frame_id, before=before.state, after="TRACK", reason=causes[0]
+        )
+        records = (*records, change)
+    return after, (*records, *told_of_dropped)
+
+
+def _with_chosen_lead(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, Seen]:
+    """Where one of several tracks takes what the operator wants followed, that one leads.
+
+    Nothing else changes by it: no track ends, and each takes what it takes.
+    """
+    # The word has a copy of its own, of the recorded instant: what was measured once counts once.
+    once = {m.measurement_id: m for m in reversed(seen.measurements)}
+    unsaid = replace(
+        seen,
+        chosen=None,
+        measurements=tuple(m for m in seen.measurements if once[m.measurement_id] is m),
+    )
+    wanted = None if seen.chosen is None else seen.chosen.measurement_id
+    steps = _steps_of_all(before, unsaid, settings)[: len(before.tracks)]
+    for number, step in enumerate(steps):
+        taken = step.after.taken if step.is_measured and step.after is not None else None
+        if taken is not None and taken.measurement_id == wanted:
+            tracks = before.tracks
+            in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
+            return replace(before, tracks=track_words.led_by_first(in_order)), unsaid
+    return before, seen
+
+
+def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
+    """Where the tracks stand to each other after a frame."""
+    tracks = (*after.tracks, *after.dropped)
+    shown = {
+        each.track.track_id: Place.of(each.taken, each.track)
+        for each in tracks
+        if each.taken is not None
+        and each.taken.frame_id == seen.frame_id
+        # Where what the frame cuts was taken is not where it is.
+        and not each.taken.is_clipped
+        # What no frame shows apart says nothing of the way between.
+        and each.track.shared_with is None
+    }
+    alive = [each.track.track_id for each in tracks]
+    return patterns.after(before.pattern, alive, shown, seen.t_mid_utc_ns)
+
+
+def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+    """Each track in turn; what one has taken is none of the next ones'."""
+    steps: list[Step] = []
+    left = seen
+    for number, each in enumerate(before.tracks):
+        if number == 0 and seen.chosen is not None:
+            step = follow_chosen(each, seen.chosen, seen, settings)
+        else:
+            weighed = _weighed(each, left, settings)
+            step = stepped_track(weighed, _nearest(weighed, settings), each, left, settings)
+        steps.append(step)
+        if step.begins_with is not None:
+            return steps
+        if step.is_measured and step.after is not None:
+            others = tuple(m for m in left.measurements if m != step.after.taken)
+            left = replace(left, measurements=others, chosen=None)
+    return steps
+
+
+def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+    """All tracks at once, then the dropped ones; what one has taken is none of the others'."""
+    all_tracks = (*before.tracks, *before.dropped)
+    alone = len(all_tracks) == 1
+    # Where several are followed, neighbours are tracks themselves.
+    tracks = [each if alone else replace(each, neighbours=()) for each in all_tracks]
+    weighed = [_weighed(each, seen, settings) for each in tracks]
+    given = assigned(weighed, before.pattern)
+    of_two = blended.shared(weighed, given, before.pattern, seen, settings)
+    steps = []
+    for number, (each, taken, unsure, track) in enumerate(
+        zip(weighed, given.taken, given.is_ambiguous, all_tracks, strict=True)
+    ):
+        if number in of_two:
+            steps.append(shared_track(each, of_two[number], track, seen))
+            continue
+        of_others = {m for m in given.taken if m is not None and m is not taken}
+        of_others |= {one.streak for one in of_two.values()}
+        left = tuple(m for m in seen.measurements if m not in of_others)
+        own = Weighed(
+            predicted=each.predicted,
+            updated={m: each.updated[m] for m in left if m in each.updated},
+            reasons={m: why for m, why in each.reasons.items() if m not in of_others},
+        )
+        if unsure:
+            unclear = dict.fromkeys(own.fitting, CANNOT_TELL)
+            own = replace(own, reasons={**own.reasons, **unclear})
+        step = stepped_track(own, taken, track, replace(seen, measurements=left), settings)
+        steps.append(step if track.track.is_lead else company.ended(step, track, seen, settings))
+    if not chains.is_wide(settings):
+        return steps
+    return company.without_ghost(steps, all_tracks, seen, settings)
+
+
+def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+    """What a frame shows of tracks that were dropped, asked alone."""
+    if not before.dropped:
+        return []
+    dropped = replace(before, tracks=before.dropped, dropped=())
+    return _steps_of_all(dropped, seen, replace(settings, choice="nearest"))
+
+
+def _led(before: Following, steps: tuple[Step, ...]) -> Following:
+    """What goes on, the lead first."""
+    alive = [step for step in steps if step.after is not None]
+    if not alive:
+        return before.without_track("LOST")
+    tracks = [step.after for step in alive if step.after is not None]
+    first = tracks[0]
+    if not first.track.is_lead:
+        tracks[0] = replace(first, track=replace(first.track, is_lead=True))
+    return Following(
+        state="TRACK" if alive[0].is_measured else "COAST",
+        tracks=tuple(tracks),
+        last_track_id=before.last_track_id,
+        dropped=before.dropped,
+    )
+
+
+def _reason(
+    before: Following, after: Following, records: tuple[FoldRecord, ...], seen: Seen
+) -> Cause:
+    if after.state == "TRACK":
+        return Cause(kind="measured again" if before.state == "COAST" else "two frames agree")
+    if after.state == "ACQUIRE":
+        return Cause(kind="waiting", detections=len(seen.measurements))
+    lead = before.track_id
+    missed = next((r for r in records if isinstance(r, Miss) and r.track_id == lead), None)
+    return Cause(kind="missed", missed=seen.why_absent if missed is None else missed.reason)
+
+
+def _weighed(before: Tracked, seen: Seen, settings: FollowSettings) -> Weighed:
+    """What a frame may mean for a track: by its filter, or by its orbit where nothing fits that."""
+    predicted = predicted_track(before, seen, settings)
+    weighed = _weighed_by(predicted, before, seen, settings)
+    is_filters = predicted.foretold_by == "filter"
+    if not weighed.fitting and seen.measurements and seen.by_orbit is not None and is_filters:
+        by_orbit = seen.by_orbit(predicted)
+        if by_orbit is not None:
+            again = _weighed_by(by_orbit, before, seen, settings)
+            return replace(again, by_filter=weighed.reasons) if again.fitting else weighed
+    return weighed
+
+
+def _weighed_by(
+    predicted: TrackState, before: Tracked, seen: Seen, settings: FollowSettings
+) -> Weighed:
+    expected = expected_motion(predicted, seen.exposure_s)
+    asked = seen.measurements
+    if not predicted.is_lead and settings.filter.preset == "adaptive":
+        asked = company.within_reach(asked, predicted)
+    updated = all_updated_with(predicted, asked, before, seen, settings)
+    reasons: dict[Measurement, NotTaken] = {}
+    if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
+        reasons = refusals(predicted, expected, updated, before.neighbours, seen, settings)
+    return Weighed(predicted=predicted, updated=updated, reasons=reasons)
+
+
+def _nearest(weighed: Weighed, settings: FollowSettings) -> Measurement | None:
+    """Of those that fit the one that a track takes which is asked alone."""
+    fitting = weighed.fitting
+    if not fitting or settings.choice != "nearest":
+        return next(iter(fitting), None)
+    return min(fitting, key=lambda m: nis_of(weighed.updated[m]))

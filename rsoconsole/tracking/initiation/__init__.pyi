@@ -1,0 +1,12 @@
+from . import chains as chains
+from .acquisition import NOT_CHOSEN as NOT_CHOSEN
+from .acquisition import REFUSED as REFUSED
+from .acquisition import acquire as acquire
+from .acquisition import beside as beside
+from .acquisition import excesses_with as excesses_with
+from .acquisition import first_state as first_state
+from .acquisition import initiated as initiated
+from .chains import ON_TRIAL as ON_TRIAL
+from .link import Motion as Motion
+from .link import link_points as link_points
+from .pairing import agree as agree

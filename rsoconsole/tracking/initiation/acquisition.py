@@ -1,0 +1,266 @@
+"""How frames that agree on one motion begin a track: two of streaks, more of points. Pure."""
+
+from dataclasses import replace
+
+from rsoconsole.reasons import NotTaken
+from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, TrackState
+from rsoconsole.tracking.association import (
+    MAY_BE_FOLLOWED,
+    NO_PATTERN,
+    Following,
+    FollowSettings,
+    Neighbour,
+    Pattern,
+    Place,
+    Seen,
+    Tracked,
+    expected_motion,
+    learnt_error_arcsec,
+    not_followed,
+    of_track,
+    remembered,
+)
+from rsoconsole.tracking.association import pattern as patterns
+from rsoconsole.tracking.filters import (
+    Bend,
+    Motion,
+    along_error_arcsec,
+    disagreement,
+    estimator,
+    motion_between,
+    pair_disagreement,
+    pair_misfit_arcsec,
+    remembered_with,
+)
+from rsoconsole.tracking.initiation import chains
+from rsoconsole.tracking.initiation.chains import Chain
+
+AS_GOOD_AS_CERTAIN = 0.9
+"""Confidence from which on how well its place is known says which of two to follow."""
+
+
+REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
+
+
+def acquire(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """Frames whose measurements agree on one motion start a track: ``chains`` has which.
+
+    The most confident one that has a partner leads; of those as good as certain, the one whose
+    place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
+    no satellite, starts none unless the operator chose it. Every measurement hears its verdict
+    once: a candidate that waits for a second frame hears it with that frame.
+    """
+    whole = tuple(m for m in seen.measurements if not m.is_clipped)
+    usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)
+    told_of_choice: tuple[NotFollowed, ...] = ()
+    if seen.chosen is not None:
+        told_of_choice = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
+        usable = (seen.chosen,)
+    if settings.choice == "nearest":
+        usable = tuple(sorted(usable, key=_rank))
+    aside = tuple(
+        not_followed(m, NotTaken(kind="clipped at start"))
+        for m in seen.measurements
+        if m.is_clipped and m != seen.chosen
+    )
+    aside += tuple(
+        not_followed(m, NotTaken(kind="class", object_class=m.object_class))
+        for m in whole
+        if m.object_class not in MAY_BE_FOLLOWED and m != seen.chosen
+    )
+    aside += told_of_choice
+    refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
+    agreed: dict[Measurement, Chain] = {}
+    if settings.filter.preset == "adaptive":
+        agreed = chains.begun(before, usable, seen, settings)
+    for second in usable:
+        if settings.filter.preset == "adaptive":
+            earlier = agreed.get(second, ())
+        else:
+            earlier = _partner(before.candidates, second, seen)
+        if earlier:
+            lead = (*earlier, second)
+            return _begun(lead, agreed, before, usable, (*aside, *refused), seen, settings)
+    alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
+    state: LoopState = "ACQUIRE" if usable else "SEARCH"
+    waiting = chains.kept(before, ()) if chains.is_wide(settings) else ()
+    return before.without_track(state, usable, waiting), (*alone, *aside, *refused)
+
+
+def _partner(candidates: Chain, second: Measurement, seen: Seen) -> Chain:
+    """The one of the frame before that agrees best, if any does."""
+    partners = [
+        first for first in candidates if pair_disagreement(first, second, seen.exposure_s) is None
+    ]
+    if not partners:
+        return ()
+    return (min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s)),)
+
+
+def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
+    lead: Chain,
+    agreed: dict[Measurement, Chain],
+    before: Following,
+    usable: tuple[Measurement, ...],
+    told: tuple[NotFollowed, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """The lead, and beside it a track of every other chain as far as there is room."""
+    is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
+    room = 1 if is_alone else settings.filter.most_tracks
+    others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
+    begun_with = [lead, *others[: room - 1]]
+    tracks = tuple(
+        first_state(
+            chain,
+            before.last_track_id + number,
+            seen,
+            settings,
+            is_lead=chain is lead,
+            trial=trial,
+        )
+        for number, (chain, trial) in enumerate(
+            zip(begun_with, chains.trials(begun_with, settings), strict=True), 1
+        )
+    )
+    used = {m for chain in begun_with for m in chain}
+    left = tuple(m for m in (*before.candidates, *usable) if m not in used)
+    refused = (not_followed(m, NotTaken(kind="another leads")) for m in left)
+    after = Following(
+        state="TRACK",
+        candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
+        earlier=chains.kept(before, used) if room > 1 and chains.is_wide(settings) else (),
+        tracks=tracks,
+        pattern=_pattern_of(tracks, begun_with, seen),
+        last_track_id=before.last_track_id + len(tracks),
+        dropped=before.dropped,
+    )
+    begun = tuple(each.track for each in tracks)
+    return after, (*begun, *of_track((*refused, *told), begun[0].track_id))
+
+
+def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen) -> Pattern:
+    """Where tracks that begin together stand to each other, from their frames."""
+    found = NO_PATTERN
+    alive = [each.track.track_id for each in tracks]
+    frames: dict[int, dict[int, Place]] = {}
+    times: dict[int, int] = {}
+    for each, chain in zip(tracks, begun_with, strict=True):
+        expected = expected_motion(each.track, seen.exposure_s)
+        for m in chain:
+            along = along_error_arcsec(m, expected)
+            shown = frames.setdefault(m.frame_id, {})
+            shown[each.track.track_id] = Place.of(m, each.track, along)
+            times.setdefault(m.frame_id, m.t_mid_utc_ns)
+    for frame_id in sorted(frames, key=lambda frame_id: times[frame_id]):
+        found = patterns.after(found, alive, frames[frame_id], times[frame_id])
+    return found
+
+
+def first_state(
+    chain: Chain,
+    track_id: int,
+    seen: Seen,
+    settings: FollowSettings,
+    *,
+    is_lead: bool,
+    trial: int = chains.ON_TRIAL,
+) -> Tracked:
+    """What is followed from two measurements on, or more of them."""
+    track = initiated(chain[0], chain[1], track_id, seen, settings)
+    excesses = excesses_with((), track, chain[1], seen)
+    for m in chain[2:]:
+        at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
+        along = along_error_arcsec(m, expected_motion(at, seen.exposure_s), excesses)
+        track = estimator.update(at, m, settings.filter, along)
+        excesses = excesses_with(excesses, track, m, seen)
+    if len(chain) > 2:
+        track = replace(
+            track,
+            kind="initial",
+            nis=None,
+            innovation_arcsec=None,
+            sigma_innovation_arcsec=None,
+            begun_with=(chain[0].measurement_id, chain[-1].measurement_id),
+            begun_through=tuple(m.measurement_id for m in chain[1:-1]),
+        )
+    track = replace(track, is_lead=is_lead)
+    return Tracked(
+        track=track,
+        taken=chain[-1],
+        neighbours=beside((), track, chain[-1], seen),
+        excesses_arcsec=excesses,
+        since_utc_ns=chain[-1].t_mid_utc_ns,
+        trial=trial,
+    )
+
+
+def initiated(
+    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+) -> TrackState:
+    """A track through two measurements."""
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
+    moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
+    return estimator.initialise(
+        first,
+        second,
+        settings.filter,
+        track_id=track_id,
+        bend=_bend_of(first, second, settings),
+        along_arcsec=(along_error_arcsec(first, moved), along_error_arcsec(second, moved)),
+        is_shutter_known=settings.is_shutter_known,
+    )
+
+
+def excesses_with(
+    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[float, ...]:
+    return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
+
+
+def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
+    """What an orbit through the first of two measurements may do."""
+    if settings.bend is None or settings.filter.preset != "adaptive":
+        return None
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    return settings.bend(
+        first.t_mid_utc_ns, here, (way.east_arcsec / dt_s, way.north_arcsec / dt_s)
+    )
+
+
+def _rank(m: Measurement) -> tuple[float, float]:
+    """Lowest first: by confidence as far as it tells them apart, then by variance."""
+    east, _, north = m.cov_sky_arcsec2
+    return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
+
+
+def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> NotTaken:
+    """Why a candidate came to nothing, by what came nearest to being its second."""
+    if not usable:
+        return NotTaken(kind="no second frame", missed=seen.why_absent)
+    nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
+    mismatch = pair_disagreement(first, nearest, seen.exposure_s)
+    return NotTaken(kind="no second frame", mismatch=mismatch)
+
+
+def beside(
+    before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[Neighbour, ...]:
+    if taken.is_clipped:
+        return before  # where it was taken is not where it is
+    expected = expected_motion(track, seen.exposure_s)
+    others = {
+        m: learnt_error_arcsec(m, track)
+        for m in seen.measurements
+        if m.measurement_id != taken.measurement_id
+        and not m.is_clipped
+        and disagreement(m, expected) is None
+    }
+    return remembered(before, taken, others, learnt_error_arcsec(taken, track))

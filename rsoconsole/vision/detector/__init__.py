@@ -1,0 +1,5 @@
+"""What network, line filter and star search propose, decided, with a confidence."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,105 @@
+"""A streak's light against the star catalogue: whether its places are those of known stars.
+
+A catalogue has few of the stars that a frame shows, but of those brighter than its limit none is
+missing: light that would be such a star's and is at no known place is no star's.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.lines import Box, columns_at, length_of, on_line, rows_across, smoothed
+
+Said: TypeAlias = Literal["stars", "no stars", "unclear"]
+
+_LONGEST_PX = 1500.0
+_ON_LINE, _REACH = 0.75, 1.5
+"""Off the line and along it, in widths, as far as a star's light counts as its own."""
+_FEWEST, _MOST_TIMES = 2, 2.5
+"""Stars that make a chain; times its catalogue light that a star may have: colours differ."""
+_CHAIN, _MOST_REST, _REST_SNR, _NO_REST = 0.7, 0.25, 4.0, 0.05
+_LEAST_MISSING, _LEAST_SNR = 0.5, 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatalogueLight:
+    """What of a streak's light is that of catalogue stars."""
+
+    stars: int
+    """Of the catalogue on the line."""
+    star_share: float
+    """Share of its light that they have."""
+    rest_share: float
+    """Share that lies away from them."""
+    rest_snr: float
+    missing_share: float
+    """Share of its light that is away from them and so bright that the catalogue would have it."""
+
+    @property
+    def said(self) -> Said:
+        """Whether catalogue stars make the streak, or stars cannot; "unclear" as a rule."""
+        has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
+        is_theirs = self.star_share > _CHAIN and self.rest_share < _MOST_REST
+        if self.stars >= _FEWEST and is_theirs and not has_rest:
+            return "stars"
+        is_missing = self.missing_share > _LEAST_MISSING and self.rest_snr > _LEAST_SNR
+        return "no stars" if is_missing else "unclear"
+
+
+def catalogue_light(
+    pixels: PixelArray,
+    stars_px: FloatArray,
+    stars_adu: FloatArray,
+    *,
+    ends: Box,
+    width_px: float,
+    complete_adu: float,
+) -> CatalogueLight | None:
+    """The light between ``ends`` (x_a, y_a, x_b, y_b) against catalogue stars.
+
+    ``stars_px``: (n, 2), where they are in the frame; ``stars_adu``: (n,), the light that the
+    catalogue's magnitudes promise; ``complete_adu``: light from which on no star is missing.
+    None where the line is too long or leaves the frame, or no light stands out.
+    """
+    length, fwhm = length_of(ends), max(width_px, 1.5)
+    if not 1.0 < length < _LONGEST_PX:
+        return None
+    u = np.arange(-math.ceil(fwhm), math.ceil(length + fwhm) + 1, dtype=np.float64)
+    v = rows_across(fwhm)
+    columns = columns_at(pixels, *on_line(ends, u, v[:, None]), v, fwhm)
+    light = columns.light_adu
+    total = float(light.sum())
+    if not columns.is_inside.all() or total <= 0.0:
+        return None
+    places, promised = _on_it(stars_px, stars_adu, ends, fwhm)
+    owner = np.abs(u - places[:, None]) < _REACH * fwhm
+    is_theirs = owner.any(axis=0)
+    # A column that two stars may own counts once.
+    theirs = float(light[is_theirs].sum())
+    theirs = min(theirs, _MOST_TIMES * float(promised.sum()))
+    is_rest = ~is_theirs
+    rest = float(light[is_rest].sum())
+    window = 2 * round(fwhm) + 1
+    is_bright = smoothed(light, window) * window > complete_adu
+    return CatalogueLight(
+        stars=len(places),
+        star_share=max(theirs, 0.0) / total,
+        rest_share=rest / total,
+        rest_snr=rest / (columns.sigma_adu * math.sqrt(max(int(np.count_nonzero(is_rest)), 1))),
+        missing_share=float(light[is_rest & is_bright].sum()) / total,
+    )
+
+
+def _on_it(
+    stars_px: FloatArray, stars_adu: FloatArray, ends: Box, fwhm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Ways from end a of the stars on the line, and the light that each promises."""
+    length = length_of(ends)
+    dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
+    off_x, off_y = stars_px[:, 0] - ends[0], stars_px[:, 1] - ends[1]
+    along, across = off_x * dx + off_y * dy, off_y * dx - off_x * dy
+    is_on = (np.abs(across) < _ON_LINE * fwhm) & (along > -fwhm) & (along < length + fwhm)
+    return along[is_on], stars_adu[is_on]

@@ -1,0 +1,312 @@
+"""How likely a measured candidate is a satellite: the network's word and the line fit's together.
+
+The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
+streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
+line of the seeing's width. Only the company it keeps tells a distant aircraft's flash: others lie
+on the same line, or a light of another length runs parallel. A logistic curve over all of it,
+fitted on frames with known truth (``models.confidence``), makes a probability.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rsoconsole.errors import ModelError
+from rsoconsole.records import Detection
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision.detector.candidate import SHARP_PX, Candidate, Focus, LineLight
+from rsoconsole.vision.lines import MOST_FWHM
+
+LOOKED_AT = (
+    "constant",
+    "network",
+    "log_snr",
+    "steady",
+    "extent",
+    "one_line",
+    "like_line",
+    "wide",
+    "narrow",
+    "shortness",
+    "few_points",
+    "like_stars",
+    "unlike",
+    "longness",
+    "in_line",
+    "parallel_unlike",
+    "uneven",
+    "faint",
+    "rough",
+    "confused",
+    "along_trails",
+    "blurred",
+    "drifted",
+)
+"""All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
+the frame shows stars, they speak against a streak."""
+WAYS = ("", "joined ", "trailed ")
+"""Where stars are sharp, where they are so wide that pixels were joined, where drift has drawn them
+out: what looks like a streak is something else in each, and each has weights of its own."""
+FEATURES = tuple(way + name for way in WAYS for name in LOOKED_AT)
+"""Of a candidate those of one way; the others are 0."""
+LEAST_LOGIT = -7.0
+"""Of the network: what it does not see at all the line filter may."""
+MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
+_EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
+_SURE_OF_LINE, _MOST_ONE_LINE = 10.0, 2.5
+"""Chi-square that tells a line from a few points, and the most that its logarithm counts."""
+_ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
+"""Chi-square that halves what roughness and the network's doubt say."""
+_SURE_OF_IMAGE, _MOST_LIKE, _MOST_UNLIKE = 30.0, 4.0, 3.0
+"""Chi-square that tells a line from images of stars, and the most that the logarithms of it and of
+what is left of a pixel count."""
+_HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
+_CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
+_EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
+"""Scatter along a line that the air and the sensor make, the same where wind or focus have made
+the stars wide, and noise of a signal to noise of 1."""
+FAINT_SNR = 12.0
+"""Below it a chain of faint stars is as likely as a streak."""
+SHORT_FWHM, LONG_FWHM = 12.0, 120.0
+"""Below and above so many widths of a star, shorter and longer are less likely: pieces of cosmic
+rays are short, lights that cross the frame are long."""
+LENGTH_ERROR = 2.0
+"""A fit that finds the light going on beyond its ends looks as far again."""
+MOST_IN_LINE = 2
+_LEAST, _MOST = 1e-7, 1.0 - 1e-7
+_SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
+"""Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
+_SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
+_COMPANY_LONG, _COMPANY_ROUGH, _COMPANY_UNEVEN = 4.0, 0.4, 0.8
+_MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
+_SHARP = Focus(fwhm_px=1.0)
+_MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
+"""Times as long that says enough alone, and beside a bright one; both within so many degrees."""
+_UNLIKE_WHERE_JOINED = 1.35
+"""There an end may be that of a star beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConfidenceCurve:
+    """Weights of the logistic curve, in the order of ``FEATURES``."""
+
+    weights: tuple[float, ...]
+
+    @classmethod
+    def from_card(cls, card: Mapping[str, Any]) -> "ConfidenceCurve":
+        """As the network's card gives them.
+
+        Raises ModelError when they are missing or made for other features.
+        """
+        try:
+            table = card["measured_confidence"]["weights"]
+            if set(table) != set(FEATURES):
+                odd = ", ".join(sorted(set(table) ^ set(FEATURES)))
+                raise ValueError(f"made for other features: {odd}")
+            return cls(tuple(float(table[name]) for name in FEATURES))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ModelError(
+                f"the network's card has no curve of measured confidence ({error}): "
+                "reinstall rsoconsole, or run models.confidence for your own network"
+            ) from error
+
+    def confidence(
+        self, candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
+    ) -> float:
+        """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
+
+        ``others`` are the measured candidates of its frame, itself among them or not.
+        """
+        features = confidence_features(candidate, focus, others)
+        z = sum(w * f for w, f in zip(self.weights, features, strict=True))
+        return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
+
+    def highest(
+        self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
+    ) -> float:
+        """What a proposal can come to in a frame, measured as well as may be, its profile alone.
+
+        ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
+        ``LENGTH_ERROR`` times too short.
+        """
+        first = _way_of(focus) * len(LOOKED_AT)
+        table = dict(zip(LOOKED_AT, self.weights[first : first + len(LOOKED_AT)], strict=True))
+        longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
+        psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
+        logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
+        as_line = _DOUBT_AS_LINE if length_fwhm < MOST_FWHM else 0.0
+        heard = _heard(logit, length_fwhm, math.inf, focus.joined, as_line)
+        z = table["constant"] + table["network"] * heard
+        z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
+        z += max(table["steady"], 0.0) * MOST_LOG_STEADY
+        z += max(table["extent"], 0.0) * _MOST_EXTENT
+        z += max(table["one_line"], 0.0) * _MOST_ONE_LINE
+        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
+        blurred, drifted = _shown(focus)
+        z += table["blurred"] * blurred + table["drifted"] * drifted
+        # None of the others speaks for a satellite, but for images of the stars: what is short and
+        # like them the star search sees as well.
+        return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
+
+    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Detection]:
+        """A frame's measured candidates, each with the confidence that it earns among them."""
+        return [
+            replace(each.found, confidence=self.confidence(each, focus, candidates))
+            for each in candidates
+        ]
+
+
+def _logit(confidence: float) -> float:
+    p = min(max(confidence, _LEAST), _MOST)
+    return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
+
+
+def _heard(logit: float, length_fwhm: float, steady: float, joined: int, as_line: float) -> float:
+    """The network's word, worth less where pixels were joined: it knows stars that are points.
+
+    Its doubt counts less, too, of what is longer than its map shows well, and of a line that every
+    part of it shows clearly or, where that tells (``as_line``), one line explains better than
+    points.
+    """
+    word = logit if joined == 1 else _HEARD_WHERE_JOINED * logit
+    if word >= 0.0:
+        return word
+    clear = math.sqrt(_CLEAR_SNR / max(steady, 0.1)) if length_fwhm > _CLEAR_FWHM else 1.0
+    word *= min(max(clear, _LEAST_CLEAR), 1.0)
+    word /= 1.0 + as_line / _DOUBT_AS_LINE
+    return word * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
+
+
+def confidence_features(
+    candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
+) -> tuple[float, ...]:
+    """What the curve looks at, in the order of ``FEATURES``.
+
+    The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
+    to noise over 20, no more than ``MOST_LOG_SNR``, since a chain of bright stars is bright too;
+    the same of what its darker parts say of the whole, which stars in a row have little of; how
+    much longer than a few widths it is; how much better one line explains a short one than a few
+    stars do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower
+    than the stars, beyond what its signal to noise leaves open; how short it is against
+    ``SHORT_FWHM``; how much better a few stars explain it, of either; how unlike the stars' images
+    it is; how long it is against ``LONG_FWHM``; how many others lie on its line; whether one that
+    is much longer, or bright and of another length, is parallel; how bent its path is; how much
+    fainter than ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how
+    restless the sky beside it is; whether it runs as drawn-out stars do; how wide the stars were,
+    and how long drift has drawn them.
+    """
+    found, light = candidate.found, candidate.light
+    focus = focus.at(found.x_px, found.y_px)
+    psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
+    # What widens the stars alone, like a shaken mount, does not make a line any shorter.
+    unit_px = min(max(found.width_px, SHARP_PX), psf_px)
+    snr = max(found.snr, 0.1)
+    steady = max(light.lower_quartile_snr, _LEAST_STEADY)
+    width_px = max(found.width_px, 0.1)
+    like = _like_image(light)
+    as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
+    # Where stars are sharp points a cosmic ray is a line as well, but not like the stars' images.
+    no_ray = 0.0 if _way_of(focus) == 0 else as_line
+    wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
+    narrow = math.log(min(psf_px, SHARP_PX) / width_px)
+    leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
+    is_sharp = focus.joined == 1
+    even = _EVEN_ENOUGH if is_sharp else _EVEN_WHERE_JOINED
+    unlike = _UNLIKE if is_sharp else _UNLIKE_WHERE_JOINED
+    # Drawn-out stars keep everything company.
+    near = others if focus.trail_px == 0.0 else ()
+    rest = [other.found for other in near if other is not candidate and _is_company(other)]
+    seen = (
+        1.0,
+        _heard(
+            _logit(found.confidence), length_px / unit_px, steady, focus.joined, max(no_ray, like)
+        ),
+        min(math.log(snr / 20.0), MOST_LOG_SNR),
+        min(math.log(steady / 20.0), MOST_LOG_STEADY),
+        min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MOST_EXTENT),
+        min(math.log1p(no_ray / _SURE_OF_LINE), _MOST_ONE_LINE),
+        min(math.log1p(max(light.over_stars, 0.0) / _SURE_OF_IMAGE), _MOST_LIKE),
+        max(0.0, wide - leeway),
+        max(0.0, narrow - leeway),
+        max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
+        min(math.log1p(as_points / _SURE_OF_LINE), _MOST_ONE_LINE),
+        min(math.log1p(max(-light.over_stars, 0.0) / _SURE_OF_LINE), _MOST_LIKE),
+        min(math.log(max(light.left, 1.0)), _MOST_UNLIKE),
+        max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
+        float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
+        float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
+        light.bend / (1.0 + like / _ROUGH_AS_LINE),
+        max(0.0, math.log(FAINT_SNR / snr)),
+        math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2))
+        / (1.0 + as_line / _ROUGH_AS_LINE),
+        min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
+        _along_trails(found, focus) / (1.0 + like / _ROUGH_AS_LINE),
+        *_shown(focus),
+    )
+    before = _way_of(focus)
+    return (0.0,) * (before * len(seen)) + seen + (0.0,) * ((len(WAYS) - 1 - before) * len(seen))
+
+
+def _like_image(light: LineLight) -> float:
+    """How much better a line of star images explains a light, less where it leaves much unlike."""
+    return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
+
+
+def _way_of(focus: Focus) -> int:
+    """Place in ``WAYS``."""
+    return 2 if focus.trail_px > 0.0 else 1 if focus.joined > 1 else 0
+
+
+def _along_trails(found: Detection, focus: Focus) -> float:
+    """1 for what runs as the drawn-out stars do, less the more it turns away, 0 from some angle."""
+    if focus.trail_px == 0.0:
+        return 0.0
+    turn = turn_deg(found.angle_deg, focus.trail_deg)
+    return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
+
+
+def _shown(focus: Focus) -> tuple[float, float]:
+    """How wide the stars were, and how far drift has drawn them out; logarithms."""
+    return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
+
+
+def _is_company(other: Candidate) -> bool:
+    """Whether another candidate is a light that tells of this one, no few stars in a row."""
+    found, light = other.found, other.light
+    is_line = found.length_px > _COMPANY_LONG * found.width_px
+    is_even = light.roughness < _COMPANY_ROUGH and found.unevenness < _COMPANY_UNEVEN
+    return is_line and is_even and found.snr / light.confusion > _BRIGHT_SNR
+
+
+def _is_in_line(one: Detection, other: Detection) -> bool:
+    """Whether ``other`` lies on the line of ``one``, as far as that line's direction is known."""
+    if _turn_deg(one, other) > _SAME_LINE_DEG:
+        return False
+    angle = math.radians(one.angle_deg)
+    dx, dy = other.x_px - one.x_px, other.y_px - one.y_px
+    along = abs(dx * math.cos(angle) + dy * math.sin(angle))
+    across = abs(dy * math.cos(angle) - dx * math.sin(angle))
+    # Of a line known evenly all along: sigma of its slope is sqrt(12) of its offset's a length.
+    slope_error = 3.0 * math.sqrt(12.0) * one.sigma_across_px / max(one.length_px, 1.0)
+    return across < min(_SAME_LINE_PX + slope_error * along, _MOST_OFF_LINE_PX)
+
+
+def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool:
+    """Whether two trails are parallel but surely not of one length: lights of one aircraft.
+
+    Satellites that keep one another company move alike. What the frame cuts may be longer.
+    """
+    if _turn_deg(one, other) > _BESIDE_DEG:
+        return False
+    shorter, longer = sorted((one, other), key=lambda each: each.length_px)
+    if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
+        return True
+    sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
+    apart_px = longer.length_px - unlike * shorter.length_px
+    return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)
+
+
+def _turn_deg(one: Detection, other: Detection) -> float:
+    """Angle between the two directions, 0 to 90 deg."""
+    return turn_deg(one.angle_deg, other.angle_deg)

@@ -1,0 +1,365 @@
+"""Streaks of a frame: network, line filter, star search propose, measurements on pixels dispose.
+
+What is above tau and passes the measurement's gates is a detection; everything else that the
+network held possible is kept with the reason why it was not taken.
+"""
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
+
+from rsoconsole.config import DetectorConfig
+from rsoconsole.reasons import BelowTau, NotAStreak
+from rsoconsole.records import Detection, Detections, Frame, Rejection
+from rsoconsole.vision.detector.candidate import Candidate, Focus
+from rsoconsole.vision.detector.candidates import (
+    TOLD_CONFIDENCE,
+    Measurements,
+    Proposal,
+    in_order,
+    proposals,
+)
+from rsoconsole.vision.detector.confidence import ConfidenceCurve
+from rsoconsole.vision.detector.measured_detection import at_box_centre, from_box
+from rsoconsole.vision.detector.network import NetworkBox
+from rsoconsole.vision.detector.same_streak import distinct, runs_alike
+from rsoconsole.vision.detector.set_aside import is_of_stars, set_aside
+from rsoconsole.vision.detector.working_frame import WorkingFrame, pixels_to_join
+from rsoconsole.vision.frame import (
+    Background,
+    FrameMap,
+    Workers,
+    bin_frame,
+    choose_blocks,
+    find_pattern,
+    local_background,
+    make_map,
+    map_noise,
+    threads_for,
+)
+from rsoconsole.vision.lines import (
+    FINEST_PX,
+    CellLine,
+    ShortLights,
+    cell_side_px,
+    in_turn,
+    propose_lines,
+    short_lines,
+)
+from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, Psf, PsfMemory, StarList, find_stars
+from rsoconsole.vision.streaks import Likelihood, named_with_shares, with_middle
+
+MOST_FITS = 28
+MOST_QUICK_FITS = 3
+MOST_WITNESSES = 12
+LEAST_BELIEVED = 1e-3
+"""Whom the network believes less is measured only where the line filter sees something too."""
+_MOST_JOININGS = 2
+_MOST_WIDE_STARS = 1500
+"""Wide stars cover so much of a frame that faint ones too have to be masked."""
+_WORTH_A_NAME = 0.2
+_PROMISING = 0.5
+"""Of tau: what a trace alone gives less confidence no fit lifts above it."""
+
+
+class Proposer(Protocol):
+    """What proposes candidates: the trained network, or a stand-in."""
+
+    def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
+        """Candidates of one map, most confident first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameAnalysis:
+    """All that was measured of one frame, so that the plate solver need not begin anew."""
+
+    detections: Detections
+    stars: StarList
+    background: Background
+    candidates: tuple[Candidate, ...] = ()
+    """All lines of light that were measured, in the working frame's pixels, as the network says."""
+    focus: Focus
+    working: WorkingFrame
+    proposals: tuple[Proposal, ...] = ()
+    """Likewise."""
+    class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
+    """Probabilities of all classes, by streak of ``detections``, taken or not, where it has any."""
+
+
+class StreakDetector:
+    """Finds and measures streaks. Not for use by two threads at once (nor is its network)."""
+
+    def __init__(
+        self,
+        network: Proposer,
+        settings: DetectorConfig,
+        curve: ConfidenceCurve | None = None,
+        memory: PsfMemory | None = None,
+        *,
+        is_quick: bool = False,
+    ) -> None:
+        """``curve`` None: a streak keeps the confidence of its proposal.
+
+        ``memory`` of the stars' width, where frames come in order from one camera; None: each
+        frame stands alone. ``is_quick``: only what the line filter proposes is measured, the
+        likeliest few, and stars are taken to be points.
+        """
+        self._is_quick = is_quick
+        self._network = network
+        self._settings = settings
+        self._curve = curve
+        self._memory = memory
+        self._workers = Workers(threads_for(settings.threads))
+
+    def detect(self, frame: Frame, tau: float | None = None) -> Detections:
+        """Streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
+        return self.analyse(frame, tau).detections
+
+    def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
+        """The same, with the frame's stars and background.
+
+        Where there is a second thread, it estimates the maps' noise while the first reads the
+        frame, and looks for stars and lines beside map and network; the time of the stages
+        ``stars`` and ``lines`` then runs beside theirs.
+        """
+        threshold = self._settings.tau if tau is None else tau
+        watch = _Stopwatch()
+        with watch.stage("pattern"):
+            pattern = find_pattern(frame.pixels)
+            if pattern is not None:
+                frame = replace(frame, pixels=pattern.removed(frame.pixels))
+        known = None if self._memory is None else self._memory.recall(frame)
+        working = WorkingFrame.of(frame, 1)
+        seen = first = self._seen(frame, watch, known, looks_again=True)
+        for _ in range(_MOST_JOININGS):
+            side = pixels_to_join(seen.stars, working.frame)
+            if side == 1:
+                break
+            working = WorkingFrame.of(frame, side * working.side)
+            joined = None if known is None else known.of_joined(working.side)
+            seen = self._seen(working.frame, watch, joined, _MOST_WIDE_STARS)
+        stars = seen.stars
+        if self._memory is not None:
+            self._memory.remember(frame, working.original_stars(stars))
+        focus = _focus(stars, working.side)
+        with watch.stage("fit"):
+            lights = ShortLights(frame.pixels, first.sky, working.original_stars(stars))
+            measured = self._measure(working, seen, focus, threshold, lights)
+            rejected = measured.rejected
+            judged = [
+                replace(each, found=found)
+                for each, found in zip(
+                    measured.taken, self._judged(measured.taken, focus), strict=True
+                )
+            ]
+            judged.sort(key=lambda each: -each.found.confidence)
+            taken, others = set_aside(
+                judged, stars.trail, working.frame, is_striped=pattern is not None
+            )
+            rejected += others
+            if self._settings.centroid == "box":
+                taken = [at_box_centre(d) for d in taken]
+            rejected += [
+                Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
+                for d in taken
+                if TOLD_CONFIDENCE < d.confidence <= threshold
+            ]
+        with watch.stage("class"):
+            told = [d for d in taken if d.confidence > threshold]
+            doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
+            others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
+            told, doubted, shares = named_with_shares(working.frame, seen.sky, stars, told, doubted)
+            rejected = doubted + others
+            told = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in told]
+        rejected.sort(key=lambda r: -r.detection.confidence)
+        return FrameAnalysis(
+            detections=Detections(
+                frame_id=frame.frame_id,
+                width_px=frame.width_px,
+                height_px=frame.height_px,
+                detections=tuple(working.original(d) for d in told),
+                rejected=tuple(working.originally_rejected(each) for each in rejected),
+                stage_ms=watch.stage_ms,
+            ),
+            stars=working.original_stars(stars),
+            background=first.sky,
+            candidates=tuple(measured.taken),
+            focus=focus,
+            working=working,
+            proposals=seen.proposals,
+            class_shares={working.original(each): of_all for each, of_all in shares.items()},
+        )
+
+    def _seen(
+        self,
+        frame: Frame,
+        watch: "_Stopwatch",
+        expected: Psf | None,
+        most_stars: int = MAX_STARS,
+        *,
+        looks_again: bool = False,
+    ) -> "_Seen":
+        """Sky, stars and all that may be a streak; ``expected`` of the stars where they are few.
+
+        With ``looks_again`` no streak is looked for where stars are so wide that pixels will be
+        joined first, as far as that is known in time.
+        """
+        pixels, workers = frame.pixels, self._workers
+        blocks = choose_blocks(
+            frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
+        )
+        mode = self._settings.map_mode
+        lines = blocks if mode == "fast" and not self._is_quick else ()
+        # Where pixels were joined stars stand closer together, and streaks are short.
+        finest_px = FINEST_PX if looks_again else FINEST_PX // 2
+        star_block_px = STAR_BLOCK_PX if looks_again else STAR_BLOCK_PX // 2
+        side_px = cell_side_px(frame.height_px, frame.width_px, finest_px)
+        with watch.stage("background"):
+            noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
+            bins = bin_frame(
+                pixels, {star_block_px}, line_blocks=lines, square_px=side_px, workers=workers
+            )
+            sky = local_background(pixels, bins=bins, workers=workers)
+
+        def look_for_stars_and_lines() -> tuple[StarList, list[CellLine]]:
+            with watch.stage("stars"):
+                stars = find_stars(
+                    pixels,
+                    sky,
+                    most_stars,
+                    saturation_adu=frame.saturation_adu,
+                    bins=bins,
+                    expected=expected,
+                    block_px=star_block_px,
+                    may_be_trails=not self._is_quick,
+                )
+            if looks_again and pixels_to_join(stars, frame) > 1:
+                return stars, []
+            with watch.stage("lines"):
+                assert bins.squares is not None
+                return stars, propose_lines(sky, bins.squares, side_px, stars)
+
+        looked = workers.begin(look_for_stars_and_lines)
+        if looks_again and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
+            return _Seen(sky=sky, stars=looked.result()[0], proposals=())
+        if self._is_quick:
+            stars, found = looked.result()
+            return _Seen(sky=sky, stars=stars, proposals=tuple(proposals([], found)))
+        with watch.stage("map"):
+            noise = {block: begun.result() for block, begun in noises.items()}
+            maps = [
+                make_map(pixels, mode, block, bins=bins, noise=noise.get(block), workers=workers)
+                for block in blocks
+            ]
+        with watch.stage("network"):
+            boxes = distinct([self._network.run(each) for each in maps])
+        stars, found = looked.result()
+        is_sharp = looks_again and stars.trail is None
+        found = in_turn(found, short_lines(stars, found, is_sharp=is_sharp))
+        wanted = proposals(boxes, found)
+        if stars.trail is not None:
+            trail = stars.trail
+            wanted = [each for each in wanted if each.is_light or not is_of_stars(each, trail)]
+        return _Seen(sky=sky, stars=stars, proposals=tuple(wanted))
+
+    def _measure(
+        self,
+        working: WorkingFrame,
+        seen: "_Seen",
+        focus: Focus,
+        threshold: float,
+        lights: ShortLights,
+    ) -> Measurements:
+        """Candidates that are lines of light, and those that are none.
+
+        What no measurement could lift above ``threshold`` or shows no light at a glance is not
+        measured. What could only bear witness against one that is above, since it runs alike, is.
+        """
+        frame, stars = working.frame, seen.stars
+        ordered = in_order(seen.proposals)
+        curve = self._curve
+
+        def promises(candidate: Candidate) -> bool:
+            return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
+
+        measured = Measurements(frame, seen.sky, stars, focus, promises, lights)
+        hopeful: list[Proposal] = []
+        others: list[Proposal] = []
+        for each in ordered:
+            (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
+        fits, most = 0, MOST_QUICK_FITS if self._is_quick else MOST_FITS
+        for each in hopeful:
+            if measured.has(each):
+                continue
+            if fits == most:
+                measured.refuse(each.box, NotAStreak(kind="not measured", limit=most))
+            elif (doubt := measured.at_a_glance(each)) is not None:
+                measured.refuse(each.box, doubt)
+            else:
+                fits += 1
+                measured.measure(each)
+        risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
+        witnesses = 0
+        for each in others:
+            is_asked = risen and witnesses < (0 if self._is_quick else MOST_WITNESSES)
+            alike = is_asked and runs_alike(from_box(frame, each.box), risen)
+            if alike and measured.at_a_glance(each) is None:
+                witnesses += 1
+                measured.measure(each)
+            else:
+                measured.refuse(each.box, NotAStreak(kind="below tau", limit=threshold))
+        return measured
+
+    def _has_hope(self, proposal: Proposal, focus: Focus, threshold: float) -> bool:
+        said, length_px = proposal.box.confidence, proposal.box.length_px
+        if proposal.is_line or said < LEAST_BELIEVED or self._curve is None:
+            return proposal.is_line or said >= LEAST_BELIEVED
+        box = proposal.box
+        here = focus.at(0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px))
+        return self._curve.highest(said, length_px, here) > threshold
+
+    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
+        """With the confidence that each earns by its measurement and among the others."""
+        if self._curve is None:
+            return [each.found for each in taken]
+        return self._curve.judged(taken, focus)
+
+
+def _focus(stars: StarList, joined: int) -> Focus:
+    trail = stars.trail
+    return Focus(
+        fwhm_px=stars.median_fwhm_px,
+        joined=joined,
+        trail_px=0.0 if trail is None else trail.length_px,
+        trail_deg=0.0 if trail is None else trail.angle_deg,
+        psf_field=stars.psf_field,
+        width_source=stars.width_source,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Seen:
+    """What a first look at a frame gives."""
+
+    sky: Background
+    stars: StarList
+    proposals: tuple[Proposal, ...]
+
+
+class _Stopwatch:
+    """Wall time of each stage."""
+
+    def __init__(self) -> None:
+        self.stage_ms: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.stage_ms[name] = (time.perf_counter() - began) * 1e3

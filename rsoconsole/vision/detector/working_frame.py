@@ -1,0 +1,134 @@
+"""The frame as the detector works on it: pixels joined where the stars are many pixels wide.
+
+Everything that looks for streaks and measures them expects stars a few pixels wide. Out of focus,
+in wind or in poor seeing, or where the pixels are finer than the seeing, so many pixels are joined
+that they are that again: nothing is lost, since no detail is finer than a star.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.vision.stars import Oblong, StarList
+
+WIDE_PX = 5.0
+"""Width of the stars from which on pixels are joined."""
+_WANTED_PX = 4.0
+"""Narrower, and what is left of a short streak out of focus is a blob."""
+_SMALLEST_PX = 96
+"""What is left is never smaller than this a side."""
+
+
+def pixels_to_join(stars: StarList, frame: Frame) -> int:
+    """Side of the squares of pixels that become one; 1: the frame is well as it is."""
+    if stars.median_fwhm_px < WIDE_PX:
+        return 1
+    most = min(frame.width_px, frame.height_px) // _SMALLEST_PX
+    return max(1, min(max(2, round(stars.median_fwhm_px / _WANTED_PX)), most))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorkingFrame:
+    """A frame of joined pixels, and the way back."""
+
+    frame: Frame
+    side: int
+    """Pixels of the original along one of its own."""
+
+    @classmethod
+    def of(cls, frame: Frame, side: int) -> "WorkingFrame":
+        """``frame`` with ``side`` x ``side`` pixels joined to their mean; a rest is left out."""
+        if side == 1:
+            return cls(frame=frame, side=1)
+        import cv2
+
+        height, width = frame.pixels.shape
+        whole = frame.pixels[: height // side * side, : width // side * side]
+        joined = cv2.resize(
+            whole.astype(np.float32),
+            (width // side, height // side),
+            interpolation=cv2.INTER_AREA,
+        )
+        scale = frame.scale_arcsec_px
+        return cls(
+            frame=replace(
+                frame,
+                pixels=joined,
+                scale_arcsec_px=scale * side if scale is not None else None,
+            ),
+            side=side,
+        )
+
+    def px(self, place: float) -> float:
+        """Column or row in the original frame of a place in this one."""
+        return (place + 0.5) * self.side - 0.5
+
+    def original(self, found: Detection) -> Detection:
+        """A detection in pixels of the original frame."""
+        return to_original(found, self.side)
+
+    def originally_rejected(self, rejected: Rejection) -> Rejection:
+        """The same for what was not taken."""
+        return replace(rejected, detection=self.original(rejected.detection))
+
+    def original_stars(self, stars: StarList) -> StarList:
+        """Stars in pixels of the original frame, ADU as there."""
+        if self.side == 1:
+            return stars
+        trail, field = stars.trail, stars.psf_field
+        if trail is not None:
+            trail = replace(
+                trail, length_px=trail.length_px * self.side, fwhm_px=trail.fwhm_px * self.side
+            )
+        return replace(
+            stars,
+            x_px=(stars.x_px + 0.5) * self.side - 0.5,
+            y_px=(stars.y_px + 0.5) * self.side - 0.5,
+            flux=stars.flux * self.side**2,
+            fwhm_px=stars.fwhm_px * self.side,
+            median_fwhm_px=stars.median_fwhm_px * self.side,
+            trail=trail,
+            psf_field=None if field is None else field.of_joined(1.0 / self.side),
+            oblong=None if stars.oblong is None else self._original_lights(stars.oblong),
+        )
+
+    def _original_lights(self, lights: Oblong) -> Oblong:
+        return replace(
+            lights,
+            x_px=(lights.x_px + 0.5) * self.side - 0.5,
+            y_px=(lights.y_px + 0.5) * self.side - 0.5,
+            half_px=lights.half_px * self.side,
+        )
+
+
+def to_original(found: Detection, side: int) -> Detection:
+    """A detection of a frame with ``side`` x ``side`` pixels joined, in the original's pixels."""
+    if side == 1:
+        return found
+
+    def px(place: float) -> float:
+        return (place + 0.5) * side - 0.5
+
+    def size(of: float | None) -> float | None:
+        return None if of is None else of * side
+
+    x0, y0, x1, y1 = (px(each) for each in found.box_px)
+    return replace(
+        found,
+        x_px=px(found.x_px),
+        y_px=px(found.y_px),
+        x_a_px=px(found.x_a_px),
+        y_a_px=px(found.y_a_px),
+        x_b_px=px(found.x_b_px),
+        y_b_px=px(found.y_b_px),
+        box_px=(x0, y0, x1, y1),
+        length_px=found.length_px * side,
+        width_px=found.width_px * side,
+        sigma_along_px=found.sigma_along_px * side,
+        sigma_across_px=found.sigma_across_px * side,
+        light_offset_px=size(found.light_offset_px),
+        light_sigma_px=size(found.light_sigma_px),
+        light_length_px=size(found.light_length_px),
+        light_length_sigma_px=size(found.light_length_sigma_px),
+    )

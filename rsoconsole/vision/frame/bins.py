@@ -1,0 +1,277 @@
+"""One pass over a frame: the sky's level on a grid of cells, the brightest bin and line of a block.
+
+A frame of 16 megapixels fits no cache; the strips in which it is read here do. All that sky, map
+and stars need of every pixel is taken from a strip while it is there, so that the frame is read
+once and never copied at full size. Beyond its right and lower edge it goes on as its own mirror
+image, up to whole cells: the rim then has the noise of the rest.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import PixelArray
+from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
+
+Float32Array = npt.NDArray[np.float32]
+
+CELL_PX = 16
+_MOST_CODE = 65535.0
+LINE_REACH = 2
+"""Bins on either side of one that a line through it needs."""
+
+
+def _line_through(down: int, right: int) -> npt.NDArray[np.uint8]:
+    """A bin, the two so far down and right, and up and left of it, and those between, as a mask."""
+    kernel = np.zeros((2 * LINE_REACH + 1, 2 * LINE_REACH + 1), dtype=np.uint8)
+    for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        kernel[LINE_REACH + round(part * down), LINE_REACH + round(part * right)] = 1
+    return kernel
+
+
+_LINES = tuple(
+    _line_through(*end)
+    for end in ((0, 2), (1, 2), (-1, 2), (2, 0), (2, 1), (2, -1), (2, 2), (2, -2))
+)
+
+
+def lines_through() -> Iterator[tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
+    """Pairs of lines of five bins at right angles to one another: each of the eight ways once."""
+    for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
+        yield _LINES[along], _LINES[across]
+
+
+_COARSE_STEPS = 5.0
+_STRIP_PX = 96
+_Values = TypeVar("_Values", bound=npt.NDArray[Any])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameBins:
+    """What one pass over a frame leaves."""
+
+    means: Float32Array
+    """Of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
+    level: Float32Array
+    """Sky, ADU, same shape: the median of 5 x 5 means."""
+    cell_px: int
+    brightest: Mapping[int, Float32Array]
+    """By block, of its brightest bin the mean, ADU: (ceil(height / block), ceil(width / block))."""
+    squares: Float32Array | None
+    """Means of the squares that were asked for, ADU: (ceil(height / side), ceil(width / side))."""
+    lines: Mapping[int, Float32Array]
+    """By block, of its brightest piece of a line (``lines_of_light``), ADU, same shape."""
+
+
+def binning_of(block: int) -> int:
+    """Side of the bins whose maximum a block takes: 2 where that leaves at least 2 x 2 bins."""
+    return 2 if block >= 4 and block % 2 == 0 else 1
+
+
+def bin_frame(
+    pixels: PixelArray,
+    blocks: Iterable[int] = (),
+    *,
+    line_blocks: Iterable[int] = (),
+    square_px: int | None = None,
+    cell_px: int = CELL_PX,
+    workers: Workers = CALLER_ALONE,
+) -> FrameBins:
+    """Read ``pixels`` (height, width), uint16 or finite float32; every block divides ``cell_px``.
+
+    Of ``blocks`` the brightest bins are kept, of ``line_blocks`` the brightest lines, of squares of
+    ``square_px``, which divides ``cell_px`` too, the means. About 7 ms
+    for 4656 x 3520 on one core of a desktop, 12 more for lines.
+    """
+    height, width = pixels.shape
+    rows, columns = -(-height // cell_px), -(-width // cell_px)
+    means = np.empty((rows, columns), dtype=np.float32)
+    brightest, lines = (
+        {
+            block: np.empty((rows * cell_px // block, columns * cell_px // block), dtype=np.float32)
+            for block in wanted
+        }
+        for wanted in (blocks, line_blocks)
+    )
+    side_px = square_px or cell_px
+    squares = np.empty((rows * cell_px // side_px, columns * cell_px // side_px), dtype=np.float32)
+    deep = max(1, _STRIP_PX // cell_px)
+    margin = 2 * LINE_REACH if lines else 0
+    # Whole numbers are twice as fast to compare, where the noise is well above their steps.
+    fine = pixels.dtype if lines and _is_well_sampled(pixels) else np.dtype(np.float32)
+
+    def read(strips: Iterator[int]) -> None:
+        scratch = np.empty((deep * cell_px + 2 * margin, columns * cell_px), dtype=np.float32)
+        raw = np.empty(scratch.shape, dtype=fine) if fine != scratch.dtype else scratch
+        for strip in strips:
+            first, last = strip * deep, min((strip + 1) * deep, rows)
+            inside = range(first * cell_px - margin, last * cell_px + margin)
+            whole = scratch[: len(inside)]
+            take_rows(pixels, inside, whole)
+            single = whole[margin : len(inside) - margin]
+            bins = {1: single}
+            if cell_px % 2 == 0:
+                bins[2] = mean_of_squares(single, 2)
+            for block, largest in brightest.items():
+                binning, per_cell = binning_of(block), cell_px // block
+                found = block_maximum(bins[binning], block // binning)
+                largest[first * per_cell : last * per_cell] = found
+            side = max(each for each in bins if side_px % each == 0)
+            per_cell = cell_px // side_px
+            found = mean_of_squares(bins[side], side_px // side)
+            squares[first * per_cell : last * per_cell] = found
+            means[first:last] = mean_of_squares(found, per_cell)
+            fine_rows = raw[: len(inside)]
+            if lines and raw is not scratch:
+                if inside.start >= 0 and inside.stop <= height and width == columns * cell_px:
+                    fine_rows = pixels[inside.start : inside.stop]
+                else:
+                    take_rows(pixels, inside, fine_rows)
+            opened: dict[int, npt.NDArray[Any]] = {}
+            for block, largest in lines.items():
+                binning, per_cell = binning_of(block), cell_px // block
+                if binning not in opened:
+                    spare = margin - binning * LINE_REACH
+                    near = fine_rows[spare : len(inside) - spare]
+                    opened[binning] = lines_of_light(mean_of_squares(near, binning))
+                found = block_maximum(opened[binning], block // binning)
+                largest[first * per_cell : last * per_cell] = found
+
+    workers.share(read, -(-rows // deep))
+
+    def cut(tables: Mapping[int, Float32Array]) -> dict[int, Float32Array]:
+        return {
+            block: table[: -(-height // block), : -(-width // block)]
+            for block, table in tables.items()
+        }
+
+    return FrameBins(
+        means=means,
+        level=median_5x5(means, is_sky=True),
+        cell_px=cell_px,
+        brightest=cut(brightest),
+        squares=None
+        if square_px is None
+        else squares[: -(-height // square_px), : -(-width // square_px)],
+        lines=cut(lines),
+    )
+
+
+def lines_of_light(bins: _Values) -> _Values:
+    """Every bin as bright as the darkest of five in a row through it, along the best of eight ways.
+
+    A morphological opening with lines: what is long keeps its light, while of a star, a hot pixel
+    or a cosmic ray only what is five bins long is left. ``bins`` has ``LINE_REACH`` rows above and
+    below that the answer has not; columns beyond the sides are mirror images.
+    """
+    import cv2
+
+    best, line = np.empty_like(bins), np.empty_like(bins)
+    for turn, kernel in enumerate(_LINES):
+        cv2.erode(bins, kernel, line if turn else best, borderType=cv2.BORDER_REFLECT_101)
+        if turn:
+            cv2.max(best, line, best)
+    return cast("_Values", best[LINE_REACH:-LINE_REACH])
+
+
+def _is_well_sampled(pixels: PixelArray) -> bool:
+    """Whether the noise of whole-numbered pixels is well above one."""
+    if pixels.dtype != np.uint16:
+        return False
+    rows = pixels[:: max(1, pixels.shape[0] // 16)].astype(np.int32)
+    return float(np.median(np.abs(rows[:, 2:] - rows[:, :-2]))) >= _COARSE_STEPS
+
+
+def block_maximum(values: _Values, block: int) -> _Values:
+    """Largest value of every ``block`` x ``block`` square; both sides must be whole multiples."""
+    height, width = values.shape
+    rows = values.reshape(height // block, block, width).max(axis=1)
+    out: _Values = rows[:, ::block].copy()
+    for offset in range(1, block):
+        np.maximum(out, rows[:, offset::block], out=out)
+    return out
+
+
+def mean_of_squares(values: _Values, side: int) -> _Values:
+    """Mean of every ``side`` x ``side`` square; both sides of ``values`` are whole multiples."""
+    import cv2
+
+    # In halves where that can be: OpenCV is several times faster at them.
+    while side > 1:
+        step = 2 if side % 2 == 0 else side
+        size = values.shape[1] // step, values.shape[0] // step
+        values = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
+        side //= step
+    return values
+
+
+def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
+    """``bins.means`` as of the frame mirrored to whole blocks, and these bins to whole cells.
+
+    That is how a map sees the rim; where whole blocks are whole cells, there is no difference.
+    """
+    cell_px, means = bins.cell_px, bins.means.copy()
+    sides = zip(means.shape, pixels.shape, strict=True)
+    down, right = (_up_to_cells(cells * cell_px, side, block) for cells, side in sides)
+    last_row = pixels[down[-cell_px:]][:, right].astype(np.float32)
+    last_column = pixels[:, right[-cell_px:]][down].astype(np.float32)
+    means[-1:] = mean_of_squares(last_row, cell_px)
+    means[:, -1:] = mean_of_squares(last_column, cell_px)
+    return means
+
+
+def _up_to_cells(count: int, size: int, block: int) -> npt.NDArray[np.intp]:
+    """Which of ``size`` rows or columns each of ``count`` is, with mirrored pixels, then bins."""
+    binning, whole = binning_of(block), -(-size // block) * block
+    bins, within = np.divmod(np.arange(count), binning)
+    return mirrored(mirrored(bins, whole // binning) * binning + within, size)
+
+
+def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
+    """Copy some rows, as far right as ``out`` is wide, of the frame with its mirror images."""
+    height, width = pixels.shape
+    inside = min(width, out.shape[1])
+    if len(rows) > 0 and (rows[-1] >= height or rows[0] < 0):
+        out[:, :inside] = pixels[mirrored(np.array(rows), height), :inside]
+    else:
+        out[:, :inside] = pixels[rows.start : rows.stop : rows.step, :inside]
+    if inside < out.shape[1]:
+        out[:, inside:] = out[:, mirrored(np.arange(inside, out.shape[1]), width)]
+
+
+def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
+    """Where rows or columns beyond the frame come from; the outermost itself is not repeated."""
+    there_and_back = max(2 * (size - 1), 1)
+    folded = index % there_and_back
+    return np.minimum(folded, there_and_back - folded)
+
+
+def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
+    """Median over 5 x 5 cells, through 16 bits: OpenCV's median of 5 takes no floats.
+
+    Held down where most of 25 are brighter than nearly all others, unless they may be the sky.
+    """
+    low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
+    # Cells brighter than most are stars: where exactly they lie cannot move a median.
+    high += 0.25 * (high - low)
+    step = max(high - low, 1e-6) / _MOST_CODE
+    coded = _median_of_codes((cells - low) / step)
+    if not is_sky or int(coded.max()) < _MOST_CODE:
+        return coded.astype(np.float32) * np.float32(step) + np.float32(low)
+    # Of an amplifier's glow they are not. A median is the same on any scale that rises.
+    most = math.log1p((float(cells.max()) - low) / step)
+    coded = _median_of_codes(np.log1p((cells - low) / step) * (_MOST_CODE / most))
+    return np.asarray(np.expm1(coded * np.float32(most / _MOST_CODE)) * step + low, np.float32)
+
+
+def _median_of_codes(codes: Float32Array) -> npt.NDArray[np.uint16]:
+    import cv2
+
+    whole = np.clip(codes, 0.0, _MOST_CODE).astype(np.uint16)
+    # Mirrored, not repeated: a star in a corner must not count nine times.
+    framed = cv2.copyMakeBorder(whole, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
+    return np.asarray(cv2.medianBlur(framed, 5)[2:-2, 2:-2])

@@ -1,0 +1,114 @@
+"""The light of every column of a line in one frame, summed across it above the sky beside it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.streak_strip import length_of
+
+BoolArray = npt.NDArray[np.bool_]
+
+_CORE, _GAP, _SIDE_PX = 1.0, 1.8, 8
+"""Half width of what is summed and distance of the sky beside it, in widths; rows of that sky."""
+_PER_MAD, _LEFT = 1.4826, 0.83
+"""Sigma of a normal law over its median deviation; of noise, after interpolation."""
+_MEDIAN = 1.57
+"""Variance of a median over that of a mean."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineColumns:
+    """Light along a line, ADU per px of length."""
+
+    light_adu: FloatArray
+    """(columns,)"""
+    sigma_adu: float
+    """One sigma of a column by the sky's noise alone, its level's included."""
+    noise_adu: float
+    """One sigma of a pixel."""
+    is_inside: BoolArray
+    """(columns,): whether the frame holds all that is summed."""
+
+
+def on_line(ends: Box, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels of places ``u`` along the line from end a and ``v`` across it."""
+    length = length_of(ends)
+    dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
+    return ends[0] + dx * u - dy * v, ends[1] + dy * u + dx * v
+
+
+def rows_across(fwhm: float) -> FloatArray:
+    """How far off the line, px, what is summed and the sky beside it are looked at."""
+    _, near_px = _rows_px(fwhm)
+    return np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1, dtype=np.float64)
+
+
+def _rows_px(fwhm: float) -> tuple[int, int]:
+    """Half width of what is summed, and where the sky beside it begins."""
+    core_px = max(math.ceil(_CORE * fwhm), 2)
+    return core_px, max(math.ceil(_GAP * fwhm), core_px + 1)
+
+
+def columns_at(
+    pixels: PixelArray, x: FloatArray, y: FloatArray, v: FloatArray, fwhm: float
+) -> LineColumns:
+    """The light of columns whose pixels are at ``x``, ``y`` (rows, columns), NaN where nowhere.
+
+    ``v``: (rows,) how far off the line each row is, as ``rows_across`` gives it.
+    """
+    import cv2
+
+    height, width = pixels.shape
+    core_px, near_px = _rows_px(fwhm)
+    is_core, is_beside = np.abs(v) <= core_px, np.abs(v) >= near_px
+    x_core, y_core = x[is_core], y[is_core]
+    is_inside = (
+        (x_core >= 0.0) & (x_core <= width - 1.0) & (y_core >= 0.0) & (y_core <= height - 1.0)
+    ).all(axis=0)
+    if not is_inside.any():
+        nothing = np.zeros(x.shape[1])
+        return LineColumns(light_adu=nothing, sigma_adu=1.0, noise_adu=1.0, is_inside=is_inside)
+    left, right = _reach(x[:, is_inside], width)
+    low, high = _reach(y[:, is_inside], height)
+    piece = np.ascontiguousarray(pixels[low:high, left:right], dtype=np.float32)
+    places_x, places_y = (x - left).astype(np.float32), (y - low).astype(np.float32)
+    if not is_inside.all():
+        places_x, places_y = np.nan_to_num(places_x), np.nan_to_num(places_y)
+    strip = cv2.remap(
+        piece,
+        places_x,
+        places_y,
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    # Sorted once: a median costs three times as much.
+    beside = np.sort(strip[is_beside], axis=0)
+    middle = beside[(len(beside) - 1) // 2 : len(beside) // 2 + 1].mean(axis=0)
+    level = smoothed(middle, 2 * math.ceil(2.0 * fwhm) + 1)
+    deviation = np.abs(beside - level)[:, is_inside]
+    noise = max(_PER_MAD / _LEFT * float(np.median(deviation)), 1e-6)
+    rows, rows_beside = float(is_core.sum()), float(is_beside.sum())
+    return LineColumns(
+        light_adu=(strip[is_core] - level).sum(axis=0),
+        noise_adu=noise,
+        sigma_adu=noise * math.sqrt(rows + _MEDIAN * rows**2 / rows_beside),
+        is_inside=is_inside,
+    )
+
+
+def _reach(places: FloatArray, side_px: int) -> tuple[int, int]:
+    """First pixel and the one behind the last, of those that hold places, inside the frame."""
+    first, last = float(places.min()), float(places.max())
+    return int(min(max(first, 0.0), side_px - 2.0)), int(min(max(last, 0.0), side_px - 1.0)) + 2
+
+
+def smoothed(values: FloatArray, window: int) -> FloatArray:
+    """Running mean over ``window`` (odd), the ends repeated."""
+    import cv2
+
+    row = np.ascontiguousarray(values, dtype=np.float64)[None]
+    return np.asarray(cv2.blur(row, (window, 1), borderType=cv2.BORDER_REPLICATE)[0])

@@ -1,0 +1,390 @@
+"""A matched line filter: straight lines of light too faint or too long for the network's map.
+
+The frame as cells of a few pixels, the light in each limited so that a star counts little; along
+every straight line of 2^k rows (or columns) of cells the sum, by the approximate discrete Radon
+transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines of every length (Nir,
+Zackay & Ofek, AJ 156:229, 2018). What stands out is traced to its own ends; its light is then
+taken away, so that the next line owes nothing to it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.frame import CELL_PX, Background, lines_through, median_5x5, resample
+from rsoconsole.vision.lines.line_seeds import Float32Array, Seed, seeds_in, threshold
+from rsoconsole.vision.stars import StarList, lit_radius_px
+
+LEAST_SNR = 5.0
+"""Sigma of the cells' own scatter of a whole line that was traced."""
+MOST_LINES = 56
+FINEST_PX, _MOST_CELLS = 4, 300_000
+_SHORTEST_FWHM = 4.5
+_MOST_SEEDS, _MOST_TRACED = 300, 12
+_SMALLEST = 1e-9
+_LIMIT, _MOST = 2.0, 6.0
+"""Sigma of a cell: what light of no line counts at most, and what light of a line does."""
+_SURELY_LIGHT, _NO_LINE = 4.5, 1.2
+"""So bright, and so little of it along any line: a star, of which nothing counts."""
+_MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
+"""Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
+_OF_A_BAND = 0.6
+"""Side of the cells in which a band is one or two cells wide, over its width."""
+_FEWEST_COARSE = 8
+_EVERY = 3
+_SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
+"""Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
+_STILL_THERE = 0.7
+_REACH = 2
+"""Cells to either side of a line that are looked at to find where it runs."""
+_CHUNKS = 8
+_MOST_PARTS, _LIT_SHARE, _LEAST_LIT = 16, 0.4, 3.0
+"""Into so many parts a sum is cut; what the middling ones of them hold at least of it, and sigma of
+the whole, were all like them."""
+_BEYOND = 12.0
+_LIT = 0.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellLine:
+    """A line of light; in cells, 0 = left edge of the first, or in pixels."""
+
+    x_a: float
+    y_a: float
+    x_b: float
+    y_b: float
+    snr: float
+    """Limited light along it over its noise."""
+    is_light: bool = False
+    """Whether it is one light of the star search (``short_lines``), no sum along cells."""
+
+
+def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
+    """Side of a frame's cells: about a star's width, twice that where so many would be slow."""
+    side = finest_px
+    while height * width > _MOST_CELLS * side**2 and side < CELL_PX:
+        side *= 2
+    return side
+
+
+def propose_lines(
+    sky: Background, squares: Float32Array, side_px: int, stars: StarList
+) -> list[CellLine]:
+    """Lines of a frame in its pixels (0 = centre of the first), strongest first.
+
+    ``squares``: its means of squares of ``side_px`` (``bins.bin_frame``); ``stars`` count nothing.
+    """
+    rows, columns = squares.shape
+    per_cell = sky.cell_px // side_px
+    cells = squares - resample(sky.level, per_cell, rows, columns)
+    cells *= np.float32(side_px) / resample(sky.noise, per_cell, rows, columns)
+    cells = limited(cells)
+    cells -= _around(cells, FINEST_PX // side_px)
+    _cover(cells, side_px, stars, float(np.median(sky.noise)))
+    found = [(line, side_px) for line in find_lines(cells)]
+    # What draws the stars out may draw a streak out as far, to a band.
+    coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)
+    if 1 < coarser <= min(cells.shape) // _FEWEST_COARSE:
+        found += [(line, side_px * coarser) for line in find_lines(_coarse(cells, coarser))]
+    return [
+        replace(
+            line,
+            x_a=line.x_a * side - 0.5,
+            y_a=line.y_a * side - 0.5,
+            x_b=line.x_b * side - 0.5,
+            y_b=line.y_b * side - 0.5,
+        )
+        for line, side in found
+        if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side
+        > _SHORTEST_FWHM * _star_fwhm_px(line, side, stars)
+    ]
+
+
+def _coarse(cells: Float32Array, times: int) -> Float32Array:
+    """Cells so many times as large, of the same noise; what a star covers counts as sky."""
+    import cv2
+
+    rows, columns = (side // times for side in cells.shape)
+    whole = cells[: rows * times, : columns * times]
+    means = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+    # What is left of a star counts no more than in the finer ones.
+    return np.asarray(np.clip(means * np.float32(times), -_LIMIT, _MOST))
+
+
+def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:
+    """Width of a star in the middle of a line in cells."""
+    x, y = 0.5 * (line.x_a + line.x_b), 0.5 * (line.y_a + line.y_b)
+    return stars.fwhm_at(x * side_px - 0.5, y * side_px - 0.5)
+
+
+def _around(cells: Float32Array, finer: int) -> Float32Array:
+    """Median about every cell, of 5 x 5 of the usual size, which are so many times as large.
+
+    As wide as the stars are, whatever the cells: a streak is never most of it.
+    """
+    import cv2
+
+    if finer <= 1:
+        return median_5x5(cells)
+    rows, columns = cells.shape
+    coarse = (-(-columns // finer), -(-rows // finer))
+    level = median_5x5(cv2.resize(cells, coarse, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(level, (columns, rows), interpolation=cv2.INTER_LINEAR))
+
+
+def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> None:
+    """Take away the light of listed stars."""
+    import cv2
+
+    room = lit_radius_px(stars, noise) / side_px + 0.5
+    half, angle = 0.0, 0.0
+    if stars.trail is not None:
+        half, angle = 0.5 * stars.trail.length_px / side_px, math.radians(stars.trail.angle_deg)
+    x, y = (stars.x_px + 0.5) / side_px - 0.5, (stars.y_px + 0.5) / side_px - 0.5
+    dx, dy = half * math.cos(angle), half * math.sin(angle)
+    # OpenCV draws on sixteenths of a cell.
+    ends = np.rint(16.0 * np.stack([x - dx, y - dy, x + dx, y + dy], axis=1)).astype(int).tolist()
+    radii = np.rint(16.0 * room).astype(int).tolist()
+    for (x_a, y_a, x_b, y_b), radius in zip(ends, radii, strict=True):
+        cv2.circle(cells, (x_a, y_a), radius, 0.0, -1, cv2.LINE_8, 4)
+        if half:
+            cv2.circle(cells, (x_b, y_b), radius, 0.0, -1, cv2.LINE_8, 4)
+            cv2.line(cells, (x_a, y_a), (x_b, y_b), 0.0, max(radius // 8, 1), cv2.LINE_8, 4)
+
+
+def limited(cells: Float32Array) -> Float32Array:
+    """Signal to noise of cells, (rows, columns), what is no line held down to ``_LIMIT``.
+
+    An opening along each of eight directions, less that across it: a star, however bright, is as
+    long across as along; only what goes on along one of them for five cells keeps its light.
+    """
+    import cv2
+
+    line = np.zeros_like(cells)
+    for along, across in lines_through():
+        opened, other = (
+            cv2.morphologyEx(cells, cv2.MORPH_OPEN, kernel, borderType=cv2.BORDER_REFLECT_101)
+            for kernel in (along, across)
+        )
+        cv2.max(line, cv2.absdiff(opened, other), line)
+    out = np.clip(cells, -_LIMIT, np.clip(line, _LIMIT, _MOST))
+    out[(cells > _SURELY_LIGHT) & (line < _NO_LINE)] = 0.0
+    return out
+
+
+def find_lines(cells: Float32Array) -> list[CellLine]:
+    """Lines in a map of limited signal to noise (rows, columns); the longest and brightest first.
+
+    The cells themselves, where they are not covered (0), tell level and noise: faint stars, which
+    long sums add up, are part of both.
+    """
+    import cv2
+
+    is_open = cells != 0.0
+    shown = cells[is_open]
+    scatter = float(shown.std()) if shown.size else 0.0
+    if scatter <= 0.0:
+        return []
+    left = (cells - np.float32(shown.mean())) / np.float32(scatter)
+    left[~is_open] = 0.0
+    # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
+    smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
+    smooth /= np.float32(_SMOOTHED_NOISE)
+    seeds: dict[tuple[int, bool], list[Seed]] = {}
+    for seed in seeds_in(smooth):
+        seeds.setdefault(seed.alike, []).append(seed)
+    lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
+    found: list[CellLine] = []
+    traced = dict.fromkeys(seeds, 0)
+    for _, seed in sorted(lit, key=lambda each: -each[0]):
+        # In a field of stars thousands of short sums stand out, and bad columns are long: all that
+        # is alike has its share.
+        if traced[seed.alike] == _MOST_TRACED:
+            continue
+        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold(seed.rows)):
+            continue
+        line = _traced(left, seed)
+        traced[seed.alike] += 1
+        if line is not None:
+            _erase(left, line)
+            _erase(smooth, line)
+            if line.snr > LEAST_SNR:
+                found.append(line)
+        if len(found) == MOST_LINES:
+            break
+    return sorted(found, key=lambda line: -line.snr)
+
+
+def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, Seed]]:
+    """Sums of one length whose light is not that of a few bright places, best first.
+
+    Each with what its middling parts say of the whole.
+    """
+    rows = seeds[0].rows
+    seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+    t = np.linspace(0.0, 1.0, rows)
+    ends = np.array([(s.x_a, s.y_a, s.x_b, s.y_b) for s in seeds], dtype=np.float64)
+    columns = np.rint(ends[:, :1] + (ends[:, 2:3] - ends[:, :1]) * t).astype(np.intp)
+    lines = np.rint(ends[:, 1:2] + (ends[:, 3:] - ends[:, 1:2]) * t).astype(np.intp)
+    light = cells[lines.clip(0, cells.shape[0] - 1), columns.clip(0, cells.shape[1] - 1)]
+    parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MOST_PARTS), -1).mean(axis=2)
+    middling = (np.median(parts, axis=1) * math.sqrt(rows)).tolist()
+    return [
+        (value, seed)
+        for value, seed in zip(middling, seeds, strict=True)
+        if value > max(_LIT_SHARE * seed.snr, _LEAST_LIT)
+    ]
+
+
+def _what_is_left(cells: Float32Array, seed: Seed) -> float:
+    """The sum along a seed over its noise, as the map is now."""
+    count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
+    column = _cells_between(seed.x_a, seed.x_b, count)
+    row = _cells_between(seed.y_a, seed.y_b, count)
+    is_in = (column >= 0) & (column < cells.shape[1]) & (row >= 0) & (row < cells.shape[0])
+    return float(cells[row[is_in], column[is_in]].sum()) / math.sqrt(count)
+
+
+def _cells_between(first: int, last: int, count: int) -> npt.NDArray[np.intp]:
+    """(count,) nearest to an even division, as by ``linspace``, which takes four times as long."""
+    if count == 1:
+        return np.array([first], np.intp)
+    places = np.arange(count, dtype=np.float64) * ((last - first) / (count - 1)) + first
+    places[-1] = last
+    return np.rint(places).astype(np.intp)
+
+
+def _traced(cells: Float32Array, seed: Seed) -> CellLine | None:
+    """The lit stretch of a seed's line, which may go on beyond it, along the light itself."""
+    x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
+    half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5
+    angle = math.atan2(seed.y_b - seed.y_a, seed.x_b - seed.x_a)
+    stretch: tuple[float, float, float] | None = None
+    for _ in range(3):
+        about = _about(cells, x, y, angle, half + _BEYOND + half)
+        if about is None:
+            return None
+        u, light = about
+        inside = np.abs(u) <= half
+        if np.count_nonzero(inside) < 3:
+            return None
+        offset, slope = _course(u[inside], light[:, inside])
+        x, y = x - offset * math.sin(angle), y + offset * math.cos(angle)
+        angle += math.atan(slope)
+        stretch = _stretch(cells, x, y, angle, half)
+        if stretch is None:
+            return None
+        _, u_a, u_b = stretch
+        x, y = x + 0.5 * (u_a + u_b) * math.cos(angle), y + 0.5 * (u_a + u_b) * math.sin(angle)
+        half = 0.5 * (u_b - u_a)
+    if stretch is None:
+        return None
+    dx, dy = half * math.cos(angle), half * math.sin(angle)
+    # From the first cell's middle to its edge.
+    return CellLine(
+        x_a=x - dx + 0.5, y_a=y - dy + 0.5, x_b=x + dx + 0.5, y_b=y + dy + 0.5, snr=stretch[0]
+    )
+
+
+def _about(
+    cells: Float32Array, x: float, y: float, angle: float, reach: float
+) -> tuple[FloatArray, Float32Array] | None:
+    """(u, light at every offset across) a cell's length apart, as far as the line is in the map."""
+    import cv2
+
+    dx, dy = math.cos(angle), math.sin(angle)
+    height, width = cells.shape
+    low, high = -reach, reach
+    for start, rate, size in ((x, dx, width), (y, dy, height)):
+        if abs(rate) > 1e-9:
+            ends = sorted((-start / rate, (size - 1 - start) / rate))
+            low, high = max(low, ends[0]), min(high, ends[1])
+        elif not 0.0 <= start <= size - 1:
+            return None
+    if high - low < 2.0:
+        return None
+    u = np.arange(math.ceil(low), math.floor(high) + 1, dtype=np.float64)
+    v = np.arange(-_REACH, _REACH + 1)[:, None]
+    columns, rows = (
+        (x + dx * u - dy * v).astype(np.float32),
+        (y + dy * u + dx * v).astype(np.float32),
+    )
+    light = cv2.remap(cells, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return u, np.asarray(light, dtype=np.float32)
+
+
+def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
+    """Offset and slope of where the light along a line runs, from its middles in a few chunks."""
+    count = max(1, min(_CHUNKS, u.size // 4))
+    v = np.arange(-_REACH, _REACH + 1)
+    # Chunks of one size; what is left over goes with the last.
+    bounds = np.linspace(0, u.size, count + 1).astype(np.intp)
+    across = np.add.reduceat(light, bounds[:-1], axis=1) / np.diff(bounds)
+    across = np.maximum(across - np.sort(across, axis=0)[1], 0.0)
+    weight = across.sum(axis=0)
+    if not weight.any():
+        return 0.0, 0.0
+    middles = v @ across / np.maximum(weight, _SMALLEST)
+    places = np.add.reduceat(u, bounds[:-1]) / np.diff(bounds)
+    middle = float(weight @ places / weight.sum())
+    offset, away = float(weight @ middles / weight.sum()), places - middle
+    spread = float(weight @ away**2)
+    slope = 0.0 if count < 2 or spread <= 0.0 else float(weight @ (middles * away)) / spread
+    offset -= slope * middle
+    # No further than the window shows.
+    most = _REACH / max(float(np.abs(u).max()), 1.0)
+    return float(np.clip(offset, -_REACH, _REACH)), float(np.clip(slope, -most, most))
+
+
+def _stretch(
+    cells: Float32Array, x: float, y: float, angle: float, half: float
+) -> tuple[float, float, float] | None:
+    """(snr, u_a, u_b) of the stretch along a line whose light above its level's share is most."""
+    about = _about(cells, x, y, angle, 2.0 * half + _BEYOND)
+    if about is None:
+        return None
+    u, light = about
+    profile = (light[_REACH - 1] + 2.0 * light[_REACH] + light[_REACH + 1]) * 0.5
+    inside = np.abs(u) <= half
+    level = float(profile[inside].mean()) if inside.any() else 0.0
+    if level <= 0.0:
+        return None
+    total = np.concatenate([[0.0], np.cumsum(np.minimum(profile, 2.0 * level) - _LIT * level)])
+    end = int(np.argmax(total - np.minimum.accumulate(total)))
+    start = int(np.argmin(total[: end + 1]))
+    if end - start < 2:
+        return None
+    start, end = _without_gap(profile, start, end, level)
+    snr = float(light[_REACH, start:end].sum()) / math.sqrt(end - start) / _INTERPOLATED
+    return snr, float(u[start]) - 0.5, float(u[end - 1]) + 0.5
+
+
+def _without_gap(profile: Float32Array, start: int, end: int, level: float) -> tuple[int, int]:
+    """The stretch, or the brighter of its parts where much between them is dark: two streaks."""
+    most = int(_MOST_GAP * (end - start))
+    if most < _LEAST_GAP:
+        return start, end
+    # Mean light of every window as long as the longest gap that one streak may have.
+    total = np.concatenate([[0.0], np.cumsum(np.clip(profile[start:end], -level, 2.0 * level))])
+    means = (total[most:] - total[:-most]) / most
+    darkest = int(np.argmin(means))
+    lit = (float(total[-1]) - float(means[darkest]) * most) / (end - start - most)
+    if means[darkest] > _DARK * lit:
+        return start, end
+    first, second = float(total[darkest]), float(total[-1] - total[darkest + most])
+    return (start, start + darkest) if first > second else (start + darkest + most, end)
+
+
+_INTERPOLATED = 0.75
+"""Sigma of a place between cells, on average over them."""
+
+
+def _erase(cells: Float32Array, line: CellLine) -> None:
+    """Take away the light about a line, a cell and a half to either side."""
+    import cv2
+
+    x_a, y_a, x_b, y_b = (int(at) for at in (line.x_a, line.y_a, line.x_b, line.y_b))
+    cv2.line(cells, (x_a, y_a), (x_b, y_b), 0.0, 3, cv2.LINE_8)

@@ -1,0 +1,237 @@
+"""Pixels about a line, turned so that it runs along the rows, and the profile of light along it.
+
+Stars that are listed are masked, the sky beside the line is taken away: what is left is matched
+across to the frame's own point-spread function.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.frame import Background, median_of
+from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.stars import StarList, lit_radius_px
+
+Float32Array = npt.NDArray[np.float32]
+IntArray = npt.NDArray[np.int_]
+BoolArray = npt.NDArray[np.bool_]
+
+OFF_PX = 9.0
+"""How far off its line a proposal may be, px, at its middle and at its ends."""
+INTERPOLATED_VARIANCE = 1.0 / 6.0
+"""px^2 that linear interpolation adds across."""
+_BEYOND, _LEAST_BEYOND_PX = 0.35, 40.0
+_ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
+LEAST_KNOWN = 0.4
+"""Of a column's weight: of less, what is seen is no measure of the line there."""
+_SKY_PX, _SKY_LIMIT = 41, 3.0
+_SMALLEST = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineStrip:
+    """Pixels about a line, it along the rows."""
+
+    values: Float32Array
+    """(2 reach + 1, columns), sigma of a pixel above the sky."""
+    is_good: BoolArray
+    x0_px: float
+    """Of column 0, row ``reach``."""
+    y0_px: float
+    dx: float
+    dy: float
+    reach: int
+    is_cut: tuple[bool, bool]
+    """Whether it ends with the frame, at its first and at its last column."""
+
+    @property
+    def columns(self) -> IntArray:
+        """0, 1, 2 and so on."""
+        return np.arange(self.values.shape[1])
+
+    def at(self, u: float, v: float) -> tuple[float, float]:
+        """Raw pixel of a place so far along and across."""
+        return self.x0_px + u * self.dx - v * self.dy, self.y0_px + u * self.dy + v * self.dx
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Where the line runs in a strip."""
+
+    middle: float
+    offset: float
+    slope: float
+    sigma_offset: float
+    sigma_slope: float
+
+    def at(self, columns: IntArray | FloatArray | float) -> FloatArray:
+        return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
+
+
+class Way(Protocol):
+    """Where light runs in a strip, straight or not."""
+
+    def at(self, columns: IntArray) -> FloatArray:
+        """Rows from the strip's middle one."""
+        ...
+
+
+def strip_about(
+    pixels: PixelArray, sky: Background, ends: Box, stars: StarList, sigma: float
+) -> LineStrip | None:
+    import cv2
+
+    x_a, y_a, x_b, y_b = ends
+    length = math.hypot(x_b - x_a, y_b - y_a)
+    if length < 4.0:
+        return None
+    dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
+    height, width = pixels.shape
+    more = max(_BEYOND * length, _LEAST_BEYOND_PX)
+    low, high = wanted = -more, length + more
+    for start, rate, size in ((x_a, dx, width), (y_a, dy, height)):
+        if abs(rate) > 1e-6:
+            rim = sorted(((0.0 - start) / rate, (size - 1 - start) / rate))
+            low, high = max(low, rim[0]), min(high, rim[1])
+    count = int(high - low)
+    if count < 8:
+        return None
+    reach = math.ceil(OFF_PX + 4.0 * sigma)
+    x0, y0 = x_a + low * dx, y_a + low * dy
+    turned = np.array([[dx, -dy, x0 + reach * dy], [dy, dx, y0 - reach * dx]], dtype=np.float64)
+    size = (count, 2 * reach + 1)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    # Only what lies about the line: OpenCV's warp takes at most 32,767 pixels a side.
+    values = cv2.warpAffine(
+        pixels, turned, size, flags=flags, borderMode=cv2.BORDER_REFLECT_101
+    ).astype(np.float32)
+    u = np.arange(count, dtype=np.float32)
+    cells_x = ((x0 + u * dx + 0.5) / sky.cell_px - 0.5).astype(np.float32)[None]
+    cells_y = ((y0 + u * dy + 0.5) / sky.cell_px - 0.5).astype(np.float32)[None]
+    level, noise = (
+        cv2.remap(small, cells_x, cells_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for small in (sky.level, sky.noise)
+    )
+    values -= level
+    values /= np.maximum(noise, _SMALLEST)
+    v = np.arange(-reach, reach + 1)[:, None]
+    x, y = x0 + u * dx - v * dy, y0 + u * dy + v * dx
+    is_there = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
+    strip = LineStrip(values, is_there, x0, y0, dx, dy, reach, (low > wanted[0], high < wanted[1]))
+    _mask_stars(strip, stars, median_of(noise), -low, length - low)
+    return strip
+
+
+def _mask_stars(
+    strip: LineStrip, stars: StarList, noise: float, first_px: float, last_px: float
+) -> None:
+    """Mask what listed stars light.
+
+    Unless so many lie on the line that they are its flashes, or between its ends, at these columns,
+    there is little else: a short streak is on the list of stars itself.
+    """
+    off_x, off_y = stars.x_px - strip.x0_px, stars.y_px - strip.y0_px
+    along, across = off_x * strip.dx + off_y * strip.dy, off_y * strip.dx - off_x * strip.dy
+    columns = strip.values.shape[1]
+    half_trail = 0.5 * stars.trail.length_px if stars.trail is not None else 0.0
+    room = 40.0 + half_trail
+    near = (along > -room) & (along < columns + room) & (np.abs(across) < strip.reach + room)
+    tilt = 0.0
+    if stars.trail is not None:
+        tilt = math.radians(stars.trail.angle_deg) - math.atan2(strip.dy, strip.dx)
+    v = np.arange(-strip.reach, strip.reach + 1)[:, None]
+    radii = lit_radius_px(stars, noise)
+    on_line = near & (np.abs(across) < _ON_LINE_PX) & (along > 0.0) & (along < columns)
+    is_flashing = on_line.sum() >= _FLASHES
+    between = on_line & (along > first_px) & (along < last_px)
+    is_short = 2.0 * radii[between].sum() > _LISTED_SHARE * (last_px - first_px)
+    if is_short or (is_flashing and 2.0 * radii[on_line].sum() > _FLASHED_SHARE * columns):
+        near &= ~on_line
+    for i in np.flatnonzero(near).tolist():
+        radius = radii[i] + 0.5
+        size = radius + half_trail
+        first, last = int(along[i] - size), int(along[i] + size) + 2
+        first, last = max(first, 0), min(last, columns)
+        if first >= last:
+            continue
+        du, dv = np.arange(first, last) - along[i], v - across[i]
+        if half_trail:
+            cos, sin = math.cos(tilt), math.sin(tilt)
+            along_trail, across_trail = du * cos + dv * sin, dv * cos - du * sin
+            beyond = np.maximum(np.abs(along_trail) - half_trail, 0.0)
+            strip.is_good[:, first:last] &= beyond**2 + across_trail**2 > radius**2
+        else:
+            strip.is_good[:, first:last] &= du**2 + dv**2 > radius**2
+
+
+def level(strip: LineStrip, course: Course, sigma: float) -> None:
+    """Take away what the sky beside the line is above that of its cells: glow, a bright star's."""
+    import cv2
+
+    v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
+    away = np.abs(v - course.at(strip.columns).astype(np.float32))
+    beside = ((away > 3.5 * sigma + 1.0) & strip.is_good).astype(np.float32)
+    light = (np.clip(strip.values, -_SKY_LIMIT, _SKY_LIMIT) * beside).sum(axis=0)
+    count = beside.sum(axis=0)
+    window = (_SKY_PX, 1)
+    light, count = (
+        cv2.blur(each[None], window, borderType=cv2.BORDER_REFLECT_101)[0]
+        for each in (light, count)
+    )
+    strip.values[:] -= light / np.maximum(count, 1.0)
+
+
+def weights_of(strip: LineStrip, columns: IntArray, course: Way, sigma: float) -> Float32Array:
+    """Gaussian across about the line, sum 1 a column."""
+    v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
+    off = v - course.at(columns).astype(np.float32)
+    return np.asarray(
+        np.exp(-0.5 * (off / np.float32(sigma)) ** 2) / np.float32(math.sqrt(2 * math.pi) * sigma)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineProfile:
+    """Light along a line, per pixel of length, in sigmas of a pixel's noise."""
+
+    light: FloatArray
+    """0 where it is not known."""
+    error: FloatArray
+    """One sigma of it; infinite where masked stars hide the line."""
+    sigma: float
+    """Of the Gaussian across to which it is matched, px."""
+
+    @property
+    def columns(self) -> IntArray:
+        """Places along, px."""
+        return np.arange(self.light.size)
+
+    @property
+    def is_known(self) -> BoolArray:
+        """Where the line is not hidden."""
+        return np.isfinite(self.error)
+
+    def between(self, first: float, last: float) -> BoolArray:
+        """What is known from one place to another."""
+        columns = self.columns
+        return (columns >= first) & (columns <= last) & self.is_known
+
+
+def profile_of(strip: LineStrip, course: Way, sigma: float) -> LineProfile:
+    """The light of a strip along a line in it."""
+    weight = weights_of(strip, strip.columns, course, sigma)
+    known = weight * strip.is_good
+    share = np.einsum("ij,ij->j", known, weight).astype(np.float64)
+    nominal = 1.0 / (2.0 * math.sqrt(math.pi) * sigma)
+    light = np.einsum("ij,ij->j", known, strip.values).astype(np.float64)
+    is_known = share > LEAST_KNOWN * nominal
+    share = np.maximum(share, _SMALLEST)
+    return LineProfile(
+        light=np.where(is_known, light / share, 0.0),
+        error=np.where(is_known, 1.0 / np.sqrt(share), np.inf),
+        sigma=sigma,
+    )

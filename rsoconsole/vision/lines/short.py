@@ -1,0 +1,66 @@
+"""Short streaks among the lights that the search for stars sees longer than they are wide.
+
+Where stars are wide a streak may be three of their widths long: no line filter's sum stands out,
+and the network knows none so short. As a light it is bright, and its moments tell how it lies.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision.lines.line_filter import CellLine
+from rsoconsole.vision.stars import StarList
+
+MOST_SHORT, _MOST_WHERE_SHARP = 12, 6
+"""Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
+_ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
+"""What lies so near to a line that is proposed already is a piece of it."""
+
+
+def short_lines(
+    stars: StarList, found: Sequence[CellLine], *, is_sharp: bool = False
+) -> list[CellLine]:
+    """The surest lights that are longer than wide, one at most a line ``found`` already; pixels."""
+    most = _MOST_WHERE_SHARP if is_sharp else MOST_SHORT
+    lights = stars.oblong
+    if lights is None:
+        return []
+    lines: list[CellLine] = []
+    left = [1] * len(found)
+    columns = (lights.x_px, lights.y_px, lights.angle_deg, lights.half_px, lights.snr)
+    for x, y, angle_deg, half, snr in np.stack(columns, axis=1).tolist():
+        fwhm_px = stars.fwhm_at(x, y)
+        if any(_is_part(x, y, angle_deg, line, fwhm_px) for line in lines):
+            continue
+        of_found = [i for i, line in enumerate(found) if _is_part(x, y, angle_deg, line, fwhm_px)]
+        if any(left[i] == 0 for i in of_found):
+            continue
+        for i in of_found:
+            left[i] -= 1
+        angle = math.radians(angle_deg)
+        dx, dy = half * math.cos(angle), half * math.sin(angle)
+        lines.append(
+            CellLine(x_a=x - dx, y_a=y - dy, x_b=x + dx, y_b=y + dy, snr=snr, is_light=True)
+        )
+        if len(lines) == most:
+            break
+    return lines
+
+
+def in_turn(found: Sequence[CellLine], short: Sequence[CellLine]) -> list[CellLine]:
+    """The best of either first: no more than so many are measured."""
+    pairs = itertools.zip_longest(found, short)
+    return [line for pair in pairs for line in pair if line is not None]
+
+
+def _is_part(x: float, y: float, angle_deg: float, line: CellLine, fwhm_px: float) -> bool:
+    dx, dy = line.x_b - line.x_a, line.y_b - line.y_a
+    length = max(math.hypot(dx, dy), 1e-6)
+    off_x, off_y = x - 0.5 * (line.x_a + line.x_b), y - 0.5 * (line.y_a + line.y_b)
+    along, across = abs(off_x * dx + off_y * dy) / length, abs(off_y * dx - off_x * dy) / length
+    turn = turn_deg(angle_deg, math.degrees(math.atan2(dy, dx)) % 180.0)
+    is_near = across < _ACROSS_FWHM * fwhm_px and along < 0.5 * length + fwhm_px
+    return is_near and turn < _SAME_DEG

@@ -1,0 +1,120 @@
+"""What a point of light looks like in a frame, whatever its shape: disc, ring, comet or trail.
+
+The median of the frame's own stars: bright ones that stand alone, each moved so that its middle
+lies on a pixel's, of unit light.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.frame import Background
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
+
+Float32Array = npt.NDArray[np.float32]
+
+_FEWEST, _MOST = 8, 60
+_LEAST_SNR, _ALONE_FWHM, _REACH_FWHM, _LEAST_REACH_PX = 20.0, 3.0, 1.5, 5
+_LEAST_MISFIT, _MOST_MISFIT = 0.02, 0.2
+_BRIGHT_SHARE = 0.3
+_ROOM_PX = 2
+_SMALLEST = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StarImage:
+    """A point of unit light."""
+
+    pixels: Float32Array
+    """(2 reach + 1, 2 reach + 1), its middle on the middle pixel's centre."""
+    misfit: float = 0.0
+    """What single stars differ from it by beyond their noise, as a share of their light there."""
+
+    @property
+    def reach(self) -> int:
+        """Pixels from its middle to its rim."""
+        return int(self.pixels.shape[0] // 2)
+
+    def at(self, x_px: float, y_px: float) -> tuple[int, int, Float32Array]:
+        """The image of a point at a place: column and row of its first pixel, and its pixels."""
+        import cv2
+
+        column, row = round(x_px), round(y_px)
+        shift = np.array([[1.0, 0.0, x_px - column], [0.0, 1.0, y_px - row]])
+        side = self.pixels.shape[0]
+        moved = cv2.warpAffine(
+            self.pixels, shift, (side, side), flags=cv2.INTER_LANCZOS4, borderValue=0.0
+        )
+        return column - self.reach, row - self.reach, np.asarray(moved)
+
+
+def disc(fwhm_px: float) -> StarImage:
+    """A Gaussian one of this width."""
+    import cv2
+
+    reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _LEAST_REACH_PX)
+    line = cv2.getGaussianKernel(2 * reach + 1, fwhm_px / FWHM_PER_SIGMA)
+    return StarImage(pixels=(line @ line.T).astype(np.float32))
+
+
+def star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImage | None:
+    """The frame's own, of pixels (height, width) in ADU; None where too few stars are alone."""
+    half_trail = 0.0 if stars.trail is None else 0.5 * stars.trail.length_px
+    size_px = stars.median_fwhm_px + half_trail
+    reach = max(math.ceil(_REACH_FWHM * stars.median_fwhm_px + half_trail) + 1, _LEAST_REACH_PX)
+    shape = pixels.shape[0], pixels.shape[1]
+    images, errors = [], []
+    for i in _alone(stars, _ALONE_FWHM * size_px, reach + _ROOM_PX + 1, shape)[:_MOST].tolist():
+        image = _centred(pixels, float(stars.x_px[i]), float(stars.y_px[i]), reach)
+        light = float(image.sum())
+        if light > 0.0:
+            images.append(image / light)
+            at = round(float(stars.x_px[i])), round(float(stars.y_px[i]))
+            errors.append(sky.at(sky.noise, *at) / light)
+    if len(images) < _FEWEST:
+        return None
+    stack = np.array(images, dtype=np.float64)
+    middle = np.median(stack, axis=0)
+    middle /= max(float(middle.sum()), _SMALLEST)
+    misfit = _misfit(stack, middle, np.array(errors))
+    return StarImage(pixels=middle.astype(np.float32), misfit=misfit)
+
+
+def _centred(pixels: PixelArray, x_px: float, y_px: float, reach: int) -> Float32Array:
+    """Pixels about a star above its rim's median, moved by the fraction of a pixel it is off."""
+    import cv2
+
+    side = 2 * reach + 1
+    left, top = round(x_px) - reach - _ROOM_PX, round(y_px) - reach - _ROOM_PX
+    box = pixels[top : top + side + 2 * _ROOM_PX, left : left + side + 2 * _ROOM_PX]
+    shift = np.array([[1.0, 0.0, reach - (x_px - left)], [0.0, 1.0, reach - (y_px - top)]])
+    image = cv2.warpAffine(box.astype(np.float32), shift, (side, side), flags=cv2.INTER_LANCZOS4)
+    rim = np.concatenate([image[0], image[-1], image[1:-1, 0], image[1:-1, -1]])
+    return np.asarray(image - np.median(rim), dtype=np.float32)
+
+
+def _alone(
+    stars: StarList, apart_px: float, rim_px: int, shape: tuple[int, int]
+) -> npt.NDArray[np.intp]:
+    """Indices of bright stars without neighbours, the brightest first."""
+    x, y = stars.x_px, stars.y_px
+    is_good = (stars.snr > _LEAST_SNR) & ~stars.is_saturated
+    is_good &= (x > rim_px) & (x < shape[1] - 1 - rim_px)
+    is_good &= (y > rim_px) & (y < shape[0] - 1 - rim_px)
+    away = np.hypot(x[:, None] - x, y[:, None] - y)
+    np.fill_diagonal(away, np.inf)
+    is_good &= away.min(axis=1, initial=np.inf) > apart_px
+    return np.flatnonzero(is_good)
+
+
+def _misfit(stack: FloatArray, middle: FloatArray, errors: FloatArray) -> float:
+    """Scatter of the stars about the middle one where it is bright, without their noise."""
+    peak = max(float(middle.max()), _SMALLEST)
+    bright = middle > _BRIGHT_SHARE * peak
+    scatter = np.sqrt(((stack[:, bright] - middle[bright]) ** 2).mean(axis=1))
+    beyond = np.sqrt(np.maximum(scatter**2 - errors**2, 0.0)) / peak
+    return float(np.clip(np.median(beyond), _LEAST_MISFIT, _MOST_MISFIT))

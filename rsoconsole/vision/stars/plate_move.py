@@ -1,0 +1,121 @@
+"""The fast path: the last plate moved onto a new frame's stars, without a search of the sky.
+
+Pure. The mount's commanded shift brings the plate near; all pairs of star and catalogue star then
+vote for one offset, and the plate is fitted anew. Stars and catalogue stars brightest first, as in
+``plate_fit``.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray, Wcs
+from rsoconsole.sky import describe, pixel_to_sky, sky_to_pixel
+from rsoconsole.vision.stars.plate_fit import MAX_STARS, MIN_MATCHED, PlateFit, in_field, refit
+
+_VOTE_BIN_PX = 6.0
+
+
+def refit_from(
+    previous: Wcs,
+    stars_xy_px: FloatArray,
+    catalogue_deg: FloatArray,
+    *,
+    width_px: int,
+    height_px: int,
+    shift_deg: tuple[float, float] = (0.0, 0.0),
+    search_arcsec: float = 120.0,
+) -> PlateFit | None:
+    """Fit the plate of a field next to one that is solved; None when it does not fit.
+
+    ``shift_deg`` is how far the telescope was told to move since, as (RA, Dec) differences in
+    degrees; the camera keeps its angle to the pole. What is left, up to ``search_arcsec``, is found
+    by letting all star pairs vote for one offset. A wrong field gets no majority and is refused,
+    and so is a plate whose scale or angle differs from the previous one's.
+    """
+    predicted = _moved(previous, shift_deg)
+    scale = describe(predicted, width_px, height_px).scale_arcsec_px
+    reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
+    stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
+    # Stars just outside the predicted field may be inside the true one.
+    shown = in_field(
+        predicted,
+        catalogue_deg,
+        2 * len(stars) + 20,
+        width_px=width_px,
+        height_px=height_px,
+        margin_px=reach_px,
+    )
+    if len(stars) < MIN_MATCHED or len(shown) < MIN_MATCHED:
+        return None
+    catalogue = np.asarray(catalogue_deg, float)[shown]
+    x, y = sky_to_pixel(predicted, catalogue[:, 0], catalogue[:, 1])
+    offset = _voted_offset(stars[:150], np.stack([x, y], axis=1)[:300], reach_px)
+    if offset is None:
+        return None
+    start = _with_centre_at(predicted, offset)
+    fit = refit(
+        stars,
+        catalogue,
+        start,
+        width_px=width_px,
+        height_px=height_px,
+        tolerance_px=_VOTE_BIN_PX,
+    )
+    if fit is None or not _is_same_camera(previous, fit.wcs, width_px, height_px):
+        return None
+    if fit.matched < 0.3 * min(len(stars), len(shown)):
+        return None
+    return replace(fit, catalogue_indices=shown[fit.catalogue_indices])
+
+
+def _moved(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
+    """The plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
+    dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
+    return replace(
+        wcs, crval_ra_deg=(wcs.crval_ra_deg + shift_deg[0]) % 360.0, crval_dec_deg=dec_deg
+    )
+
+
+def _with_centre_at(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
+    """The plate whose stars lie ``offset_px`` further on the frame."""
+    ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
+    shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
+    return _moved(wcs, shift)
+
+
+def _voted_offset(
+    stars: FloatArray, predicted: FloatArray, reach_px: float
+) -> tuple[float, float] | None:
+    """Offset (star minus prediction) that most pairs agree on; None without a clear majority."""
+    difference = (stars[:, None, :] - predicted[None, :, :]).reshape(-1, 2)
+    with np.errstate(invalid="ignore"):
+        near = difference[np.hypot(difference[:, 0], difference[:, 1]) <= reach_px]
+    if len(near) < MIN_MATCHED:
+        return None
+    half = math.ceil(reach_px / _VOTE_BIN_PX) + 1
+    cells = np.floor(near / _VOTE_BIN_PX).astype(int) + half
+    votes = np.zeros((2 * half + 2, 2 * half + 2))
+    np.add.at(votes, (cells[:, 0], cells[:, 1]), 1.0)
+    # A true offset may straddle cells: count 2 x 2 blocks.
+    blocks = votes[:-1, :-1] + votes[1:, :-1] + votes[:-1, 1:] + votes[1:, 1:]
+    at = np.unravel_index(int(blocks.argmax()), blocks.shape)
+    by_chance = 4.0 * len(near) / (math.pi * (reach_px / _VOTE_BIN_PX) ** 2)
+    if blocks[at] < MIN_MATCHED + by_chance + 4.0 * math.sqrt(by_chance):
+        return None
+    corner = (np.array(at) - half + 1) * _VOTE_BIN_PX
+    agreeing = near[np.max(np.abs(near - corner), axis=1) <= _VOTE_BIN_PX]
+    median = np.median(agreeing, axis=0)
+    return float(median[0]), float(median[1])
+
+
+def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> bool:
+    """Whether two plates share hand, scale (0.3 %) and angle to the pole (1 deg)."""
+    a, b = (describe(wcs, width_px, height_px) for wcs in (before, after))
+    turned = (b.rotation_deg - a.rotation_deg + 180.0) % 360.0 - 180.0
+    return (
+        a.is_flipped == b.is_flipped
+        and abs(b.scale_arcsec_px / a.scale_arcsec_px - 1.0) < 0.003
+        and abs(turned) < 1.0
+    )

@@ -1,0 +1,89 @@
+"""The point-spread function of the last frame with stars, for those that show too few.
+
+Under cloud, in a narrow field or a short exposure a frame does not tell how wide a star is; the
+frames just before it do. Seeing and focus hold for a while, in angle on the sky: a frame of the
+same field of view takes the width over whatever its binning, one of unknown scale from frames of
+the same shape alone.
+"""
+
+from dataclasses import dataclass
+
+from rsoconsole.records import Frame
+from rsoconsole.vision.stars.psf_field import Psf
+from rsoconsole.vision.stars.stars import StarList
+
+HOLDS_NS = 30 * 60 * 10**9
+"""Of the frames' own time, from one exposure's middle to the other's."""
+FEWEST_STARS = 12
+"""Of fewer the width is measured, but may be that of something else."""
+_SAME_VIEW = 0.01
+"""Relative difference of fields of view up to which a camera's binning explains it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Geometry:
+    """What one camera behind one telescope makes of the sky."""
+
+    width_px: int
+    height_px: int
+    scale_arcsec_px: float | None
+
+    def pixels_along(self, other: "_Geometry") -> float | None:
+        """Pixels of the other's frame along one of this one's; None: the views differ."""
+        if self.scale_arcsec_px is None or other.scale_arcsec_px is None:
+            return 1.0 if self == other else None
+        ratio = self.scale_arcsec_px / other.scale_arcsec_px
+        pairs = (self.width_px, other.width_px), (self.height_px, other.height_px)
+        is_same = all(abs(ratio * own / its - 1.0) < _SAME_VIEW for own, its in pairs)
+        return ratio if is_same else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Known:
+    psf: Psf
+    geometry: _Geometry
+    t_mid_utc_ns: int
+
+
+class PsfMemory:
+    """What one camera's frames, in order, last showed of a star."""
+
+    def __init__(self) -> None:
+        self._last: _Known | None = None
+
+    def remember(self, frame: Frame, stars: StarList) -> None:
+        """Keep the width of a frame's stars, in its pixels.
+
+        Nothing is kept of a frame without a time, of one with fewer than ``FEWEST_STARS``, and of
+        one whose stars are trails: drift and wind pass with it.
+        """
+        is_good = stars.width_source == "measured" and stars.trail is None
+        if not is_good or len(stars) < FEWEST_STARS or frame.t_mid_utc_ns is None:
+            return
+        self._last = _Known(
+            psf=Psf(fwhm_px=stars.median_fwhm_px, field=stars.psf_field),
+            geometry=_geometry(frame),
+            t_mid_utc_ns=frame.t_mid_utc_ns,
+        )
+
+    def recall(self, frame: Frame) -> Psf | None:
+        """What is expected of a frame, in its pixels.
+
+        None where nothing is known of its field of view, or only of longer ago than ``HOLDS_NS``
+        or of a later time.
+        """
+        last = self._last
+        if last is None or frame.t_mid_utc_ns is None:
+            return None
+        if not 0 <= frame.t_mid_utc_ns - last.t_mid_utc_ns <= HOLDS_NS:
+            return None
+        ratio = _geometry(frame).pixels_along(last.geometry)
+        return None if ratio is None else last.psf.of_joined(ratio)
+
+
+def _geometry(frame: Frame) -> _Geometry:
+    return _Geometry(
+        width_px=frame.width_px,
+        height_px=frame.height_px,
+        scale_arcsec_px=frame.scale_arcsec_px,
+    )

@@ -1,0 +1,408 @@
+"""Stars of a frame: centroids good to a few hundredths of a pixel, spread over the field.
+
+Candidates are the brightest places of blocks of a few pixels; each is then measured on the raw
+pixels with a Gaussian window that moves onto the star: an intensity-weighted centroid which
+neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch. 10).
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.frame import (
+    MOST_POINTS,
+    Background,
+    FrameBins,
+    bin_frame,
+    binning_of,
+    block_maximum,
+    local_background,
+    on_one_line,
+    resample,
+)
+from rsoconsole.vision.stars.oblong import MOST_OBLONG, Oblong
+from rsoconsole.vision.stars.psf_field import (
+    FEWEST_STARS,
+    Psf,
+    PsfField,
+    WidthSource,
+    fit_psf_field,
+)
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
+from rsoconsole.vision.stars.trailed_stars import Trail, Trailed, trailed_stars
+
+BoolArray = npt.NDArray[np.bool_]
+
+MIN_SNR = 7.0
+MAX_STARS = 400
+STAR_BLOCK_PX = 8
+"""Side of the squares whose brightest places are candidates."""
+
+_LARGE_PX = 1024
+_CANDIDATE_SIGMA = 5.0
+_TILES = (8, 6)
+_MOST_ASKED = 16_000
+"""Places looked at for candidates: a warm sensor's hot pixels are many more than its stars."""
+_LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
+"""The three brightest beside a lone pixel are noise: 1.6 sigma of 24. Beside a fainter one than the
+second the light of an undersampled star is lost in noise, too."""
+_PROBE_STARS = 150
+_PROBE_HALF_PX = 10
+_PROBE_SIGMA_PX = 2.0
+_DEFAULT_FWHM_PX = 2.5
+_FEWEST = 5
+"""Unsaturated stars from which on their median width holds."""
+_FWHM_PX = (1.2, 12.0)
+"""What a first look can measure."""
+_MAX_PEAK_SHARE = 0.6
+"""Of the light in 3 x 3 pixels; more in one pixel is a hot pixel or a cosmic ray."""
+_MAX_AXIS_RATIO = 1.5
+_SHARPEST, _WIDEST = 0.62, 2.5
+"""Width relative to the stars' beyond which it is none."""
+_OBLONG, _ROUND, _OBLONG_SNR, _HALF_FWHM = 1.25, 1.08, 10.0, 2.0
+"""Axis ratio and signal to noise of what may be too long for a star, and the ratio that noise makes
+of round ones; half its length, roughly."""
+_SHAPE_SEEN_SNR, _MOST_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
+_SATURATED_SHARE = 0.95
+_FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
+"""Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StarList:
+    """Point sources of one frame, brightest first; every array has one entry a star."""
+
+    x_px: FloatArray
+    """0 is the centre of the left pixel."""
+    y_px: FloatArray
+    flux: FloatArray
+    """ADU above the sky; too small for a saturated star."""
+    fwhm_px: FloatArray
+    snr: FloatArray
+    is_saturated: BoolArray
+    median_fwhm_px: float
+    """Of unsaturated stars; where there are fewer than five as ``width_source`` says. Of trails:
+    across."""
+    trail: Trail | None = None
+    """What drift has drawn every star out to; None where they are points."""
+    psf_field: PsfField | None = None
+    """How the width changes over the frame; None where it is the median everywhere."""
+    width_source: WidthSource = "measured"
+    """Guessed: 2.5 px."""
+    oblong: Oblong | None = None
+    """What is longer than it is wide, listed as a star or not; None where none was looked for."""
+
+    def fwhm_at(self, x_px: float, y_px: float) -> float:
+        """Width of a star at a place of the frame, px."""
+        return self.median_fwhm_px if self.psf_field is None else self.psf_field.at(x_px, y_px)
+
+    def expected_fwhm_px(self) -> FloatArray | float:
+        """Width that each star should have, (n,); one for all where it does not change."""
+        if self.psf_field is None:
+            return self.median_fwhm_px
+        return self.psf_field.all_at(self.x_px, self.y_px)
+
+    def __len__(self) -> int:
+        return int(self.x_px.size)
+
+
+def find_stars(
+    pixels: PixelArray,
+    background: Background | None = None,
+    max_stars: int = MAX_STARS,
+    saturation_adu: float = 65535.0,
+    *,
+    bins: FrameBins | None = None,
+    expected: Psf | None = None,
+    block_px: int = STAR_BLOCK_PX,
+    may_be_trails: bool = True,
+) -> StarList:
+    """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
+
+    Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
+    out; saturated stars are kept and flagged. The selection takes the brightest of each part of
+    the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
+    they are known already; what is missing is computed here. ``expected``, of earlier frames, holds
+    as far as there are too few stars to measure it. Of three blocks of ``block_px`` each way the
+    brightest place is looked at. ``may_be_trails``: whether drift may have drawn all of them out.
+    """
+    if bins is None or block_px not in bins.brightest:
+        bins = bin_frame(pixels, (block_px,))
+    sky = background or local_background(pixels, bins=bins)
+    x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars, block_px)
+    probe = (x_px[:_PROBE_STARS], y_px[:_PROBE_STARS])
+    probed_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
+    if is_drawn_out and may_be_trails:
+        trailed = trailed_stars(pixels, sky, x_px, y_px, saturation_adu)
+        if trailed is not None:
+            return _of_trails(trailed, sky, max_stars)
+    fwhm_px, source = _known_fwhm(probed_px, expected)
+    sigma_px = fwhm_px / FWHM_PER_SIGMA
+    half_px = max(5, int(np.ceil(4.0 * sigma_px)))
+    found = measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
+    is_saturated = found.peak_adu >= _SATURATED_SHARE * saturation_adu
+    is_star = _is_point(found, is_saturated)
+    is_star &= found.shift_px < np.where(is_saturated, half_px, 1.5 + 0.5 * fwhm_px)
+    is_good = _without_streak(found, is_star & ~is_saturated)
+    if np.count_nonzero(is_good) >= _FEWEST:
+        fwhm_px, source = float(np.median(found.fwhm_px[is_good])), "measured"
+    field = _psf_field(found, is_good, expected, pixels.shape, is_level_known=source != "measured")
+    local_px = fwhm_px if field is None else field.all_at(found.x_px, found.y_px)
+    is_star &= is_saturated | (
+        (found.fwhm_px > _SHARPEST * local_px) & (found.fwhm_px < _WIDEST * local_px)
+    )
+    kept = np.flatnonzero(is_star)
+    kept = kept[np.argsort(-found.flux[kept], kind="stable")]
+    kept = _apart(found, kept, 2.0 * fwhm_px)
+    kept = kept[_spread(found.x_px[kept], found.y_px[kept], sky, max_stars)]
+    return StarList(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        flux=found.flux[kept],
+        fwhm_px=found.fwhm_px[kept],
+        snr=found.snr[kept],
+        is_saturated=is_saturated[kept],
+        median_fwhm_px=fwhm_px,
+        psf_field=field,
+        width_source=source,
+        oblong=_oblong(found, is_good, is_saturated, local_px, pixels.shape),
+    )
+
+
+def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
+    """How far from its middle, across a trail, each star still lights a pixel by half a sigma."""
+    sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
+    area = 2.0 * np.pi * sigma**2
+    if stars.trail is not None:
+        area += np.sqrt(2.0 * np.pi) * sigma * stars.trail.length_px
+    peak = stars.flux / area / max(noise_adu, 1e-9)
+    radius = sigma * np.sqrt(2.0 * np.log(np.maximum(2.0 * peak, 2.0)))
+    # A saturated one is brighter than its flux says.
+    return np.asarray(np.minimum(radius * np.where(stars.is_saturated, 2.0, 1.15), 40.0))
+
+
+def _candidates(
+    pixels: PixelArray, sky: Background, bins: FrameBins, count: int, block_px: int
+) -> tuple[IntArray, IntArray]:
+    """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
+    import cv2
+
+    height, width = pixels.shape
+    rows, columns = height // block_px, width // block_px
+    binning = binning_of(block_px) if min(height, width) >= _LARGE_PX else 1
+    if binning > 1:
+        brightest = bins.brightest[block_px][:rows, :columns]
+    else:
+        whole = pixels[: rows * block_px, : columns * block_px]
+        brightest = block_maximum(whole, block_px).astype(np.float32)
+    per_cell = sky.cell_px // block_px
+    excess = brightest - resample(sky.level, per_cell, rows, columns)
+    excess *= binning / resample(sky.noise, per_cell, rows, columns)
+    is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
+    row, column = np.divmod(np.flatnonzero(is_peak), columns)
+    order = np.argsort(-excess[row, column], kind="stable")
+    row, column = row[order], column[order]
+    chosen = _spread(column * block_px, row * block_px, sky, _MOST_ASKED)
+    x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
+    is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
+    x_px, y_px = x_px[is_light], y_px[is_light]
+    chosen = _spread(x_px, y_px, sky, count)
+    return x_px[chosen], y_px[chosen]
+
+
+def _is_lone_pixel(
+    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray
+) -> npt.NDArray[np.bool_]:
+    """Which of the brightest places are one pixel alone, as hot ones are."""
+    height, width = pixels.shape
+    inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
+    x, y = np.clip(x_px, 2, width - 3), np.clip(y_px, 2, height - 3)
+    around = np.arange(-2, 3)
+    windows = pixels[
+        y[:, None, None] + around[None, :, None], x[:, None, None] + around[None, None, :]
+    ].astype(np.float32)
+    row, column = y // sky.cell_px, x // sky.cell_px
+    rows, columns = sky.level.shape
+    level = sky.level[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
+    noise = sky.noise[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
+    excess = (windows - level[:, None, None]).reshape(len(x), 25)
+    excess.sort(axis=1)
+    next_ones = excess[:, -4:-1].mean(axis=1)
+    is_bright = excess[:, -1] > _SURE_SIGMA * noise
+    return np.asarray(inside & is_bright & (next_ones < _LONE_SIGMA * noise))
+
+
+def _brightest_pixels(
+    pixels: PixelArray, row: IntArray, column: IntArray, binning: int, block_px: int
+) -> tuple[IntArray, IntArray]:
+    """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
+    windows = sliding_window_view(pixels, (block_px, block_px))
+    blocks = windows[row * block_px, column * block_px].astype(np.float32)
+    count, n = blocks.shape[0], block_px // binning
+    bins = np.zeros((count, n, n), dtype=np.float32)
+    for down, right in itertools.product(range(binning), repeat=2):
+        bins += blocks[:, down::binning, right::binning]
+    best = np.argmax(bins.reshape(count, n * n), axis=1)
+    bin_y, bin_x = np.divmod(best, n)
+    return (
+        column * block_px + bin_x * binning + (binning - 1) // 2,
+        row * block_px + bin_y * binning + (binning - 1) // 2,
+    )
+
+
+def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IntArray:
+    """Indices of up to ``count`` entries, the best of every tile first served, order kept.
+
+    Entries come best first. In each round every tile gives its next best.
+    """
+    # A centroid may lie a little beyond the frame.
+    across = np.clip(np.asarray(x_px) * _TILES[0] // sky.width_px, 0, _TILES[0] - 1)
+    down = np.clip(np.asarray(y_px) * _TILES[1] // sky.height_px, 0, _TILES[1] - 1)
+    # 8 and 16 bits: NumPy's stable sort then counts instead of comparing.
+    tile = (down * _TILES[0] + across).astype(np.uint8)
+    by_tile = np.argsort(tile, kind="stable")
+    first = np.searchsorted(tile[by_tile], np.arange(_TILES[0] * _TILES[1]))
+    rank = np.empty(tile.size, dtype=np.uint16)
+    rank[by_tile] = np.minimum(np.arange(tile.size) - first[tile[by_tile]], 65535)
+    return np.sort(np.argsort(rank, kind="stable")[:count])
+
+
+def _psf_fwhm(
+    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
+) -> tuple[float | None, bool]:
+    """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
+
+    None where there are fewer than five. And whether most of what is bright, and no hot pixel, is
+    longer than it is wide.
+    """
+    probe = measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
+    is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
+    is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
+    is_good = _without_streak(probe, is_good)
+    is_light = ~is_saturated & (probe.snr > 2 * MIN_SNR) & (probe.peak_share < _MAX_PEAK_SHARE)
+    lit, good = np.count_nonzero(is_light), np.count_nonzero(is_good)
+    is_drawn_out = bool(
+        lit >= _FEWEST_TRAILS
+        and good < _MAX_POINTS * lit
+        and np.median(probe.axis_ratio[is_light]) > _DRAWN_OUT
+    )
+    if good < _FEWEST:
+        return None, is_drawn_out
+    return float(np.clip(np.median(probe.fwhm_px[is_good]), *_FWHM_PX)), is_drawn_out
+
+
+def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, WidthSource]:
+    """Width to look for stars with, and where it is from."""
+    if probed_px is not None:
+        return probed_px, "measured"
+    if expected is not None:
+        return float(np.clip(expected.fwhm_px, *_FWHM_PX)), "remembered"
+    return _DEFAULT_FWHM_PX, "guessed"
+
+
+def _psf_field(
+    found: Measured,
+    is_good: BoolArray,
+    expected: Psf | None,
+    shape: tuple[int, ...],
+    *,
+    is_level_known: bool,
+) -> PsfField | None:
+    """How the width changes over the frame: by its stars, or as it did where they are too few.
+
+    ``is_level_known``: whether the frame's width is the expected one's too.
+    """
+    is_fit = is_good & (found.snr > 2 * MIN_SNR)
+    if np.count_nonzero(is_fit) >= FEWEST_STARS:
+        stars = found.x_px[is_fit], found.y_px[is_fit], found.fwhm_px[is_fit]
+        return fit_psf_field(*stars, (shape[0], shape[1]))
+    if expected is None or expected.field is None:
+        return None
+    if np.count_nonzero(is_good) < _FEWEST:
+        return expected.field if is_level_known else None
+    stars = found.x_px[is_good], found.y_px[is_good], found.fwhm_px[is_good]
+    return expected.field.through(*stars)
+
+
+def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
+    """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
+    if not _FEWEST <= np.count_nonzero(is_good) <= MOST_POINTS:
+        return is_good
+    good = np.flatnonzero(is_good)
+    reach_px = 0.5 * float(np.median(found.fwhm_px[good]))
+    told = is_good.copy()
+    told[good[on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
+    return told
+
+
+def _oblong(
+    found: Measured,
+    is_good: BoolArray,
+    is_saturated: BoolArray,
+    fwhm_px: float | FloatArray,
+    shape: tuple[int, ...],
+) -> Oblong:
+    """What is surely longer than the frame's stars are and no sharper.
+
+    Guiding or coma may draw all of them out a little. A star that the frame's rim cuts is longer
+    than wide, too. ``fwhm_px``: of a star, one for all or one for each place.
+    """
+    typical = float(np.median(found.axis_ratio[is_good])) if is_good.any() else 1.0
+    ratio = found.axis_ratio / max(typical / _ROUND, 1.0)
+    is_long = (found.snr > _OBLONG_SNR) & (ratio > _OBLONG) & ~is_saturated
+    is_long &= (found.peak_share < _MAX_PEAK_SHARE) & (found.fwhm_px > _SHARPEST * fwhm_px)
+    width_px = np.broadcast_to(np.asarray(fwhm_px, dtype=np.float64), ratio.shape)
+    for place, side in ((found.x_px, shape[1]), (found.y_px, shape[0])):
+        is_long &= (place > _RIM_FWHM * width_px) & (place < side - 1 - _RIM_FWHM * width_px)
+    kept = np.flatnonzero(is_long)
+    # What is bright enough for its shape to be seen is no surer for being brighter.
+    seen = np.minimum(found.snr[kept], _SHAPE_SEEN_SNR)
+    longer = np.minimum(ratio[kept], _MOST_RATIO) - 1.0
+    kept = kept[np.argsort(-longer * seen, kind="stable")]
+    apart_px = float(np.median(width_px)) if width_px.size else 0.0
+    kept = _apart(found, kept, apart_px)[:MOST_OBLONG]
+    return Oblong(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        angle_deg=found.angle_deg[kept],
+        half_px=_HALF_FWHM * width_px[kept],
+        snr=found.snr[kept],
+    )
+
+
+def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
+    kept = _spread(found.x_px, found.y_px, sky, max_stars)
+    return StarList(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        flux=found.flux[kept],
+        fwhm_px=np.full(kept.size, found.trail.fwhm_px),
+        snr=found.snr[kept],
+        is_saturated=np.zeros(kept.size, bool),
+        median_fwhm_px=found.trail.fwhm_px,
+        trail=found.trail,
+        oblong=found.others,
+    )
+
+
+def _is_point(found: Measured, is_saturated: BoolArray) -> BoolArray:
+    ok = (found.snr >= MIN_SNR) & (found.flux > 0) & np.isfinite(found.x_px + found.y_px)
+    ok &= (found.axis_ratio < _MAX_AXIS_RATIO) | is_saturated
+    ok &= (found.peak_share < _MAX_PEAK_SHARE) | is_saturated
+    return np.asarray(ok)
+
+
+def _apart(found: Measured, kept: IntArray, distance_px: float) -> IntArray:
+    """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
+    x_px, y_px = found.x_px[kept], found.y_px[kept]
+    order = np.argsort(x_px, kind="stable")
+    is_double = np.zeros(kept.size, dtype=bool)
+    for step in range(1, 9):
+        a, b = order[:-step], order[step:]
+        close = np.hypot(x_px[a] - x_px[b], y_px[a] - y_px[b]) < distance_px
+        is_double[np.maximum(a, b)[close]] = True
+    return kept[~is_double]

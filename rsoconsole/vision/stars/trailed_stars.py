@@ -1,0 +1,202 @@
+"""Stars that the telescope's own drift has drawn out: every one the same trail.
+
+Each bright piece of light is measured as a whole, above a share of its own brightness: middle,
+length and direction by moments. What most of the bright ones agree on is the trail; what has that
+length and direction is a star, and its middle is where it stood at mid-exposure.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision.frame import Background, mirrored
+from rsoconsole.vision.stars.oblong import MOST_OBLONG, Oblong
+
+IntArray = npt.NDArray[np.intp]
+
+HALF_PX = 40
+"""Half the side of what is looked at about a bright pixel: trails up to 60 px are whole in it."""
+_LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
+"""Light counts above so much of the brightest (smoothed) pixel, and above the noise."""
+_BRIGHTEST = 80
+_FEWEST = 8
+_LEAST_RATIO = 1.4
+_SAME_ANGLE_DEG, _SAME_LENGTH = 8.0, 0.25
+_AGREE_SHARE = 0.5
+_MIN_SNR = 7.0
+_RIM_PX = 2
+_LONG, _LONG_SNR, _MOST_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
+"""Length in widths of a star, signal to noise, and axis ratio and signal to noise beyond which more
+says no more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trail:
+    """What every star is drawn out to."""
+
+    length_px: float
+    """From end to end, the disc's own width not counted."""
+    angle_deg: float
+    """x towards y, 0 to 180."""
+    fwhm_px: float
+    """Across."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trailed:
+    """Trailed stars; every array has one entry a star."""
+
+    trail: Trail
+    x_px: FloatArray
+    y_px: FloatArray
+    flux: FloatArray
+    snr: FloatArray
+    others: Oblong
+    """Lights that are long, but not as the stars are."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """One piece of light: moments of what is lit."""
+
+    x_px: float
+    y_px: float
+    flux: float
+    snr: float
+    along: float
+    """Root of the larger moment, px."""
+    across: float
+    angle_deg: float
+    is_whole: bool
+
+    @property
+    def length_px(self) -> float:
+        """Of a line of light with these moments, the disc's own width not counted."""
+        return math.sqrt(12.0 * max(self.along**2 - self.across**2, 0.0))
+
+
+def trailed_stars(
+    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, saturation_adu: float
+) -> Trailed | None:
+    """The stars about bright pixels, brightest first; None where they agree on no trail."""
+    pieces: list[_Piece] = []
+    seen: set[tuple[int, int]] = set()
+    for x0, y0 in zip(x0_px.tolist(), y0_px.tolist(), strict=True):
+        piece = _piece(pixels, sky, x0, y0, saturation_adu)
+        if piece is None or not piece.is_whole or piece.snr < _MIN_SNR:
+            continue
+        key = (round(piece.x_px / 4.0), round(piece.y_px / 4.0))
+        if key not in seen:
+            seen.add(key)
+            pieces.append(piece)
+    trail = _agreed(sorted(pieces, key=lambda each: -each.flux)[:_BRIGHTEST])
+    if trail is None:
+        return None
+    stars = [each for each in pieces if _is_of(each, trail)]
+    stars.sort(key=lambda each: -each.flux)
+    if len(stars) < _FEWEST:
+        return None
+    columns = [(s.x_px, s.y_px, s.flux, s.snr) for s in stars]
+    x, y, flux, snr = (np.array(column) for column in zip(*columns, strict=True))
+    others = [each for each in pieces if not _is_of(each, trail)]
+    return Trailed(
+        trail=trail, x_px=x, y_px=y, flux=flux, snr=snr, others=_long_ones(others, trail.fwhm_px)
+    )
+
+
+def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
+    """Those that are longer than a few widths, the surest first."""
+    long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
+    long.sort(key=_sureness, reverse=True)
+    columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MOST_OBLONG]]
+    x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
+    return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
+
+
+def _sureness(piece: _Piece) -> float:
+    """That it is one narrow light: a blend of stars is bright and wide."""
+    ratio = min(piece.along / piece.across, _MOST_RATIO)
+    return ratio * min(piece.snr, _SHAPE_SEEN_SNR)
+
+
+def _agreed(pieces: list[_Piece]) -> Trail | None:
+    """The length and direction of most of them."""
+    long = [each for each in pieces if each.along > _LEAST_RATIO * each.across]
+    if len(long) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
+        return None
+    # Direction as a vector of twice the angle: 179 and 1 degree are neighbours.
+    doubled = np.radians([2.0 * each.angle_deg for each in long])
+    angle = 0.5 * math.degrees(
+        math.atan2(float(np.sin(doubled).mean()), float(np.cos(doubled).mean()))
+    )
+    alike = [each for each in long if turn_deg(each.angle_deg, angle % 180.0) < _SAME_ANGLE_DEG]
+    if len(alike) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
+        return None
+    along = float(np.median([each.along for each in alike]))
+    across = float(np.median([each.across for each in alike]))
+    return Trail(
+        length_px=math.sqrt(12.0 * max(along**2 - across**2, 0.0)),
+        angle_deg=angle % 180.0,
+        fwhm_px=2.3548 * across,
+    )
+
+
+def _is_of(piece: _Piece, trail: Trail) -> bool:
+    is_long = abs(piece.length_px - trail.length_px) < _SAME_LENGTH * trail.length_px + 1.0
+    # A short trail's direction is known the worse.
+    leeway_deg = _SAME_ANGLE_DEG + math.degrees(trail.fwhm_px / 4.0 / max(trail.length_px, 1.0))
+    return is_long and turn_deg(piece.angle_deg, trail.angle_deg) < leeway_deg
+
+
+def _piece(
+    pixels: PixelArray, sky: Background, x0: int, y0: int, saturation_adu: float
+) -> _Piece | None:
+    """The light that hangs together with one bright pixel."""
+    import cv2
+
+    ys = mirrored(np.arange(y0 - HALF_PX, y0 + HALF_PX + 1), pixels.shape[0])
+    xs = mirrored(np.arange(x0 - HALF_PX, x0 + HALF_PX + 1), pixels.shape[1])
+    box = pixels[np.ix_(ys, xs)].astype(np.float32)
+    if float(box[HALF_PX, HALF_PX]) > 0.95 * saturation_adu:
+        return None
+    noise = sky.at(sky.noise, x0, y0)
+    box -= np.float32(sky.at(sky.level, x0, y0))
+    smooth = cv2.GaussianBlur(box, (0, 0), 1.0)
+    threshold = max(_LIT_SHARE * float(smooth[HALF_PX, HALF_PX]), _LIT_SIGMA * noise * 0.3)
+    lit = (smooth > threshold).astype(np.uint8)
+    _, labels = cv2.connectedComponents(lit, connectivity=8)
+    if labels[HALF_PX, HALF_PX] == 0:
+        return None
+    rows, columns = np.nonzero(labels == labels[HALF_PX, HALF_PX])
+    light = smooth[rows, columns].astype(np.float64)
+    flux = float(light.sum())
+    if flux <= 0.0 or len(light) < 5:
+        return None
+    x, y = float(light @ columns) / flux, float(light @ rows) / flux
+    dx, dy = columns - x, rows - y
+    xx, yy, xy = (float(light @ part) / flux for part in (dx * dx, dy * dy, dx * dy))
+    mean, gap = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    edge = 2 * HALF_PX - _RIM_PX
+    return _Piece(
+        x_px=x0 + x - HALF_PX,
+        y_px=y0 + y - HALF_PX,
+        flux=flux,
+        snr=flux / (noise * math.sqrt(len(light))),
+        along=math.sqrt(max(mean + gap, 1e-3)),
+        across=math.sqrt(max(mean - gap, 1e-3)),
+        angle_deg=0.5 * math.degrees(math.atan2(2.0 * xy, xx - yy)) % 180.0,
+        is_whole=bool(
+            rows.min() > _RIM_PX
+            and columns.min() > _RIM_PX
+            and rows.max() < edge
+            and columns.max() < edge
+            and x0 + columns.min() - HALF_PX >= 0
+            and x0 + columns.max() - HALF_PX < pixels.shape[1]
+            and y0 + rows.min() - HALF_PX >= 0
+            and y0 + rows.max() - HALF_PX < pixels.shape[0]
+        ),
+    )

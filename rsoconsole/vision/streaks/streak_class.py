@@ -1,0 +1,312 @@
+"""What a streak is: satellite, aircraft, meteor, cosmic ray or chain of stars, with a probability.
+
+Bayes' rule over what one frame tells, each piece of evidence as if independent of the others: the
+width (aircraft and meteors are too near to be in focus, rays are sharper than any star), the light
+from end to end (meteors flare up and die away), its pulse (strobes), the speed where time and
+scale are known, the stars that lie on it. What is not measured says nothing. The likelihoods are
+rough, by what the objects are and by the few real ones at hand; none of them is near zero, so that
+no single figure decides against all others. What an earlier frame of the field and the star
+catalogue say of it comes last, by the same rule.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from rsoconsole.records import ObjectClass, StreakKind
+from rsoconsole.vision.streaks.streak_light import Fading, Modulation
+
+Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
+Likelihood: TypeAlias = dict[Named, float]
+Compared: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
+"""Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
+
+PRIOR: Likelihood = {
+    "satellite": 0.45,
+    "aircraft": 0.20,
+    "meteor": 0.20,
+    "cosmic ray": 0.05,
+    "star chain": 0.10,
+}
+"""Of what passes for a streak under any sky: what nothing is known of is undetermined."""
+AFTER: dict[Compared, Likelihood] = {
+    # What moves is seldom where another one of the same light was.
+    "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
+    "new light": {"star chain": 0.01},
+    "catalogue stars": {"satellite": 0.02, "aircraft": 0.02, "meteor": 0.02, "cosmic ray": 0.02},
+    # Red stars are brighter to a camera without a filter than the catalogue has them.
+    "no catalogue stars": {"star chain": 0.05},
+}
+"""How likely a comparison comes out so for each class, over the likeliest one."""
+SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
+"""A class is named from here on; more is asked for those that start no track."""
+
+_SAME_WIDTH = 0.06
+"""Relative scatter of a line's width against one star's beside it."""
+_WIDTH_PER_SNR = 3.0
+_STRAY = 0.04
+"""Share of each class whose measurement is a fault: wind, a neighbour, another focus."""
+_NARROWEST, _WIDEST = -1.6, 1.6
+"""Natural logarithms of a width over the stars' between which faults and rays lie."""
+_WIDEST_RAY_PX = 2.4
+_APERTURE_M = 0.1
+"""Where the header does not tell."""
+_AIRCRAFT_KM, _METEOR_KM = (10.0, 20.0, 40.0), (90.0, 140.0)
+_BLUR_FWHM = 0.7
+"""Full width at half maximum of a defocused disc's cut, over its diameter."""
+_SHARP = 1.0
+"""First harmonic over the mean that no sine exceeds."""
+_STROBE_S = (0.25, 2.5)
+_FASTEST_SATELLITE_DEG_S = 2.0
+_SLOWEST_AIRCRAFT_DEG_S = 0.06
+_METEOR_DEG = 3.0
+_RAY_FWHM = 25.0
+_UNEVEN = 0.3, 1.0
+"""Up to here light and path are even, from there on surely not."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What one frame tells of a streak; None and 0 where it tells nothing."""
+
+    kind: StreakKind
+    length_px: float
+    width_px: float
+    """Full width at half maximum across."""
+    snr: float
+    """Matched, of the whole."""
+    star_fwhm_px: float
+    star_scatter: float
+    """Relative scatter of single stars' widths, one sigma."""
+    unevenness: float = 0.0
+    scale_arcsec_px: float | None = None
+    exposure_s: float | None = None
+    aperture_m: float | None = None
+    fading: Fading | None = None
+    modulation: Modulation | None = None
+    is_pulse_seen: bool = False
+    """Whether the light is bright and long enough that a strobe's pulse would show."""
+    star_share: float | None = None
+    """Of its light, what the listed stars on it have."""
+    spoken_against: str = ""
+    """Kind of the reason for which the detector did not take it."""
+
+    @property
+    def rate_deg_s(self) -> float | None:
+        """Of what the frame shows from end to end; less than the true one where it is cut."""
+        if self.scale_arcsec_px is None or not self.exposure_s:
+            return None
+        return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
+
+
+def classify(evidence: Evidence) -> tuple[ObjectClass, float]:
+    """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
+    return decided(probabilities(evidence))
+
+
+def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
+    """The same of the probabilities of all classes."""
+    best = max(shares, key=lambda name: shares[name])
+    asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
+    if shares[best] > asked:
+        return best, shares[best]
+    return "undetermined", 1.0 - shares[best]
+
+
+def probabilities(evidence: Evidence) -> Likelihood:
+    """Of each class, given that it is one of them."""
+    parts = (
+        _by_width,
+        _by_ends,
+        _by_gaps,
+        _by_pulse,
+        _by_speed,
+        _by_stars,
+        _by_evenness,
+        _by_gate,
+    )
+    shares = dict(PRIOR)
+    for part in parts:
+        shares = _times(shares, part(evidence))
+    return _normalised(shares)
+
+
+def updated(shares: Likelihood, comparison: Compared) -> Likelihood:
+    """The probabilities of all classes after a comparison."""
+    return _normalised(_times(shares, AFTER[comparison]))
+
+
+def _times(shares: Likelihood, likely: Likelihood) -> Likelihood:
+    return {name: share * likely.get(name, 1.0) for name, share in shares.items()}
+
+
+def _normalised(shares: Likelihood) -> Likelihood:
+    whole = sum(shares.values())
+    return {name: share / whole for name, share in shares.items()}
+
+
+def _by_width(e: Evidence) -> Likelihood:
+    """By its width over the stars', each in the errors that the stars themselves show."""
+    if not (e.width_px > 0.0 and e.star_fwhm_px > 0.0 and e.snr > 0.0):
+        return {}
+    found = math.log(e.width_px / e.star_fwhm_px)
+    error = math.hypot(_SAME_WIDTH, e.star_scatter, _WIDTH_PER_SNR / e.snr)
+    stray = _STRAY / (_WIDEST - _NARROWEST)
+
+    def as_wide(expected: float) -> float:
+        return (1.0 - _STRAY) * _gauss(found - expected, error) + stray
+
+    ray = (1.0 if e.width_px < _WIDEST_RAY_PX else 0.05) * _evenly(found, _NARROWEST, 0.1, error)
+    return {
+        "satellite": as_wide(0.0),
+        "star chain": as_wide(0.05),
+        "aircraft": _out_of_focus(e, _AIRCRAFT_KM, as_wide),
+        "meteor": _out_of_focus(e, _METEOR_KM, as_wide),
+        "cosmic ray": ray + stray,
+    }
+
+
+def _out_of_focus(
+    e: Evidence, distances_km: tuple[float, ...], as_wide: Callable[[float], float]
+) -> float:
+    """Mean density over the distances at which it may be.
+
+    A point at a distance is a disc of the aperture's diameter over that distance, in radians,
+    in a telescope focused on infinity.
+    """
+    if e.scale_arcsec_px is None:
+        # In a wide field it is sharp, in a narrow one it may be anything up to twice the width.
+        return 0.5 * as_wide(0.0) + sum(as_wide(step) for step in (0.15, 0.3, 0.45, 0.6, 0.75)) / 10
+    aperture_m = e.aperture_m or _APERTURE_M
+    total = 0.0
+    for distance_km in distances_km:
+        disc_px = math.degrees(aperture_m / (1e3 * distance_km)) * 3600.0 / e.scale_arcsec_px
+        total += as_wide(math.log(math.hypot(1.0, _BLUR_FWHM * disc_px / e.star_fwhm_px)))
+    return total / len(distances_km)
+
+
+def _by_ends(e: Evidence) -> Likelihood:
+    """A meteor's light grows and dies; a satellite's is cut by the shutter, or at one end by the
+    Earth's shadow."""
+    if e.kind != "streak" or e.fading is None:
+        return {}
+    length_px = e.fading.length_px
+    shorter, longer = e.fading.shorter_px / length_px, e.fading.longer_px / length_px
+    # A star beside an end, or a wave of the light there, is worth about half a width.
+    blur = 0.01 + 0.4 * e.width_px / length_px
+    is_cut, is_dying = _decay(shorter, blur), _decay(shorter, 0.15)
+    # At one of its ends a satellite may meet the shadow, and any line a star.
+    one_cut, one_dying = _decay(longer, blur), _decay(longer, 0.2)
+    one_of_two = 0.6 * one_cut + 0.4 * one_dying
+    return {
+        "satellite": (0.93 * is_cut + 0.07 * is_dying) * one_of_two,
+        "aircraft": (0.85 * is_cut + 0.15 * is_dying) * one_of_two,
+        "star chain": (0.7 * is_cut + 0.3 * is_dying) * one_of_two,
+        "meteor": (0.05 * is_cut + 0.95 * is_dying) * (0.05 * one_cut + 0.95 * one_dying),
+        "cosmic ray": (0.7 * is_cut + 0.3 * is_dying) * one_of_two,
+    }
+
+
+def _by_gaps(e: Evidence) -> Likelihood:
+    """Dark between bright without a rhythm: stars in a row."""
+    if e.fading is None or e.modulation is not None or e.fading.gap_share < 0.15:
+        return {}
+    return {"satellite": 0.08, "aircraft": 0.3, "meteor": 0.1, "cosmic ray": 0.6}
+
+
+def _by_pulse(e: Evidence) -> Likelihood:
+    """Strobes are regular and short; a tumbling satellite's facets are slower and smoother."""
+    pulse = e.modulation
+    if pulse is None:
+        if not e.is_pulse_seen:
+            return {}
+        # A frame that is crossed in a moment may hold too few flashes to be regular.
+        return {"aircraft": 0.4 if e.kind == "streak" else 0.7, "satellite": 0.85}
+    is_sharp = pulse.sharpness > _SHARP
+    likely: Likelihood = (
+        {"aircraft": 0.4, "satellite": 0.04, "meteor": 0.01, "cosmic ray": 0.05, "star chain": 0.01}
+        if is_sharp
+        else {
+            "aircraft": 0.2,
+            "satellite": 0.11,
+            "meteor": 0.06,
+            "cosmic ray": 0.05,
+            "star chain": 0.03,
+        }
+    )
+    if e.kind == "streak" and e.exposure_s:
+        period_s = e.exposure_s / pulse.periods
+        is_strobe = _STROBE_S[0] <= period_s <= _STROBE_S[1]
+        likely["aircraft"] *= 0.85 if is_strobe else 0.15
+        likely["satellite"] *= 0.35 if is_strobe else 0.65
+    return likely
+
+
+def _by_speed(e: Evidence) -> Likelihood:
+    """By degrees a second, and by the degrees that a meteor's way is long."""
+    rate = e.rate_deg_s
+    if not rate or e.scale_arcsec_px is None:
+        return {}
+    too_fast = 1.0 / (1.0 + (rate / _FASTEST_SATELLITE_DEG_S) ** 4)
+    likely: Likelihood = {"satellite": too_fast, "aircraft": max(too_fast, 0.1)}
+    if e.kind == "streak":
+        length_deg = e.length_px * e.scale_arcsec_px / 3600.0
+        likely["aircraft"] *= max(1.0 / (1.0 + (_SLOWEST_AIRCRAFT_DEG_S / rate) ** 2), 0.01)
+        likely["meteor"] = max(length_deg / (length_deg + _METEOR_DEG), 0.01)
+    return likely
+
+
+def _by_stars(e: Evidence) -> Likelihood:
+    """By the share of its light that stars have which were found by themselves."""
+    if e.star_share is None:
+        return {}
+    if e.modulation is not None:
+        return {}  # flashes are found by themselves, too
+    if e.star_share < 0.15:
+        return {"star chain": 0.35}
+    if e.star_share < 0.5:
+        return {"satellite": 0.5, "aircraft": 0.7, "meteor": 0.5, "cosmic ray": 0.5}
+    return {"satellite": 0.08, "aircraft": 0.25, "meteor": 0.08, "cosmic ray": 0.08}
+
+
+def _by_evenness(e: Evidence) -> Likelihood:
+    """A ray loses its charge in lumps: of those looked at 116 of 135 were uneven."""
+    if e.length_px > _RAY_FWHM * max(e.star_fwhm_px, 1.0):
+        return {"cosmic ray": 0.2}
+    low, high = _UNEVEN
+    share = min(max((e.unevenness - low) / (high - low), 0.0), 1.0)
+    if e.width_px > _WIDEST_RAY_PX:
+        # As wide as no ray: the air may have made it so.
+        share *= 0.5
+    uneven: Likelihood = {"satellite": 0.12, "aircraft": 0.3, "meteor": 0.5, "star chain": 0.8}
+    return {"cosmic ray": 0.15 ** (1.0 - share)} | {
+        name: likely**share for name, likely in uneven.items()
+    }
+
+
+def _by_gate(e: Evidence) -> Likelihood:
+    """By what the detector held against it."""
+    against: dict[str, Likelihood] = {
+        "trailed stars": {"star chain": 50.0},
+        "stars' trails": {"star chain": 50.0},
+        "dark in between": {"star chain": 4.0, "aircraft": 2.0},
+        "uneven": {"star chain": 4.0, "aircraft": 2.0},
+        "patchy": {"star chain": 2.0, "cosmic ray": 3.0},
+    }
+    return against.get(e.spoken_against, {})
+
+
+def _gauss(off: float, sigma: float) -> float:
+    return math.exp(-0.5 * (off / sigma) ** 2) / (sigma * math.sqrt(2.0 * math.pi))
+
+
+def _decay(found: float, typical: float) -> float:
+    """Density of what is typically so large and never negative."""
+    return math.exp(-found / typical) / typical
+
+
+def _evenly(found: float, low: float, high: float, sigma: float) -> float:
+    """Density of what lies anywhere between two bounds, measured with an error."""
+    root = math.sqrt(2.0) * sigma
+    return 0.5 * (math.erf((high - found) / root) - math.erf((low - found) / root)) / (high - low)

@@ -1,0 +1,371 @@
+"""A streak measured on the raw frame: its line, its two ends, and how well they are known.
+
+The midpoint of the two ends is the satellite's place at mid-exposure whatever its brightness did
+meanwhile, as long as both ends are seen. A proposal's box says where to look; the fit says what
+is there, or why it is no streak.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.reasons import NotAStreak
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.frame import Background
+from rsoconsole.vision.lines import Box, Cutout, Ends, Guess, cut_out, find_ends, find_line
+from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.streaks.streak_doubts import goes_on_beyond, is_broken
+from rsoconsole.vision.streaks.streak_evenness import unevenness
+from rsoconsole.vision.streaks.streak_model import Line, LineFit
+from rsoconsole.vision.streaks.streak_robust import (
+    Axes,
+    fit_robustly,
+    or_star_beyond_an_end,
+    uneven_share,
+)
+
+MIN_SNR = 7.0
+MARGIN_PX = 16.0
+_LOOKS = 4
+_LARGEST_CUTOUT_PX = 1_000_000
+_SECOND_ORDER = 0.4
+_HOPELESS = 1e3
+_CLIPPED_SIGMA_PX = 100.0
+_NARROWEST, _WIDEST = 0.6, 2.2
+"""Width relative to the stars'."""
+_SHORTEST = 5.0
+"""Length relative to the stars' width."""
+_MAX_SIGMA_SHARE = 0.1
+_MIN_LIT_SHARE = 0.6
+_MAX_UNEVEN_SHARE = 0.35
+_UNSURE_PX = 0.5
+"""Sigma along from which on a second fit from the first one's ends is worth its time."""
+AS_CHAINS_FWHM = 25.0
+"""Length in widths of a star up to which cosmic rays and chains of stars are as long."""
+MOST_UNEVEN = 1.5
+"""What is less uneven is believed less."""
+_FAINT_SNR = 40.0
+"""Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
+_FLOOR_PX = 0.005
+"""What remains of a pixel's own shape in a perfect frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreakFit:
+    """A measured streak; pixels of the raw frame, 0-based."""
+
+    x_px: float
+    """Midpoint between the ends; of the visible part where clipped."""
+    y_px: float
+    x_a_px: float
+    y_a_px: float
+    x_b_px: float
+    y_b_px: float
+    length_px: float
+    width_px: float
+    """Full width at half maximum across."""
+    snr: float
+    """Of the whole streak, matched."""
+    sigma_along_px: float
+    """Of the midpoint; large where clipped, as nothing is known along the streak then."""
+    sigma_across_px: float
+    is_clipped: bool
+    is_crossing: bool = False
+    """Neither end is in the frame."""
+    sigma_angle_deg: float | None = None
+    bend: float = 0.0
+    lumpiness: float = 0.0
+    """Of its path and its light, beyond what noise explains; looked at in short ones alone."""
+
+    @property
+    def unevenness(self) -> float:
+        """The larger of the two."""
+        return max(self.bend, self.lumpiness)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoStreak:
+    """Why a proposal is not a streak; what was measured of it, if anything."""
+
+    reason: NotAStreak
+    fit: StreakFit | None = None
+
+
+def fit_streak(
+    pixels: PixelArray,
+    sky: Background,
+    box: Box,
+    *,
+    stars: StarList | None = None,
+    psf_fwhm_px: float | None = None,
+    ends: Box | None = None,
+) -> StreakFit | NoStreak:
+    """Measure the streak in ``box`` (x0, y0, x1, y1), or say why there is none.
+
+    ``ends`` (x_a, y_a, x_b, y_b) is a first guess at the ends. ``stars`` are masked. The width
+    of the stars there is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is
+    that of least squares with the source's own noise measured from the residuals.
+    """
+    middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    fwhm = psf_fwhm_px or (stars.fwhm_at(*middle) if stars is not None else 2.5)
+    psf_sigma = fwhm / FWHM_PER_SIGMA
+
+    def measured(about: Box, guess: Box | None) -> StreakFit | NoStreak:
+        return _fit_once(pixels, sky, about, stars=stars, fwhm=fwhm, ends=guess)
+
+    fit = measured(box, ends)
+    if isinstance(fit, NoStreak):
+        return fit
+    if fit.sigma_along_px > _UNSURE_PX and not fit.is_clipped:
+        # A star near an end is told from it by a guess that is nearly right.
+        nearer = measured(box, _ends_of(fit))
+        if isinstance(nearer, StreakFit) and nearer.sigma_along_px < fit.sigma_along_px:
+            fit = nearer
+    goes_on = _goes_on(pixels, sky, fit, psf_sigma)
+    if any(goes_on):
+        further = _extended(fit, goes_on)
+        again = measured(_box_of(further, box), further)
+        # Light parted from this by a gap is another's.
+        if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
+            if any(_goes_on(pixels, sky, again, psf_sigma)):
+                return NoStreak(reason=NotAStreak(kind="longer trail"), fit=again)
+            fit = again
+    return _seen_again(pixels, sky, fit, stars, fwhm)
+
+
+def _seen_again(
+    pixels: PixelArray, sky: Background, fit: StreakFit, stars: StarList | None, fwhm: float
+) -> StreakFit | NoStreak:
+    """The fit, held against the light along it, which may be no streak's."""
+    ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
+    reason = None
+    if fit.length_px < AS_CHAINS_FWHM * fwhm:
+        cutout = cut_out(pixels, sky, _box_of(ends, ends), MARGIN_PX, stars)
+        lumpiness, bend = unevenness(cutout, ends, psf_sigma, fit.snr)
+        fit = replace(fit, bend=bend, lumpiness=lumpiness)
+    if fit.unevenness > MOST_UNEVEN:
+        reason = NotAStreak(kind="patchy")
+    elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
+        reason = NotAStreak(kind="dark in between")
+    return fit if reason is None else NoStreak(reason=reason, fit=fit)
+
+
+def _goes_on(
+    pixels: PixelArray, sky: Background, fit: StreakFit, psf_sigma: float
+) -> tuple[bool, bool]:
+    """Whether there is light beyond either end like that between them."""
+    x_a, y_a, x_b, y_b = _ends_of(fit)
+    return (
+        goes_on_beyond(pixels, sky, (x_b, y_b, x_a, y_a), psf_sigma),
+        goes_on_beyond(pixels, sky, (x_a, y_a, x_b, y_b), psf_sigma),
+    )
+
+
+def _ends_of(fit: StreakFit) -> Box:
+    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+
+
+def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Box:
+    """Ends of the same line, half its length further out where the light goes on."""
+    dx, dy = 0.5 * (fit.x_b_px - fit.x_a_px), 0.5 * (fit.y_b_px - fit.y_a_px)
+    more_a, more_b = (float(each) for each in goes_on)
+    return (
+        fit.x_a_px - more_a * dx,
+        fit.y_a_px - more_a * dy,
+        fit.x_b_px + more_b * dx,
+        fit.y_b_px + more_b * dy,
+    )
+
+
+def _box_of(ends: Box, box: Box) -> Box:
+    """The box about the ends and what it was before."""
+    x_a, y_a, x_b, y_b = ends
+    return (
+        min(box[0], x_a, x_b),
+        min(box[1], y_a, y_b),
+        max(box[2], x_a, x_b),
+        max(box[3], y_a, y_b),
+    )
+
+
+def _fit_once(
+    pixels: PixelArray,
+    sky: Background,
+    box: Box,
+    *,
+    stars: StarList | None,
+    fwhm: float,
+    ends: Box | None,
+) -> StreakFit | NoStreak:
+    psf_sigma = fwhm / FWHM_PER_SIGMA
+    looked = _look(pixels, sky, box, ends=ends, stars=stars, psf_sigma=psf_sigma)
+    if isinstance(looked, NoStreak):
+        return looked
+    cutout, guess, stretch = looked
+    is_clipped_a = _leaves_frame(cutout, guess, stretch.u_a, 1.5 * fwhm)
+    is_clipped_b = _leaves_frame(cutout, guess, stretch.u_b, 1.5 * fwhm)
+    start = Line(
+        u_a=None if is_clipped_a else stretch.u_a,
+        u_b=None if is_clipped_b else stretch.u_b,
+        offset=0.0,
+        slope=0.0,
+        sigma=psf_sigma,
+        amplitudes=stretch.amplitudes,
+        knot_range=(stretch.u_a, stretch.u_b),
+    )
+    axes = _axes(cutout, guess)
+    fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
+    if fitted is None:
+        return NoStreak(reason=NotAStreak(kind="no line"))
+    fitted = or_star_beyond_an_end(cutout, axes, start, stretch, fitted)
+    fit = _describe(cutout, guess, fitted, stretch)
+    reason = _fault(fit, stretch, fitted, fwhm, uneven_share(cutout, axes, fitted))
+    return fit if reason is None else NoStreak(reason=reason, fit=fit)
+
+
+def _look(
+    pixels: PixelArray,
+    sky: Background,
+    box: Box,
+    *,
+    ends: Box | None,
+    stars: StarList | None,
+    psf_sigma: float,
+) -> tuple[Cutout, Guess, Ends] | NoStreak:
+    """Line and rough ends, further out each time the light runs into the cutout's rim."""
+    margin = MARGIN_PX + 6.0 * psf_sigma
+    cutout = cut_out(pixels, sky, box, margin, stars)
+    looked: tuple[Cutout, Guess, Ends] | None = None
+    for _ in range(_LOOKS):
+        guess = find_line(cutout, box, psf_sigma, ends)
+        if guess is None:
+            return NoStreak(reason=NotAStreak(kind="outside the frame"))
+        stretch = find_ends(cutout, guess, psf_sigma)
+        if stretch is None:
+            return NoStreak(reason=NotAStreak(kind="nothing stands out"))
+        looked = cutout, guess, stretch
+        wider = cut_out(pixels, sky, _grown(box, stretch, guess), margin, stars)
+        if not stretch.reaches_rim or wider.values.shape == cutout.values.shape:
+            break
+        if wider.values.size > _LARGEST_CUTOUT_PX:
+            return NoStreak(reason=NotAStreak(kind="runs on far"))
+        cutout = wider
+        box = _grown(box, stretch, guess)
+        ends = _guess_ends(guess, stretch)
+    return looked or NoStreak(reason=NotAStreak(kind="runs on"))
+
+
+def _guess_ends(guess: Guess, stretch: Ends) -> Box:
+    return (
+        guess.x_px + guess.dx * stretch.u_a,
+        guess.y_px + guess.dy * stretch.u_a,
+        guess.x_px + guess.dx * stretch.u_b,
+        guess.y_px + guess.dy * stretch.u_b,
+    )
+
+
+def _grown(box: Box, stretch: Ends, guess: Guess) -> Box:
+    """The box and the stretch, with a quarter of the stretch's length beyond each end."""
+    more = 0.25 * (stretch.u_b - stretch.u_a)
+    x = [guess.x_px + guess.dx * u for u in (stretch.u_a - more, stretch.u_b + more)]
+    y = [guess.y_px + guess.dy * u for u in (stretch.u_a - more, stretch.u_b + more)]
+    return min(box[0], *x), min(box[1], *y), max(box[2], *x), max(box[3], *y)
+
+
+def _axes(cutout: Cutout, guess: Guess) -> Axes:
+    """u along and v across for every pixel of the cutout, (h, w) each."""
+    height, width = cutout.values.shape
+    x = np.arange(width) + (cutout.x0 - guess.x_px)
+    y = (np.arange(height) + (cutout.y0 - guess.y_px))[:, None]
+    return x * guess.dx + y * guess.dy, y * guess.dx - x * guess.dy
+
+
+def _leaves_frame(cutout: Cutout, guess: Guess, u: float, reach_px: float) -> bool:
+    x, y = guess.x_px + guess.dx * u, guess.y_px + guess.dy * u
+    far_x, far_y = cutout.frame_width - 0.5 - reach_px, cutout.frame_height - 0.5 - reach_px
+    return not (reach_px - 0.5 < x < far_x and reach_px - 0.5 < y < far_y)
+
+
+def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> StreakFit:
+    """The fit in raw pixels; a clipped end stands where the line leaves the frame."""
+    line = fit.line
+    is_clipped = line.u_a is None or line.u_b is None
+    u_a = _rim(cutout, guess, line, stretch.u_a) if line.u_a is None else line.u_a
+    u_b = _rim(cutout, guess, line, stretch.u_b) if line.u_b is None else line.u_b
+    middle = 0.5 * (u_a + u_b)
+    to_across = np.array([0.5 * line.slope, 0.5 * line.slope, 1.0, middle])
+    to_along = np.array([0.5, 0.5, 0.0, 0.0])
+    along = max(float(to_along @ fit.covariance @ to_along), 0.0) * _beyond_parabola(fit)
+    along += 0.25 * sum(fit.hidden_variance)
+    across = max(float(to_across @ fit.covariance @ to_across), 0.0)
+    length = float(np.hypot(u_b - u_a, line.slope * (u_b - u_a)))
+    xs, ys = _to_raw(guess, line, np.array([u_a, middle, u_b]))
+    return StreakFit(
+        x_px=float(xs[1]),
+        y_px=float(ys[1]),
+        x_a_px=float(xs[0]),
+        y_a_px=float(ys[0]),
+        x_b_px=float(xs[2]),
+        y_b_px=float(ys[2]),
+        length_px=length,
+        width_px=FWHM_PER_SIGMA * line.sigma,
+        snr=float(np.sqrt(np.sum(fit.model**2)) / max(cutout.noise, 1e-9)),
+        sigma_along_px=(
+            max(_CLIPPED_SIGMA_PX, length) if is_clipped else float(np.hypot(along**0.5, _FLOOR_PX))
+        ),
+        sigma_across_px=float(np.hypot(across**0.5, _FLOOR_PX)),
+        is_clipped=is_clipped,
+        is_crossing=line.u_a is None and line.u_b is None,
+        sigma_angle_deg=math.degrees(max(float(fit.covariance[3, 3]), 0.0) ** 0.5),
+    )
+
+
+def _beyond_parabola(fit: LineFit) -> float:
+    """Factor on the variance along: an end known worse than its blur has no parabolic chi2.
+
+    The coefficient was measured on synthetic streaks with a peak of 1 to 3 sigma.
+    """
+    worst = max(fit.covariance[0, 0], fit.covariance[1, 1]) / fit.line.sigma**2
+    return float(1.0 + _SECOND_ORDER * min(worst, _HOPELESS)) ** 2
+
+
+def _to_raw(guess: Guess, line: Line, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    v = line.offset + line.slope * u
+    return guess.x_px + u * guess.dx - v * guess.dy, guess.y_px + u * guess.dy + v * guess.dx
+
+
+def _rim(cutout: Cutout, guess: Guess, line: Line, u: float) -> float:
+    """u, near the given one, at which the line leaves the frame."""
+    candidates = []
+    dx, dy = guess.dx - line.slope * guess.dy, guess.dy + line.slope * guess.dx
+    x0, y0 = guess.x_px - line.offset * guess.dy, guess.y_px + line.offset * guess.dx
+    for start, rate, size in ((x0, dx, cutout.frame_width), (y0, dy, cutout.frame_height)):
+        if abs(rate) > 1e-9:
+            candidates += [(edge - start) / rate for edge in (-0.5, size - 0.5)]
+    return min(candidates, key=lambda at: abs(at - u))
+
+
+def _fault(
+    fit: StreakFit, stretch: Ends, line_fit: LineFit, psf_fwhm: float, uneven: float
+) -> NotAStreak | None:
+    """The first gate that the fit does not pass; None where it passes all."""
+    ratio = fit.width_px / psf_fwhm
+    reason = None
+    if min(line_fit.line.amplitudes) <= 0 and max(line_fit.line.amplitudes) <= 0:
+        reason = NotAStreak(kind="darker than the sky")
+    elif fit.snr < MIN_SNR:
+        reason = NotAStreak(kind="too faint", value=fit.snr, limit=MIN_SNR)
+    elif ratio < _NARROWEST:
+        reason = NotAStreak(kind="too narrow", value=fit.width_px, limit=psf_fwhm)
+    elif ratio > _WIDEST:
+        reason = NotAStreak(kind="too wide", value=fit.width_px, limit=psf_fwhm)
+    elif fit.length_px < _SHORTEST * psf_fwhm:
+        reason = NotAStreak(kind="too short", value=fit.length_px)
+    elif not fit.is_clipped and fit.sigma_along_px > _MAX_SIGMA_SHARE * fit.length_px:
+        reason = NotAStreak(kind="no ends")
+    elif stretch.lit_share < _MIN_LIT_SHARE:
+        reason = NotAStreak(kind="unlit", value=stretch.lit_share)
+    elif uneven > _MAX_UNEVEN_SHARE:
+        reason = NotAStreak(kind="uneven", value=uneven)
+    return reason

@@ -1,0 +1,252 @@
+"""The light along a streak: how it rises and falls from end to end, and whether it pulses.
+
+A satellite in sunlight shines from one end of the exposure to the other, a meteor flares up and
+dies away, an aircraft's strobes and a tumbling body's facets come again in equal times.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.frame import Background, median_of
+from rsoconsole.vision.lines import Box, length_of
+from rsoconsole.vision.stars import FWHM_PER_SIGMA
+
+FEWEST_COLUMNS = 16
+FEWEST_PERIODS = 4.0
+_SHORTEST_PERIOD = 1.4
+"""In widths of the stars: what comes again faster is blurred to evenness."""
+_FALSE_ALARM = 1e-4
+_ALONE_FWHM = 0.9
+"""Widths along a streak that a periodogram's sample is worth."""
+_LEAST_DEPTH = 0.08
+_OVERSAMPLED = 4
+_ABOVE_OTHERS = 6.0
+"""Times the median power of the frequencies about it that a regular pulse must have."""
+_BEYOND, _CALM, _LONGEST_WINDOW = 1.0 / 3.0, 0.1, 0.2
+_FULL, _DARK = 0.7, 0.2
+"""Shares of a streak's level between which its light grows and dies."""
+_LEFT = 0.7
+"""Of the variance of noise, after interpolation between neighbours."""
+_CORE, _GAP, _SIDE_PX = 1.0, 1.6, 6
+"""Half width of what is summed and distance of the sky beside it, in widths; rows of that sky."""
+_STAR_FOLD = 4.0
+"""Light this many times as far above the median as the 84th percentile is a star in the way."""
+_TREND = 4
+"""Degree of the polynomial that slow changes are taken away with."""
+_PHASES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StreakLight:
+    """The light of each pixel's length of a streak, from end a to end b."""
+
+    light_adu: FloatArray
+    """(columns,) ADU per px of length above the sky beside it."""
+    sigma_adu: float
+    """One sigma of a column by the sky's noise alone."""
+    fwhm_px: float
+    """Width that blurs it."""
+    first_px: float = 0.0
+    """Way from end a to the first column; the frame's rim may cut what comes before."""
+
+    @property
+    def mean_adu(self) -> float:
+        """Its mean, not less than nothing."""
+        return max(float(self.light_adu.mean()), 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fading:
+    """Over how long a way light grows and dies at the ends, beyond what blur makes of a cut."""
+
+    shorter_px: float
+    """At the end where it is shorter, from a fifth to seven tenths of the level between them."""
+    longer_px: float
+    length_px: float
+    """From where it grows to where it has died."""
+    gap_share: float = 0.0
+    """Dark part of what lies between the first and the last full light."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Modulation:
+    """Light that comes and goes regularly along a streak."""
+
+    periods: float
+    """How many of them the streak has."""
+    period_px: float
+    depth: float
+    """(most - least) / (most + least) of the mean period, as blurred; 0 to 1."""
+    sharpness: float
+    """First harmonic over the mean, the blur undone: 1 at most for a sine, 2 for mere flashes."""
+    false_alarm: float
+    """Probability that even light shows as strong a wave."""
+
+
+def light_along(
+    pixels: PixelArray, sky: Background, ends: Box, width_px: float
+) -> StreakLight | None:
+    """The light of a streak between ``ends`` (x_a, y_a, x_b, y_b), raw pixels; None if too short.
+
+    Summed across ``width_px`` (full width at half maximum) to either side; the level is that of
+    the pixels beside it, smoothed along it. Columns outside the frame are left out.
+    """
+    import cv2
+
+    length, fwhm = length_of(ends), max(width_px, 1.5)
+    count = int(length) + 1
+    if count < FEWEST_COLUMNS:
+        return None
+    dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
+    core_px = max(math.ceil(_CORE * fwhm), 2)
+    near_px = max(math.ceil(_GAP * fwhm), core_px + 1)
+    u = np.arange(count) + 0.5 * (length - count + 1)
+    v = np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1)[:, None]
+    x = (ends[0] + dx * u - dy * v).astype(np.float32)
+    y = (ends[1] + dy * u + dx * v).astype(np.float32)
+    height, width = pixels.shape
+    low, high = int(max(y.min() - 2, 0)), int(min(y.max() + 3, height))
+    left, right = int(max(x.min() - 2, 0)), int(min(x.max() + 3, width))
+    if high - low < 2 or right - left < 2:
+        return None
+    piece = np.ascontiguousarray(pixels[low:high, left:right], dtype=np.float32)
+    strip = cv2.remap(piece, x - left, y - low, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    is_core = np.abs(v[:, 0]) <= core_px
+    is_inside = ((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))[is_core].all(axis=0)
+    beside = strip[np.abs(v[:, 0]) >= near_px]
+    level = _smoothed(np.median(beside, axis=0), 2 * math.ceil(2.0 * fwhm) + 1)
+    light = (strip[is_core] - level).sum(axis=0)[is_inside].astype(np.float64)
+    if light.size < FEWEST_COLUMNS:
+        return None
+    noise = max(sky.at(sky.noise, 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])), 1e-6)
+    sigma = noise * math.sqrt(float(is_core.sum()) * _LEFT)
+    return StreakLight(
+        light_adu=light, sigma_adu=sigma, fwhm_px=fwhm, first_px=float(u[is_inside][0])
+    )
+
+
+def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -> Fading | None:
+    """How gradually the light begins and ends; None where noise would hide it.
+
+    Looked for along the line a third further than ``ends`` either way, as dying light is not all
+    within them; smoothed until noise is a tenth of the level.
+    """
+    told = light_along(pixels, sky, _lengthened(ends, _BEYOND), width_px)
+    if told is None:
+        return None
+    light = _without_stars(told.light_adu)
+    count, length = light.size, length_of(ends)
+    begins_at = round(_BEYOND * length - told.first_px)
+    inner = slice(max(begins_at, 0), max(begins_at + round(length), 0))
+    if light[inner].size < FEWEST_COLUMNS or not light[inner].mean() > 0.0:
+        return None
+    noise = (told.sigma_adu / (_CALM * float(light[inner].mean()))) ** 2
+    window = 2 * int(0.5 * max(noise, told.fwhm_px)) + 1
+    if window > _LONGEST_WINDOW * light[inner].size:
+        return None
+    calm = _smoothed(light, window)
+    level = float(np.percentile(calm[inner], 80.0))
+    is_full = calm[inner] > _FULL * level
+    if level <= 0.0 or not is_full.any():
+        return None
+    lit = np.flatnonzero(is_full) + inner.start
+    first, last = int(lit[0]), int(lit[-1])
+    dark = np.flatnonzero(calm < _DARK * level)
+    before, after = dark[dark < first], dark[dark > last]
+    begins = int(before[-1]) + 1 if before.size else 0
+    ends_at = int(after[0]) - 1 if after.size else count - 1
+    gaps = np.count_nonzero((dark > first) & (dark < last)) / max(last - first, 1)
+    by_blur = 0.5 * math.hypot(told.fwhm_px, window)
+    ways = sorted(max(way - by_blur, 0.0) for way in (first - begins, ends_at - last))
+    return Fading(
+        shorter_px=ways[0],
+        longer_px=ways[1],
+        length_px=float(ends_at - begins + 1),
+        gap_share=float(gaps),
+    )
+
+
+def _lengthened(ends: Box, share: float) -> Box:
+    dx, dy = share * (ends[2] - ends[0]), share * (ends[3] - ends[1])
+    return ends[0] - dx, ends[1] - dy, ends[2] + dx, ends[3] + dy
+
+
+def modulation_of(told: StreakLight) -> Modulation | None:
+    """The regular pulse of the light; None where there is none that noise would not show.
+
+    The highest peak of the periodogram of what a slow trend leaves over, normalised by the variance
+    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577), on
+    an even grid, where the sums are a discrete Fourier transform. Columns that scintillate
+    together count as one. The peak must stand above its neighbours as well: clouds and stars in
+    the way put power into all of them.
+    """
+    light = _without_stars(told.light_adu)
+    count, mean = light.size, told.mean_adu
+    place = np.linspace(-1.0, 1.0, count)
+    terms, _ = np.linalg.qr(np.vander(place, _TREND + 1, increasing=True))
+    rest = light - terms @ (terms.T @ light)
+    total = float(rest @ rest)
+    if mean <= 0.0 or total <= 0.0:
+        return None
+    size = 1 << (_OVERSAMPLED * count - 1).bit_length()
+    wave = np.fft.rfft(rest, size)
+    power = np.abs(wave) ** 2 * 2.0 / (count * total)
+    frequency = np.arange(power.size) / size
+    is_asked = (frequency >= FEWEST_PERIODS / count) & (
+        frequency <= 1.0 / (_SHORTEST_PERIOD * told.fwhm_px)
+    )
+    if not is_asked.any():
+        return None
+    asked = np.flatnonzero(is_asked)
+    at = int(asked[np.argmax(power[asked])])
+    if at == asked[0]:
+        return None  # the flank of something slower
+    period_px = size / at
+    alone = count / max(_ALONE_FWHM * told.fwhm_px, 1.0)
+    tries = max(count * (frequency[asked[-1]] - frequency[asked[0]]), 1.0)
+    single = (1.0 - min(float(power[at]), 0.999999)) ** (0.5 * max(alone - 6.0, 1.0))
+    false_alarm = min(tries * single, 1.0)
+    # Clouds and stars put more into the slow ones: neighbours within an octave are compared.
+    is_other = (np.abs(asked - at) > 1.5 * _OVERSAMPLED) & (asked > 0.5 * at) & (asked < 2.0 * at)
+    others = power[asked[is_other]]
+    typical = median_of(others) if others.size > 2 * _OVERSAMPLED else 0.0
+    if false_alarm > _FALSE_ALARM or float(power[at]) < _ABOVE_OTHERS * typical:
+        return None
+    sigma = told.fwhm_px / FWHM_PER_SIGMA
+    kept = math.exp(-2.0 * (math.pi * sigma / period_px) ** 2)
+    first = 2.0 * float(np.abs(wave[at])) / count / mean
+    depth = _depth(light, period_px)
+    if min(depth, first) < _LEAST_DEPTH:
+        return None
+    return Modulation(
+        periods=count / period_px,
+        period_px=period_px,
+        depth=depth,
+        sharpness=min(first / max(kept, 0.05), 2.5),
+        false_alarm=false_alarm,
+    )
+
+
+def _depth(light: FloatArray, period_px: float) -> float:
+    """(most - least) / (most + least) of the light folded by a period."""
+    phase = ((np.arange(light.size) / period_px) % 1.0 * _PHASES).astype(int)
+    folded = np.bincount(phase, light, _PHASES) / np.maximum(np.bincount(phase, None, _PHASES), 1)
+    most, least = float(folded.max()), max(float(folded.min()), 0.0)
+    return (most - least) / (most + least) if most > 0.0 else 0.0
+
+
+def _without_stars(light: FloatArray) -> FloatArray:
+    """The light, single high places cut back to what the rest of it reaches."""
+    middle, upper = (float(each) for each in np.percentile(light, (50.0, 84.0)))
+    return np.minimum(light, middle + _STAR_FOLD * max(upper - middle, 0.0))
+
+
+def _smoothed(values: FloatArray, window: int) -> FloatArray:
+    """Running mean over ``window`` (odd), the ends repeated."""
+    half = min(window, 2 * values.size - 1) // 2
+    padded = np.pad(values, half, mode="edge")
+    kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))
+    return np.asarray(np.convolve(padded, kernel, mode="valid"))

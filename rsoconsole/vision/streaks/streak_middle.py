@@ -1,0 +1,304 @@
+"""The middle of a streak whose image shook while it was drawn: ends and light weighed together.
+
+The image moves with the wind, stars and satellite alike. Stars show its mean place of the exposure,
+an end of a streak shows where it was at one instant: off by as much as it shook, for the middle
+between two ends by 0.7 of that. But a steady light that is pushed along its way is brighter where
+it lingers and fainter where it hurries. So the profile is taken for a steady light whose place
+along its way is even motion plus a wander w(t) that is 0 in the mean of the exposure: linear in w,
+of which the seeing leaves nothing finer than itself, so that some ten cosines hold it. How far and
+how fast it wanders is not known: each of a few is believed as its likelihood (with least squares
+under a Gaussian prior, Rasmussen & Williams 2006, 2.2). Where nothing shook the ends tell alone.
+"""
+
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import Detection, FloatArray, PixelArray
+from rsoconsole.vision.frame import Background, median_of
+from rsoconsole.vision.lines import (
+    INTERPOLATED_VARIANCE,
+    BoolArray,
+    Course,
+    IntArray,
+    LineStrip,
+    confusion,
+    level,
+    profile_of,
+    strip_about,
+)
+from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+
+log = logging.getLogger(__name__)
+
+_WANDERS = (0.02, 0.25, 0.5, 1.0, 2.0)
+"""One sigma of how far, in sigmas of the stars' disc."""
+_LASTS = (0.05, 0.2)
+"""After what share of the exposure it has forgotten where it was."""
+_UNSTEADY = 0.03
+"""One sigma of how much brighter a steady light becomes from middle to end; likewise bulges."""
+_BEYOND = 4.0
+"""Sigmas of the disc beyond the ends where light still is."""
+_FINEST, _MOST_COSINES, _MOST_SOURCES = 1.5, 32, 400
+_LEAST_SOURCES, _FEWEST_COLUMNS = 6, 8
+_LOOKS, _MOST_MOVED, _CLOSE = 2, 2.0, 0.05
+"""Sigmas of the disc by which ends may move a look, and the middle at most; below which they
+stay."""
+_MOST_MISFIT = 2.5
+"""Of more, a star lies on it that is on no list."""
+_JITTER, _SMALLEST = 1e-6, 1e-9
+_ACROSS, _ALONG = 1.25, 0.85
+"""Sigmas, of the stars' disc, of the Gaussian across in which light is summed, and of the disc of
+an instant: wind widens the stars', and sways the streak."""
+_MOST_ASIDE, _MOST_STEPS = 3.0, 120
+"""Sigmas of the disc that the way may leave the line; and how often it is looked at."""
+_STRAIGHT, _SMOOTH = 0.01, 0.2
+"""Of the typical light: what a sigma off the line costs, and a turn of one to the next column."""
+_SOUGHT, _WANDER = (1, 2), 3
+"""Among the terms: shift and stretch; the first cosine."""
+_BELIEVED = 4.0
+"""As so many samples of the sky beside it the noise of pixels counts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Middle:
+    """Where a streak has its middle along itself, by ends and light together; px."""
+
+    offset_px: float
+    """From the midpoint of the ends that were given, towards the second."""
+    sigma_px: float
+    length_px: float
+    """Of the even motion."""
+    sigma_length_px: float
+
+
+def with_middle(
+    pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
+) -> Detection:
+    """The same with its middle by light and ends, where both ends are seen and it can be told."""
+    if streak.kind != "streak" or streak.method != "line":
+        return streak
+    ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
+    try:
+        found = middle_of(pixels, sky, ends, stars, stars.fwhm_at(streak.x_px, streak.y_px))
+    except Exception:
+        # What is told beside a detection must not cost it.
+        log.exception("frame %d: no middle by light for %s", streak.frame_id, streak)
+        return streak
+    if found is None:
+        return streak
+    return replace(
+        streak,
+        light_offset_px=found.offset_px,
+        light_sigma_px=found.sigma_px,
+        light_length_px=found.length_px,
+        light_length_sigma_px=found.sigma_length_px,
+    )
+
+
+def middle_of(
+    pixels: PixelArray,
+    sky: Background,
+    ends: tuple[float, float, float, float],
+    stars: StarList,
+    fwhm_px: float,
+) -> Middle | None:
+    """Of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
+
+    None where the frame ends with it, stars hide it or are part of its light. The errors take the
+    light for steady: they do not hold for what flashes or tumbles.
+    """
+    sigma = math.hypot(fwhm_px / FWHM_PER_SIGMA, math.sqrt(INTERPOLATED_VARIANCE))
+    strip = strip_about(pixels, sky, ends, stars, sigma)
+    return None if strip is None else _in_strip(strip, ends, sigma)
+
+
+def _in_strip(
+    strip: LineStrip, ends: tuple[float, float, float, float], sigma: float
+) -> Middle | None:
+    first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
+    last = first + math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    room = _BEYOND * sigma
+    if first < room or last > strip.values.shape[1] - 1 - room:
+        return None
+    course = Course(0.5 * (first + last), 0.0, 0.0, 0.0, 0.0)
+    level(strip, course, sigma)
+    way = _way(strip, first, last, sigma)
+    profile = profile_of(strip, way, _ACROSS * sigma)
+    used = profile.between(first - room, last + room)
+    if np.count_nonzero(profile.between(first, last)) < _FEWEST_COLUMNS:
+        return None
+    error = confusion(strip, used, course, sigma) * profile.error[used]
+    u = profile.columns[used].astype(np.float64)
+    settled = _settled(u, profile.light[used], error, (first, last), sigma)
+    if settled is None:
+        return None
+    a, b, found = settled
+    offset = 0.5 * (a + b - first - last)
+    if found.misfit > _MOST_MISFIT or abs(offset) > _MOST_MOVED * sigma:
+        return None
+    # Faint stars count by where they are: one near an end pulls more than many in the middle.
+    beside = np.array([found.weights @ each for each in _beside(strip, used, way, sigma)])
+    noise = found.weights**2 @ error**2
+    seen = (_BELIEVED * noise + np.sum(beside**2, axis=0)) / (_BELIEVED + len(beside))
+    variance = found.variance + np.maximum(seen - noise, 0.0)
+    return Middle(
+        offset_px=offset,
+        sigma_px=math.sqrt(variance[0]),
+        length_px=b - a,
+        sigma_length_px=2.0 * math.sqrt(variance[1]),
+    )
+
+
+def _settled(
+    u: FloatArray, light: FloatArray, error: FloatArray, ends: tuple[float, float], sigma: float
+) -> "tuple[float, float, _Look] | None":
+    """Ends of the even motion, and the last look at them; None where there is none."""
+    a, b = ends
+    found = None
+    for _ in range(_LOOKS):
+        found = _look(u, light, error, (a, b), _ALONG * sigma)
+        if found is None:
+            return None
+        shift, stretch = np.clip(found.value, -_MOST_MOVED * sigma, _MOST_MOVED * sigma).tolist()
+        a, b = a + shift - stretch, b + shift + stretch
+        if b - a < sigma:
+            return None
+        if max(abs(shift), abs(stretch)) < _CLOSE * sigma:
+            break
+    return None if found is None else (a, b, found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wandering:
+    """A way that the image drew as it shook."""
+
+    rows: FloatArray
+    """Of each column of a strip."""
+    away: float = 0.0
+    """Beside it by so much."""
+
+    def at(self, columns: IntArray) -> FloatArray:
+        return np.asarray(self.rows[columns] + self.away)
+
+
+def _way(strip: LineStrip, first: float, last: float, sigma: float) -> _Wandering:
+    """The way from end to end that is brightest, as far as it bends little (Viterbi 1967)."""
+    import cv2
+
+    rim = math.ceil(_MOST_ASIDE * sigma)
+    kernel = cv2.getGaussianKernel(2 * math.ceil(1.5 * sigma) + 1, 0.5 * sigma)
+    calm = cv2.sepFilter2D(np.where(strip.is_good, strip.values, 0.0), cv2.CV_64F, kernel, kernel)
+    stride = max(1, math.ceil((last - first) / _MOST_STEPS))
+    columns = np.arange(round(first), round(last) + 1, stride)
+    light = calm[strip.reach - rim : strip.reach + rim + 1, columns]
+    typical = max(median_of(light.max(axis=0)), _SMALLEST)
+    row = np.arange(-rim, rim + 1) / sigma
+    light = light / typical - _STRAIGHT * row[:, None] ** 2
+    turning = _SMOOTH / stride * (row[:, None] - row) ** 2
+    best, came_from = light[:, 0], []
+    for column in light.T[1:]:
+        reached = best - turning
+        came_from.append(reached.argmax(axis=1))
+        best = reached.max(axis=1) + column
+    place = int(best.argmax())
+    places = [place]
+    for back in reversed(came_from):
+        place = int(back[place])
+        places.append(place)
+    rows = np.interp(strip.columns, columns, np.array(places[::-1], np.float64) - rim)
+    calmer = cv2.GaussianBlur(rows[None], (0, 0), 0.5 * sigma, borderType=cv2.BORDER_REPLICATE)
+    return _Wandering(np.asarray(calmer[0]))
+
+
+def _beside(
+    strip: LineStrip, used: BoolArray, way: _Wandering, sigma: float
+) -> Iterator[FloatArray]:
+    """Profiles of the sky beside the streak, in its columns; 0 where stars are masked."""
+    for away in (3.5 * sigma + 2.0, 5.5 * sigma + 3.0):
+        for sense in (-1.0, 1.0):
+            aside = replace(way, away=sense * away)
+            yield profile_of(strip, aside, _ACROSS * sigma).light[used]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Look:
+    """Shift of the middle, and stretch of either end: (2,) each, px."""
+
+    value: FloatArray
+    variance: FloatArray
+    weights: FloatArray
+    """(2, columns) by which they follow from the light."""
+    misfit: float
+    """Chi-square of a column that is left."""
+
+
+def _look(
+    u: FloatArray, light: FloatArray, error: FloatArray, ends: tuple[float, float], sigma: float
+) -> _Look | None:
+    """How the profile lies to even motion between these ends."""
+    a, b = ends
+    sources = int(np.clip(round(b - a), _LEAST_SOURCES, _MOST_SOURCES))
+    share = (np.arange(sources) + 0.5) / sources
+    step, along = (b - a) / sources, 2.0 * share - 1.0
+    away = u[:, None] - (a + share * (b - a))
+    seen = np.exp(-0.5 * (away / sigma) ** 2) * (step / (math.sqrt(2.0 * math.pi) * sigma))
+    pushed = seen * away / sigma**2
+    shape, weight = seen.sum(axis=1), error**-2.0
+    flux = float((weight * light) @ shape) / float((weight * shape) @ shape)
+    if flux <= 0.0:
+        return None
+    cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MOST_COSINES))
+    wander = np.cos(np.pi * share[:, None] * np.arange(1, cosines + 1))
+    terms = np.concatenate(
+        [
+            np.stack([shape, flux * pushed.sum(axis=1), flux * (pushed @ along)], axis=1),
+            flux * (pushed @ wander),
+            flux * np.stack([seen @ along, seen @ (1.5 * along**2 - 0.5)], axis=1),
+        ],
+        axis=1,
+    )
+    weighed = (terms * weight[:, None]).T
+    right = weighed @ light
+    chances, covariances = _priors(weighed @ terms, right, share, wander, sigma)
+    explained = float(chances @ (covariances @ right @ right))
+    solved = covariances[:, _SOUGHT] @ right
+    value = chances @ solved
+    own = np.stack([covariances[:, each, each] for each in _SOUGHT], axis=1)
+    return _Look(
+        value=value,
+        variance=chances @ (own + (solved - value) ** 2),
+        weights=np.einsum("g,gij,jk->ik", chances, covariances[:, _SOUGHT], weighed),
+        misfit=(float(weight @ light**2) - explained) / len(light),
+    )
+
+
+def _priors(
+    normal: FloatArray, right: FloatArray, share: FloatArray, wander: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """(G,) how likely each way of wandering is, and (G, terms, terms) the covariance with it."""
+    cosines = wander.shape[1]
+    to_cosines = 2.0 / len(share) * wander
+    at = slice(_WANDER, _WANDER + cosines)
+    steady = np.zeros_like(normal)
+    steady[at.stop :, at.stop :] = np.eye(len(normal) - at.stop) / _UNSTEADY**2
+    informations, sizes = [], []
+    for lasts in _LASTS:
+        alike = np.exp(-np.abs(share[:, None] - share) / lasts)
+        covariance = to_cosines.T @ alike @ to_cosines
+        covariance += _JITTER * np.trace(covariance) / cosines * np.eye(cosines)
+        inverse, (_, log_size) = np.linalg.inv(covariance), np.linalg.slogdet(covariance)
+        for far in _WANDERS:
+            information = normal + steady
+            information[at, at] += inverse / (far * sigma) ** 2
+            informations.append(information)
+            sizes.append(log_size + 2.0 * cosines * math.log(far * sigma))
+    every = np.array(informations)
+    covariances = np.asarray(np.linalg.inv(every), np.float64)
+    explained = (covariances @ right) @ right
+    likely = 0.5 * (explained - np.linalg.slogdet(every)[1] - np.array(sizes))
+    chances = np.exp(likely - likely.max())
+    return np.asarray(chances / chances.sum(), np.float64), covariances

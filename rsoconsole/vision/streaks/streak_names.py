@@ -1,0 +1,184 @@
+"""The frame's streaks named: each one's class and pulse, and those that run together."""
+
+import logging
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rsoconsole.reasons import NotAStreak
+from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.vision.frame import Background
+from rsoconsole.vision.lines import Box
+from rsoconsole.vision.stars import StarList
+from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
+from rsoconsole.vision.streaks.streak_light import (
+    StreakLight,
+    fading_of,
+    light_along,
+    modulation_of,
+)
+from rsoconsole.vision.streaks.streak_train import with_company
+
+log = logging.getLogger(__name__)
+
+_ON_LINE_FWHM = 0.5
+_PULSE_SNR = 25.0
+"""Signal to noise of the summed light from which half a pulse of it would show."""
+_PER_QUARTILES = 0.7413
+"""Sigma of a normal law over the distance of its quartiles."""
+_LEAST_STARS = 8
+_UNKNOWN_SCATTER = 0.25
+SHINES_ON = ("satellite", "aircraft", "undetermined")
+"""What may shine all through an exposure, so that places along it are times."""
+
+
+def named(
+    frame: Frame,
+    sky: Background,
+    stars: StarList,
+    detections: Iterable[Detection],
+    rejected: Iterable[Rejection] = (),
+) -> tuple[list[Detection], list[Rejection]]:
+    """The same in the same order, each with its class, its pulse and its train.
+
+    What was not measured by a line stays undetermined. Raises nothing: a streak that cannot be
+    looked at keeps what it has.
+    """
+    found, others, _ = named_with_shares(frame, sky, stars, detections, rejected)
+    return found, others
+
+
+def named_with_shares(
+    frame: Frame,
+    sky: Background,
+    stars: StarList,
+    detections: Iterable[Detection],
+    rejected: Iterable[Rejection] = (),
+) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
+    """The same, and the probabilities of all classes, by streak as it is named.
+
+    They are those of the streak alone, whatever its company makes of it; of what could not be
+    looked at there are none.
+    """
+    per_px = None
+    if frame.scale_arcsec_px is not None and frame.exposure_s:
+        per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
+    told = [_named(frame, sky, stars, each) for each in detections]
+    found = with_company([streak for streak, _ in told], per_px)
+    rejected = list(rejected)
+    doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
+    others = [
+        replace(each, detection=streak) for each, (streak, _) in zip(rejected, doubted, strict=True)
+    ]
+    shares = {
+        streak: of_all
+        for streak, of_all in (
+            *zip(found, (of_all for _, of_all in told), strict=True),
+            *doubted,
+        )
+        if of_all is not None
+    }
+    return found, others, shares
+
+
+def _named(
+    frame: Frame,
+    sky: Background,
+    stars: StarList,
+    streak: Detection,
+    rejection: Rejection | None = None,
+) -> tuple[Detection, Likelihood | None]:
+    if streak.method == "operator" or streak.width_px <= 0.0:
+        return streak, None
+    against = rejection.reason if rejection is not None else None
+    kind = against.kind if isinstance(against, NotAStreak) else ""
+    try:
+        return _looked_at(frame, sky, stars, streak, kind)
+    except Exception:
+        # A name must not cost the detection.
+        log.exception("frame %d: no class for %s", frame.frame_id, streak)
+        return streak, None
+
+
+def _looked_at(
+    frame: Frame, sky: Background, stars: StarList, streak: Detection, against: str
+) -> tuple[Detection, Likelihood]:
+    ends = (streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px)
+    light = light_along(frame.pixels, sky, ends, streak.width_px)
+    pulse = None if light is None else modulation_of(light)
+    evidence = Evidence(
+        kind=streak.kind,
+        length_px=streak.length_px,
+        width_px=streak.width_px,
+        snr=streak.snr,
+        star_fwhm_px=stars.fwhm_at(streak.x_px, streak.y_px),
+        star_scatter=_scatter(stars),
+        unevenness=streak.unevenness,
+        scale_arcsec_px=frame.scale_arcsec_px,
+        exposure_s=frame.exposure_s,
+        aperture_m=_aperture_m(frame),
+        fading=fading_of(frame.pixels, sky, ends, streak.width_px),
+        modulation=pulse,
+        is_pulse_seen=light is not None and _is_bright(light),
+        star_share=None if light is None else _star_share(stars, ends, light),
+        spoken_against=against,
+    )
+    shares = probabilities(evidence)
+    name, probability = decided(shares)
+    period_s = None
+    if pulse is not None and streak.kind == "streak" and frame.exposure_s and name in SHINES_ON:
+        period_s = frame.exposure_s / pulse.periods
+    named_so = replace(
+        streak,
+        object_class=name,
+        class_probability=probability,
+        modulation_period_px=None if pulse is None else pulse.period_px,
+        modulation_period_s=period_s,
+        modulation_depth=None if pulse is None else pulse.depth,
+    )
+    return named_so, shares
+
+
+def _is_bright(light: StreakLight) -> bool:
+    return light.mean_adu * math.sqrt(light.light_adu.size) > _PULSE_SNR * light.sigma_adu
+
+
+def _scatter(stars: StarList) -> float:
+    """Relative scatter of single stars' widths about what is expected at their places.
+
+    They differ with their light, and over the field where that is not known.
+    """
+    widths = stars.fwhm_px
+    if stars.psf_field is not None:
+        widths = widths / stars.expected_fwhm_px()
+    widths = widths[~stars.is_saturated]
+    if widths.size < _LEAST_STARS:
+        return _UNKNOWN_SCATTER
+    low, high = np.percentile(np.log(np.maximum(widths, 0.1)), (25.0, 75.0))
+    return float(_PER_QUARTILES * (high - low))
+
+
+def _star_share(stars: StarList, ends: Box, light: StreakLight) -> float | None:
+    """Share of a streak's light that stars on it have which were found by themselves."""
+    total = float(light.light_adu.sum())
+    if total <= 0.0 or stars.trail is not None:
+        return None
+    x_a, y_a, x_b, y_b = ends
+    length = math.hypot(x_b - x_a, y_b - y_a)
+    dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
+    u = (stars.x_px - x_a) * dx + (stars.y_px - y_a) * dy
+    v = (stars.y_px - y_a) * dx - (stars.x_px - x_a) * dy
+    near_px = _ON_LINE_FWHM * light.fwhm_px
+    is_on = (np.abs(v) < near_px) & (u > -near_px) & (u < length + near_px)
+    return min(float(stars.flux[is_on].sum()) / total, 1.0)
+
+
+def _aperture_m(frame: Frame) -> float | None:
+    """The telescope's opening as the header tells it (APTDIA, mm); None where it does not."""
+    try:
+        diameter_m = float(frame.header.get("APTDIA", 0.0)) / 1e3
+    except (TypeError, ValueError):
+        return None
+    return diameter_m if 0.0 < diameter_m < 100.0 else None

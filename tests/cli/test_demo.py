@@ -1,0 +1,124 @@
+"""The whole way, from a bare command to a satellite found and followed, as a shell sees it."""
+
+import json
+from typing import Any
+
+import pytest
+
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.records import TrackState
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.simulator.world.world_file import load_world
+from tests.cli.test_cli_frames import rsoconsole
+from tests.json_page import expect_documented
+
+FRAMES = 14
+
+
+def night(session: Any, *more: str, frames: int = FRAMES, timeout_s: float = 170.0) -> dict:
+    """The summary of one simulated night."""
+    run = rsoconsole(
+        *("demo", "--headless", "--json", "--frames", str(frames), "--session", session),
+        *more,
+        timeout_s=timeout_s,
+    )
+    assert run.returncode == 0, run.stderr
+    (summary,) = [json.loads(line) for line in run.stdout.splitlines()]
+    expect_documented("demo", summary)
+    return summary
+
+
+@pytest.fixture(scope="module")
+def first_night(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    return night(tmp_path_factory.mktemp("night") / "one", "--seed", "1")
+
+
+def test_it_finds_the_satellite_without_a_prior_and_follows_it(first_night):
+    assert first_night["target"] == "INTELSAT 14"
+    assert first_night["target_share"] == 1.0
+    assert first_night["states"]["SEARCH"] >= 1
+    assert first_night["states"]["TRACK"] >= 4
+    # Three frames at 1.4 sigma a pixel are measured too, one of them beside a bright star.
+    assert first_night["measured_rms_arcsec"] <= 2.0
+    assert first_night["prediction_rms_arcsec"] <= 6.0
+    assert first_night["inside_3sigma"] >= 0.9
+    assert first_night["false_measurements"] == 0
+
+
+def test_the_night_ends_with_an_orbit_and_a_name_in_the_session(first_night):
+    orbit, name = first_night["orbit"], first_night["identified"]
+    assert orbit["label"] == "constrained by prior"
+    assert abs(orbit["a_km"] - 42_166.0) <= 3.0 * orbit["sigma_a_km"]
+    assert (name["verdict"], name["name"]) == ("identified", "INTELSAT 14")
+    assert name["separation_arcsec"] < 5.0
+    assert name["runner_up"]
+    reader = SessionReader(first_night["session"])
+    found = reader.view("orbits")
+    assert found[-1]["a_km"] == pytest.approx(orbit["a_km"])
+    updates = [row for row in reader.view("track") if row["step"] == "updated"]
+    assert len(found) == len(updates), "one for each direction from the third on"
+    assert reader.view("identifications")[-1]["norad_id"] == 36_097
+    refined = [row["ms"] for row in reader.view("timings") if row["stage"] == "orbit"]
+    assert len(refined) == FRAMES
+
+
+def test_the_same_seed_gives_the_same_night_at_another_speed_and_in_a_world_without_names(
+    first_night, tmp_path
+):
+    nameless = tmp_path / "nameless.toml"
+    nameless.write_text("[wind]\n[shutter]\n", encoding="utf-8")
+    again = night(tmp_path / "two", "--seed", "1", "--speed", "400", "--world", str(nameless))
+    assert again["world"] == {}
+    for key in ("session", "latency_ms"):
+        del again[key]
+    assert again == {key: first_night[key] for key in again}
+
+
+def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
+    """A replay of what is on record gives every record of the fold again."""
+    reader = SessionReader(first_night["session"])
+    recorded = [record for _, _, record in reader.records()]
+    replayed = list(replay(recorded, reader.config()))
+    assert all(frame.is_as_recorded for frame in replayed)
+    states = [r for frame in replayed for r in frame.records if isinstance(r, TrackState)]
+    assert states == [r for r in recorded if isinstance(r, TrackState)]
+    assert len(states) >= FRAMES // 2
+
+
+def test_a_named_world_is_that_of_the_night_and_on_record(tmp_path):
+    """The operator is told the latency to 0.1 s; a clock that is 1 s wrong costs 15 arcsec."""
+    world = tmp_path / "world.toml"
+    world.write_text(
+        "[clock]\noffset_s = 1.0\n[shutter]\nlatency_s = 0.31\n[sensor]\nbinning = 2\n",
+        encoding="utf-8",
+    )
+    summary = night(tmp_path / "named", "--world", str(world), frames=7)
+    assert summary["world"] == {
+        "shutter": {"latency_s": 0.31},
+        "sensor": {"binning": 2},
+        "clock": {"offset_s": 1.0},
+    }
+    assert summary["target"] == "INTELSAT 14"
+    assert summary["measured_rms_arcsec"] == pytest.approx(1.01 * 15.0, abs=1.0)
+    folder = tmp_path / "named"
+    assert load_world(folder / "world.toml").named() == summary["world"]
+    config = SessionReader(folder).config()
+    assert config.exposure.header_latency_s == 0.3
+    assert (config.optics.width_px, config.optics.pixel_um) == (2328, 7.6)
+    assert verify_session(folder).state == "closed"
+    assert not verify_session(folder).findings
+
+
+def test_a_world_that_cannot_be_is_refused_with_its_remedy(tmp_path):
+    world = tmp_path / "world.toml"
+    world.write_text("[stars]\ndrift_pix = 3\n", encoding="utf-8")
+    run = rsoconsole("demo", "--headless", "--world", str(world))
+    assert run.returncode == 1
+    assert "no setting 'stars.drift_pix': did you mean [stars] drift_px?" in run.stderr
+
+
+def test_an_empty_sky_ends_in_search(tmp_path):
+    summary = night(tmp_path / "empty", "--scenario", "empty", frames=8)
+    assert summary["states"] == {"SEARCH": 8}
+    assert (summary["locked_after_frames"], summary["target"]) == (None, None)

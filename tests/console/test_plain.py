@@ -1,0 +1,84 @@
+"""The screen for terminals without Unicode: ASCII, as wide as before, and still to be read."""
+
+import string
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.segment import Segment
+from rich.style import Style
+from textual.color import Color
+from textual.pilot import Pilot
+
+from rsoconsole.config import ConsoleConfig
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.drawing.plain import PlainFilter, plain, spelled
+from tests.seat_rig import FakeWire, play, until
+
+BLACK = Color(0, 0, 0)
+
+
+@given(st.text())
+def test_whatever_it_is_given_it_gives_as_many_ascii_characters(text):
+    assert plain(text).isascii()
+    assert len(plain(text)) == len(text)
+
+
+def test_what_the_seat_says_stays_readable():
+    assert plain("α 05:32:11 δ -04°52′10″ ±0.2″ → COAST · 3σ") == (
+        'a 05:32:11 d -04o52\'10" ~0.2" > COAST . 3s'
+    )
+    assert plain("├── 3σ ─┤") == "+-- 3s -+"
+    # What was measured is a star wherever in its cell it lies; what was missed is an o.
+    assert plain("⠛⣤⠁⡀⠀○") == "**'. o"
+    assert plain("⣀⠉") == "**"  # one that lies across two cells
+    assert plain(string.printable) == string.printable
+
+
+def test_signs_are_spelled_out_where_the_line_has_room():
+    def said(*texts: str) -> str:
+        return "".join(spelled(texts))
+
+    assert said("a = 42166±1 km", "    02:23:27Z") == "a = 42166+-1 km   02:23:27Z"
+    assert said("─ δ residual ", "──────", " 3σ 2.1″ ─") == '- Dec residual -- 3sig 2.1" -'
+    assert said("  α 05:32:11", "  δ -04°52′10″", "     ") == " RA 05:32:11  Dec -04deg52'10\" "
+    # An axis keeps its place: the gap before it gives the room.
+    assert said("    τ┤", " . * ") == "  tau+ . * "
+    # Where there is none one letter must do.
+    assert said("±1σ") == "~1s"
+
+
+@given(st.lists(st.text(alphabet="ab ─±°στ┤α", max_size=9), max_size=5))
+def test_spelled_out_a_line_is_as_long_as_before(texts):
+    made = spelled(texts)
+    assert len("".join(made)) == len("".join(texts))
+    assert "".join(made).isascii()
+
+
+def test_pictures_become_brighter_signs_where_there_is_more_light():
+    filter_ = PlainFilter()
+    greys = [
+        Segment("▀▀", Style(color=f"rgb({v},{v},{v})", bgcolor=f"rgb({v},{v},{v})"))
+        for v in (0, 60, 130, 255)
+    ]
+    assert [text for text, _, _ in filter_.apply(greys, BLACK)] == ["  ", "::", "++", "@@"]
+
+
+def test_a_terminal_without_unicode_gets_letters_only(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        for _ in range(2):
+            shown = app.screen._compositor.render_strips()
+            assert all(segment.text.isascii() for strip in shown for segment in strip)
+            await pilot.press("f1")
+            await pilot.pause()
+        text = "\n".join("".join(segment.text for segment in strip) for strip in shown)
+        assert "STOP" in text
+
+    play(wire, scene, settings=ConsoleConfig(ascii=True))
+
+
+def test_where_it_is_not_asked_for_nothing_is_changed(wire: FakeWire):
+    async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
+        assert not any(isinstance(each, PlainFilter) for each in app._filters)
+
+    play(wire, scene, settings=ConsoleConfig(ascii=False))

@@ -1,0 +1,149 @@
+"""What is up now: against skyfield with the same elements, in a list from which one is gone to."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input, Static
+
+from rsoconsole.config import Config, LimitsConfig
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs.ask import GotoDialog
+from rsoconsole.console.dialogs.up_list import UpListDialog
+from rsoconsole.console.panes.panes import LinesPane
+from rsoconsole.control import Outcome
+from rsoconsole.orbit.elements.catalogue import parse_catalogue
+from rsoconsole.pipeline.outlook.above_limit import up_now
+from rsoconsole.sky.times import iso_to_utc_ns
+from tests.console.test_console_actions import PREVIEW
+from tests.seat_rig import FakeWire, play, until
+
+NOW = iso_to_utc_ns("2023-06-22T05:30:00Z")
+LOW = """ISS (ZARYA)
+1 25544U 98067A   23173.20000000  .00010000  00000-0  18000-3 0  9990
+2 25544  51.6400 300.0000 0005000  60.0000 300.0000 15.50000000402000
+"""
+SITE = Config().site.to_site()
+LIMITS = LimitsConfig(min_altitude_deg=15.0)
+
+
+def with_checksums(text: str) -> str:
+    from rsoconsole.orbit.elements.elements import checksum
+
+    return "\n".join(
+        line[:68] + str(checksum(line)) if line[:2] in {"1 ", "2 "} else line
+        for line in text.splitlines()
+    )
+
+
+def altitudes_by_skyfield(minutes: Sequence[float]) -> np.ndarray:
+    from skyfield.api import EarthSatellite, load, wgs84
+
+    one, two = with_checksums(LOW).splitlines()[1:3]
+    timescale = load.timescale(builtin=True)
+    satellite = EarthSatellite(one, two, "", timescale)
+    site = wgs84.latlon(SITE.latitude_deg, SITE.longitude_deg, SITE.elevation_m)
+    instants = timescale.utc(2023, 6, 22, 5, 30 + np.asarray(minutes))
+    return np.asarray((satellite - site).at(instants).altaz()[0].degrees)
+
+
+def pass_begins() -> int:
+    """The minute in which the low satellite comes up over 15 degrees."""
+    is_up = altitudes_by_skyfield(range(1500)) >= 15.0
+    return int(np.flatnonzero(~is_up[:-1] & is_up[1:])[0]) + 1
+
+
+def test_a_low_satellite_is_up_for_minutes_as_skyfield_has_them():
+    entries = parse_catalogue(with_checksums(LOW))
+    begins = pass_begins()
+    t_utc_ns = NOW + begins * 60 * 10**9
+    (up,) = up_now(entries, SITE, t_utc_ns, LIMITS)
+    a_hundredth_deg, five_seconds_min = 0.02, 5.0 / 60.0
+    assert up.alt_deg == pytest.approx(altitudes_by_skyfield([begins])[0], abs=a_hundredth_deg)
+    assert up.minutes_left is not None
+    assert 1.0 < up.minutes_left < 10.0
+    sets = begins + up.minutes_left
+    before, after = altitudes_by_skyfield([sets - five_seconds_min, sets + five_seconds_min])
+    assert before > 15.0 > after
+    assert up.rate_arcsec_s > 500.0
+    later = up_now(entries, SITE, t_utc_ns + 20 * 60 * 10**9, LIMITS)
+    assert later == ()
+
+
+def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
+    from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
+    from rsoconsole.simulator.nights.scenarios import elements_path
+
+    entries = read_catalogue([elements_path()])
+    found = up_now(entries, SITE, NOW, LIMITS)
+    assert len(found) > 5
+    assert [up.alt_deg for up in found] == sorted((up.alt_deg for up in found), reverse=True)
+    intelsat = next(up for up in found if up.norad_id == 36097)
+    assert intelsat.minutes_left is None
+    assert (intelsat.alt_deg, intelsat.az_deg) == pytest.approx((38.06, 123.82), abs=0.05)
+    wall = LimitsConfig(min_altitude_deg=15.0, horizon=((0, 0), (120, 45), (130, 45), (140, 0)))
+    assert 36097 not in {up.norad_id for up in up_now(entries, SITE, NOW, wall)}
+    assert up_now((), SITE, NOW, LIMITS) == ()
+
+
+def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: FakeWire):
+    from rsoconsole.simulator.nights.scenarios import elements_path
+
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+    wire.status["now_utc_ns"] = NOW
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
+        from dataclasses import replace
+
+        app.live.night = replace(app.live.night, config=config)
+        await pilot.press("5")
+        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        rows = app.screen.query_one("#rows", LinesPane)
+        await until(pilot, lambda: "INTELSAT 14" in rows.text)
+        assert "by altitude" in rows.text
+        await pilot.press(*"intelsat 14")
+        await until(pilot, lambda: "SES" not in rows.text)
+        await pilot.press("enter")
+        await until(pilot, lambda: isinstance(app.screen, GotoDialog))
+        assert app.screen.query_one(Input).value == "36097"
+        said = app.screen.query_one("#understood", Static)
+        await until(pilot, lambda: "INTELSAT 14 (36097)" in str(said.render()))
+        await until(pilot, lambda: "enter goes there" in str(said.render()))
+        assert "goto" not in wire.verbs
+        await pilot.press("enter")
+        await until(pilot, lambda: "goto" in wire.verbs)
+
+    play(wire, scene)
+
+
+def test_without_element_files_it_says_where_to_name_them(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("5")
+        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        rows = app.screen.query_one("#rows", LinesPane)
+        await until(pilot, lambda: "catalogue.tle_files" in rows.text)
+
+    play(wire, scene)
+
+
+def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypatch, caplog):
+    from rsoconsole.simulator.nights.scenarios import elements_path
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("no such night")
+
+    monkeypatch.setattr("rsoconsole.pipeline.outlook.above_limit.up_now", broken)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
+        app.live.night = dataclasses.replace(app.live.night, config=config)
+        await pilot.press("5")
+        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        rows = app.screen.query_one("#rows", LinesPane)
+        await until(pilot, lambda: "it cannot be computed" in rows.text)
+
+    play(wire, scene)
+    assert "no such night" in caplog.text

@@ -1,0 +1,311 @@
+"""The next slew before the frame: as the shutter closes, or after a look at the frame's middle."""
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim.hands import Hands
+from rsoconsole.engine.leaps.leap_times import LeapTimes
+from rsoconsole.errors import InstrumentError
+from rsoconsole.judge.passes import leap_figures
+from rsoconsole.reasons import SlewRefusal
+from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand
+from rsoconsole.sky.limits.limits import Limits, Refusal
+from tests import engine_rig
+from tests.engine_rig import Rig
+from tests.leap_rig import config_with, leap_rig, orbit_over
+from tests.makers import NS
+
+LATE = {"at_close": False}
+
+
+def run(r: Rig, frames: int) -> Rig:
+    r.engine.arm()
+    r.engine.run(frames=frames)
+    return r
+
+
+def words(r: Rig) -> list[str]:
+    return [event.text for event in r.memory.of(Event)]
+
+
+def leaps(r: Rig) -> list[SlewCommand]:
+    return [slew for slew in r.memory.of(SlewCommand) if slew.reason == "leap"]
+
+
+def met(r: Rig) -> int:
+    return sum(text.startswith("leap ") and " met:" in text for text in words(r))
+
+
+def waits_s(r: Rig) -> list[float]:
+    """From the end of each frame's exposure to the next order, of the leaps."""
+    ends = {
+        each.frame_id: each.t_start_utc_ns + round(each.exposure_s * NS)
+        for each in r.memory.of(FrameTaken)
+    }
+    slews = r.memory.of(SlewCommand)
+    return [
+        (ordered_ns - ends[each.frame_id]) / NS
+        for each, ordered_ns in zip(slews, r.mount.ordered_ns, strict=True)
+        if each.reason == "leap"
+    ]
+
+
+@pytest.fixture(scope="module")
+def ahead() -> Rig:
+    return run(leap_rig(orbit_over(heading_deg=50.0)), 40)
+
+
+def test_once_the_orbit_is_known_the_mount_leaves_as_the_shutter_closes(ahead) -> None:
+    waits = waits_s(ahead)
+    assert min(waits[:3]) > 0.4  # the first ones wait for what their frame shows
+    assert max(waits[3:]) < 0.15
+    assert met(ahead) >= len(leaps(ahead)) - 1
+
+
+def test_no_shutter_is_open_while_the_mount_moves(ahead) -> None:
+    assert ahead.camera.moved == set()
+    assert min(waits_s(ahead)) > 0.0
+
+
+def test_no_shutter_opens_before_the_mount_has_settled(ahead) -> None:
+    """The exposure is ordered while it settles, by as much as the shutter takes to open."""
+    opened = {each.frame_id: each.t_start_utc_ns for each in ahead.memory.of(FrameTaken)}
+    settled = [
+        (opened[frame] - arrived_ns) / NS for frame, arrived_ns in ahead.camera.arrived_ns.items()
+    ]
+    assert min(settled) >= ahead.engine.config.mount.settle_s
+    assert np.median(settled[-10:]) < ahead.engine.config.mount.settle_s + 0.35
+
+
+def test_more_leaps_fit_into_a_pass(ahead) -> None:
+    late = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap=LATE)), 40)
+    assert min(waits_s(late)) > 0.4
+
+    def middle_s(r: Rig) -> float:
+        return float(np.median(np.diff([each.t_aim_utc_ns for each in leaps(r)]))) / NS
+
+    assert middle_s(ahead) < middle_s(late) - 0.5
+
+
+def test_frames_are_on_record_where_the_mount_stood_not_where_it_went(ahead) -> None:
+    stood = ahead.camera.looked_deg
+    told = [each for each in ahead.memory.of(FrameTaken) if each.pointing_ra_icrs_deg is not None]
+    for each in told:
+        assert each.pointing_ra_icrs_deg == pytest.approx(stood[each.frame_id][0])
+
+
+def test_after_a_miss_it_waits_for_what_the_frame_shows() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.blind = {20}
+    run(r, 26)
+    by_frame = dict(zip([each.frame_id for each in leaps(r)], waits_s(r), strict=True))
+    assert by_frame[20] < 0.15  # ordered before anybody knew
+    assert by_frame[21] > 0.4
+    assert by_frame[25] < 0.15
+    assert r.engine.leaping.track is not None
+
+
+@pytest.mark.parametrize("moment", ["open", "closed"])
+def test_a_stop_in_an_exposure_leaves_the_mount_standing(moment) -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    desk = engine_rig.desk_of(r)
+    slews_at_stop: list[int] = []
+
+    def stop() -> None:
+        desk.handle(engine_rig.asked("stop"))
+        slews_at_stop.append(len(r.mount.slews))
+
+    start, report = r.camera.start_exposure, r.mount.report
+
+    def started(exposure_s: float, frame_id: int) -> None:
+        start(exposure_s, frame_id)
+        if frame_id == 20 and moment == "open":
+            stop()
+        elif frame_id == 20:
+            r.mount.report = stopped_report
+
+    def stopped_report(*asked):
+        if not slews_at_stop:
+            stop()
+        return report(*asked)
+
+    r.camera.start_exposure = started
+    r.engine.arm()
+    engine_rig.end_when_idle(r)
+    r.engine.run()
+    assert len(r.mount.slews) == slews_at_stop[0]
+    assert r.mount.aborts > 0
+    assert r.engine.following.state == "IDLE"
+
+
+def test_every_slew_that_is_ordered_ahead_is_held_against_the_limits(monkeypatch) -> None:
+    """A wall comes up while the satellite is followed: nothing is ordered through it."""
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=20)
+    before = len(r.mount.slews)
+    assert waits_s(r)[-1] < 0.15
+    asked: list[int] = []
+
+    def walled(_self, _start, *_to, t_aim_utc_ns: int, **_terms) -> Refusal:
+        asked.append(t_aim_utc_ns)
+        reason = SlewRefusal(kind="horizon", value_deg=20.0, bound_deg=50.0)
+        return Refusal(limit="horizon", value_deg=20.0, bound_deg=50.0, reason=reason)
+
+    monkeypatch.setattr(Limits, "refuse_slew", walled)
+    r.engine.run(frames=24)
+    assert asked
+    assert len(r.mount.slews) == before
+
+
+def test_a_look_at_the_middle_is_enough_for_the_order() -> None:
+    config = config_with(leap=LATE)
+    r = leap_rig(orbit_over(heading_deg=50.0), config)
+    r.reducer.sees_middle = True
+    run(r, 30)
+    processing_s = config.indi.simulated_latency_s
+    waits = waits_s(r)
+    assert max(waits[1:]) < 0.4 + processing_s - 0.2  # the first frame is of the stare
+    assert met(r) >= len(leaps(r)) - 1
+    late = run(leap_rig(orbit_over(heading_deg=50.0), config), 30)
+    assert min(waits_s(late)) > 0.4 + processing_s - 0.1
+
+
+def test_what_the_middle_does_not_show_the_whole_frame_tells() -> None:
+    r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap=LATE)), 24)
+    assert len(r.reducer.glances) >= 5
+    assert met(r) >= len(leaps(r)) - 1
+
+
+def test_pixels_are_joined_for_the_leaps_alone() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"binning": 2}))
+    r.engine.arm()
+    r.engine.run(frames=3)
+    assert r.camera.binned == [2]
+    terms = r.engine.leaping.telescope().terms
+    assert terms.scale_arcsec_px == pytest.approx(2 * r.engine.config.optics.scale_arcsec_px)
+    assert terms.field_deg == r.engine.config.optics.field_deg
+    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.end_when_idle(r)
+    r.engine.run()
+    assert r.camera.binned == [2, 1]
+
+
+def test_a_camera_that_cannot_join_pixels_is_said_once_and_used() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"binning": 2}))
+
+    def cannot(binning: int) -> int:
+        raise InstrumentError("the camera's driver cannot join pixels: set leap.binning to 1")
+
+    r.camera.set_binning = cannot
+    run(r, 14)
+    assert sum("leaps without binning" in text for text in words(r)) == 1
+    assert r.engine.leaping.telescope().terms.binning == 1
+    assert met(r) >= 1
+
+
+# ---- when the shutter has surely closed
+
+
+def times_of(r: Rig) -> LeapTimes:
+    hands: Hands = r.engine.hands
+    return LeapTimes(Config, hands, r.engine.watch)
+
+
+def frame_of(opened_ns: int, later_s: float) -> Frame:
+    return Frame(
+        frame_id=1,
+        name="",
+        pixels=np.zeros((4, 4), np.uint16),
+        t_start_utc_ns=opened_ns + round(later_s * NS),
+        exposure_s=0.2,
+    )
+
+
+def test_a_shutter_has_closed_after_the_latest_that_was_seen() -> None:
+    times = times_of(leap_rig(orbit_over(heading_deg=50.0)))
+    latencies = np.random.default_rng(1).normal(0.5, 0.03, 200)
+    late = 0
+    for n, latency_s in enumerate(latencies):
+        closed_s = times.closed_after_s(0.2)
+        if n >= 6 and closed_s is not None:
+            late += closed_s < latency_s + 0.2
+        times.read_out(frame_of(NS * n, latency_s), NS * n)
+    assert late <= 2
+    closed_s = times.closed_after_s(0.2)
+    assert closed_s is not None
+    assert closed_s < 0.5 + 0.2 + 0.15
+
+
+@pytest.mark.parametrize("off_s", [-8.0, 8.0])
+def test_a_camera_whose_clock_is_off_does_not_tell_when_its_shutter_closes(off_s) -> None:
+    times = times_of(leap_rig(orbit_over(heading_deg=50.0)))
+    for n in range(8):
+        times.read_out(frame_of(NS * n, off_s), NS * n)
+    assert times.closed_after_s(0.2) is None
+
+
+# ---- on record
+
+
+def test_each_leap_is_on_record_with_what_came_of_it_and_what_it_took(ahead) -> None:
+    done = ahead.memory.of(LeapDone)
+    assert len(done) == len(leaps(ahead)) - 1  # the last one's frame is not yet taken
+    assert [each.number for each in done] == list(range(1, len(done) + 1))
+    assert {each.ordered for each in done[:3]} == {"by the frame"}
+    assert {each.ordered for each in done[4:]} == {"at close"}
+    assert sum(each.result == "met" for each in done) == met(ahead)
+    for each in done:
+        named = each.slew_s + each.settle_s + each.shutter_s + each.open_s + each.readout_s
+        assert named + each.wait_s == pytest.approx(each.total_s)
+    late = [each for each in done[5:] if each.result == "met"]
+    beside = [each.total_s - each.slew_s - each.settle_s - each.open_s for each in late]
+    assert np.median(beside) < 0.5
+    off = np.array([(each.off_along_arcsec, each.off_across_arcsec) for each in late])
+    sigma = np.array([(each.sigma_along_arcsec, each.sigma_across_arcsec) for each in late])
+    assert np.sqrt(np.mean((off[:, 1] / np.hypot(sigma[:, 1], 2.0)) ** 2)) < 2.0
+    assert np.all(np.abs(off[:, 0]) < 600.0)
+
+
+def test_a_miss_is_on_record_with_its_reason() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.blind, r.reducer.unsolved = {18}, {22}
+    run(r, 26)
+    by_frame = {each.frame_id: each for each in r.memory.of(LeapDone)}
+    assert by_frame[18].result == "not in the frame"
+    assert by_frame[18].off_along_arcsec is None
+    assert by_frame[22].result == "not solved"
+
+
+def test_a_pass_is_on_record_with_its_orbit_and_when_it_comes_again() -> None:
+    r = run(leap_rig(orbit_over(heading_deg=50.0)), 85)
+    [found] = r.memory.of(LowPass)
+    done = r.memory.of(LeapDone)
+    assert found.begun_frame_id == done[0].begun_frame_id
+    assert found.streaks == met(r) + 1
+    assert found.planned_leaps > 15
+    assert "altitude" in found.ended
+    assert found.a_km == pytest.approx(6978.0, abs=25.0)
+    assert np.shape(found.covariance) == (6, 6)
+    assert found.across_rms_arcsec is not None
+    assert found.across_rms_arcsec < 3.0
+    assert any(text.startswith("its next pass") for text in words(r)) == (
+        found.t_next_rise_utc_ns is not None
+    )
+    figures = leap_figures(done, [found])
+    assert figures is not None
+    assert figures["met"] == met(r)
+    assert figures["passes"][0]["leaps_met"] == met(r)
+
+
+def test_a_pass_that_is_cut_off_is_on_record_too() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=18)
+    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.end_when_idle(r)
+    r.engine.run()
+    [found] = r.memory.of(LowPass)
+    assert found.ended == "autonomy has lost the mount"
+    assert found.r_gcrs_km is not None

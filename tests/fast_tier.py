@@ -1,0 +1,63 @@
+"""Which tests are left out of the fast tier (``pytest --fast``): those named in ``slow.txt``.
+
+    .venv/bin/pytest -n 2 --durations=0 --durations-min=0.005 > durations.txt
+    python -m tests.fast_tier durations.txt --seconds 110
+
+writes that list from what a whole run took: the slowest tests of it, until what is left takes so
+many seconds of one processor. A test that is in no list is fast: new ones are run.
+"""
+
+import argparse
+import re
+from collections import Counter
+from pathlib import Path
+
+LIST = Path(__file__).with_name("slow.txt")
+_LINE = re.compile(r"([\d.]+)s (?:setup|call|teardown)\s+tests/(\S+?)(?:\[.*\])?$")
+
+
+def slow_tests() -> frozenset[str]:
+    """Files (``console/test_x.py``), and functions of others (``console/test_x.py::test_y``)."""
+    lines = LIST.read_text(encoding="utf-8").splitlines() if LIST.exists() else []
+    return frozenset(line for line in lines if line and not line.startswith("#"))
+
+
+def is_slow(node_id: str, slow: frozenset[str]) -> bool:
+    """``node_id`` as pytest has it, ``tests/console/test_x.py::test_y[case]``."""
+    path, _, function = node_id.removeprefix("tests/").partition("::")
+    return path in slow or f"{path}::{function.partition('[')[0]}" in slow
+
+
+def chosen(text: str, seconds: float) -> list[str]:
+    """What is to be left out, by the durations of a run.
+
+    A file all of whose seconds are left out is named whole.
+    """
+    took: Counter[str] = Counter()
+    for line in text.splitlines():
+        if found := _LINE.search(line.strip()):
+            took[found[2]] += float(found[1])  # type: ignore[assignment]
+    left, out = sum(took.values()), set[str]()
+    for name, each in took.most_common():
+        if left <= seconds:
+            break
+        out.add(name)
+        left -= each
+    kept = {name.partition("::")[0] for name in took.keys() - out}
+    return sorted({n.partition("::")[0] if n.partition("::")[0] not in kept else n for n in out})
+
+
+def main() -> None:
+    """Write the list."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("durations", type=Path, help="what a whole run printed")
+    parser.add_argument("--seconds", type=float, default=110.0, help="for all that is left")
+    options = parser.parse_args()
+    names = chosen(options.durations.read_text(encoding="utf-8"), options.seconds)
+    head = "# Left out by 'pytest --fast'. Written by 'python -m tests.fast_tier', see there.\n"
+    LIST.write_text(head + "".join(f"{name}\n" for name in names), encoding="utf-8")
+    print(f"{len(names)} files and functions are left out")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,288 @@
+"""The report of a night: one file, nothing outside it, nothing in it that was not recorded."""
+
+import base64
+import re
+from collections import Counter
+from html.parser import HTMLParser
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsoconsole.errors import SessionError
+from rsoconsole.export import read_night as read_rows
+from rsoconsole.notebook.night.night import read_night
+from rsoconsole.notebook.report.report import render_report, write_report
+from rsoconsole.notebook.report.report_facts import figures_on_record
+from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.reasons import Told, done
+from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
+from rsoconsole.session.reading.reader import SessionReader
+from tests.export_nights import MISSED, T0, closed_night, written_night
+from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
+from tests.samples import SCHEMA_1
+
+MOST_BYTES = 8_000_000
+NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'
+VOID = {"meta", "br", "img", "link", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Elements of a page, and whether each that opens closes in order."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.tags: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.texts: list[str] = []
+        self._open: list[str] = []
+        self.feed(html)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags[tag] += 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags[tag] += 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag):
+        assert self._open, f"</{tag}> closes nothing"
+        assert self._open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    def of(self, name: str, tag: str | None = None) -> list[str]:
+        return [v for t, n, v in self.attributes if n == name and tag in (None, t)]
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+@pytest.fixture(scope="module")
+def sample_html() -> str:
+    return render_report(SCHEMA_1).html
+
+
+@pytest.fixture(scope="module")
+def sample(sample_html: str) -> Page:
+    return Page(sample_html)
+
+
+@pytest.fixture(scope="module")
+def nasty(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, str]:
+    """A night in whose every text somebody has written markup."""
+    folder = tmp_path_factory.mktemp("night") / "nasty"
+    about = {"title": NASTY, "branch_of": "../..", "tried": {"filter.gate_nis": NASTY}}
+    writer = written_night(folder, about=about)
+    writer.append(Event(level="alarm", text=NASTY, frame_id=3), T0)
+    arguments = {"text": NASTY}
+    writer.append(
+        OperatorAction(verb="note", arguments=arguments, outcome=done(NASTY), by=NASTY), T0
+    )
+    writer.append(ParameterChange(name="x", before=NASTY, after=2.0, by=NASTY), T0)
+    writer.append(
+        StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=Told(words=NASTY)), T0
+    )
+    writer.close()
+    html = render_report(folder).html
+    return Page(html), html
+
+
+def assert_stands_alone(page: Page) -> None:
+    assert page.tags["script"] == page.tags["link"] == page.tags["iframe"] == 0
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+    for source in page.of("src"):
+        assert source.startswith("data:image/jpeg;base64,")
+        assert base64.b64decode(source.partition(",")[2])[:2] == b"\xff\xd8"
+    for _, name, value in page.attributes:
+        if name.endswith("href"):
+            assert value.startswith("#")
+        if name not in {"src", "content"}:
+            assert not re.search(r"(?:https?:)?//", value), (name, value)
+        for inner in re.findall(r"url\(([^)]*)\)", value):
+            assert inner.startswith("#")
+    (policy,) = [v for v in page.of("content") if "default-src" in v]
+    assert "default-src 'none'" in policy
+
+
+def test_it_asks_for_nothing_outside_itself(sample: Page, nasty):
+    assert_stands_alone(sample)
+    assert_stands_alone(nasty[0])
+    style = (
+        files("rsoconsole.notebook").joinpath("templates/report.css").read_text(encoding="utf-8")
+    )
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_what_people_wrote_is_text_and_never_markup(nasty):
+    page, html = nasty
+    assert "<script" not in html
+    assert page.text.count('<script>alert("x")</script>') >= 7
+    assert "{{ 7*7 }}" in page.text
+    assert page.tags["h1"] == 1
+
+
+def test_every_reference_inside_the_page_leads_somewhere(sample: Page, nasty):
+    for page in (sample, nasty[0]):
+        ids = page.of("id")
+        assert len(ids) == len(set(ids))
+        asked = {value[1:] for _, name, value in page.attributes if name.endswith("href")}
+        asked |= {inner[1:] for v in page.of("clip-path") for inner in re.findall(r"\((.*?)\)", v)}
+        asked |= set(page.of("aria-labelledby"))
+        assert asked
+        assert asked <= set(ids)
+
+
+def test_every_picture_says_in_words_what_it_shows(sample: Page):
+    assert len(sample.of("alt", "img")) == sample.tags["img"] == 22
+    assert all(alt.startswith("Exposure ") for alt in sample.of("alt", "img"))
+    assert sample.of("aria-labelledby", "svg") == [
+        f"figure-{name}" for name in ("confidence", "track", "about_line", "residuals", "nis")
+    ]
+    assert sample.of("role", "svg") == ["img"] * 5
+    assert sample.of("lang", "html") == ["en"]
+    assert {"scope"} <= {name for tag, name, _ in sample.attributes if tag == "th"}
+
+
+def test_it_says_what_the_record_says(sample: Page):
+    text = sample.text
+    rows = read_rows(SCHEMA_1).rows
+    figures = figures_of(replay([r for _, _, r in SessionReader(SCHEMA_1).records()], _config()))
+    assert "One object was followed from 05:31:05 to 05:40:35 UTC" in text
+    assert f"measured {len(rows)} times in 22 exposures, with one miss" in text
+    assert "It moves as a geostationary satellite does." in text
+    assert f"within {figures.residual_rms_arcsec:.2f} arcsec" in text
+    assert f"{figures.nis_mean:.2f} 2 expected" in text
+    assert "simulated: no telescope observed this" in text
+    assert "ACQUIRE → TRACK: two frames agree on one motion" in text
+    assert "20:54:13.326" in text
+    assert "−04:47:02.67" in text
+    assert "−0.00" not in text
+
+
+def _config():
+    return SessionReader(SCHEMA_1).config()
+
+
+def test_it_says_how_tracks_moved_to_each_other_and_who_was_expected_in_vain(tmp_path: Path):
+    """By the words of the section: figures of what is on record, the nearest pair first."""
+    writer = written_night(tmp_path / "field")
+    for n, apart in ((5, 90.0), (6, 60.0), (7, 75.0)):
+        near = pair_of(n, 1, 2, separation_arcsec=apart)
+        far = pair_of(n, 1, 3, closest="beyond", separation_arcsec=400.0 - n)
+        writer.append(pairs_of(n, near, far), T0 + 30 * n * 10**9)
+        gone = unseen_of("<b>ASTRA</b> 1H", is_lit=n < 7)
+        writer.append(expected_of(n, *([gone] if n > 5 else [])), T0 + 30 * n * 10**9)
+    writer.close()
+    html = render_report(tmp_path / "field").html
+    page = Page(html)
+    said = " ".join(" ".join(page.texts).split())
+    assert "The field" in said
+    section = said[said.index("How tracks moved") :]
+    first, second = section.index("1, 2 "), section.index("1, 3 ")
+    assert first < second
+    assert "75.00 ± 0.50" in section[first:second]
+    assert "60.00 at" in section[first:second]
+    assert "61.0″ (41.0 to 90.0) at" in section[first:second]
+    assert "still approaching" in section[second:]
+    assert "<b>ASTRA</b> 1H 25785 2 of 3 1" in section
+    assert "<b>ASTRA" not in html
+
+
+def test_a_night_of_one_track_has_no_section_of_the_field(sample: Page):
+    assert "The field" not in sample.texts
+
+
+def test_its_figures_are_those_that_a_replay_gives():
+    records = [record for _, _, record in SessionReader(SCHEMA_1).records()]
+    replayed = figures_of(replay(records, _config()))
+    assert figures_on_record(SCHEMA_1, read_night(SCHEMA_1), replayed.state) == replayed
+
+
+def test_rings_lie_on_the_streaks(sample: Page):
+    rows = [row for row in read_rows(SCHEMA_1).rows if row.is_taken]
+    styles = [
+        dict(part.split(":") for part in style.split(";"))
+        for (tag, name, style), (_, _, kind) in zip(
+            [a for a in sample.attributes if a[0] == "i" and a[1] == "style"],
+            [a for a in sample.attributes if a[0] == "i" and a[1] == "class"],
+            strict=True,
+        )
+        if kind == "taken"
+    ]
+    assert len(styles) == len(rows)
+    for row, style in zip(rows, styles, strict=True):
+        assert float(style["left"][:-1]) == pytest.approx((row.x_px + 0.5) / 46.56, abs=0.01)
+        assert float(style["top"][:-1]) == pytest.approx((row.y_px + 0.5) / 35.20, abs=0.01)
+
+
+def test_flags_stand_where_a_reader_meets_them_first(tmp_path: Path, nasty):
+    assert "a branch of what was recorded, with filter.gate_nis =" in nasty[0].text
+    writer = written_night(tmp_path / "live", frames=1)
+    try:
+        text = Page(render_report(writer.folder).html).text
+    finally:
+        writer.close()
+    assert "not closed: the session is live, or was cut off" in text
+
+
+def test_a_night_in_which_nothing_was_followed(tmp_path: Path):
+    page = Page(render_report(closed_night(tmp_path / "short", frames=1)).html)
+    assert "Nothing was followed: 1 exposure, something was measured in 1 of them." in page.text
+    assert page.tags["svg"] == 1
+    with pytest.raises(SessionError, match="no frame with a time"):
+        render_report(closed_night(tmp_path / "empty", frames=0))
+
+
+def test_pictures_keep_to_their_budget_and_no_missed_frame_is_left_out(tmp_path: Path):
+    writer = written_night(tmp_path / "long", frames=90)
+    noise = np.random.default_rng(1).integers(0, 255, (350, 466), dtype=np.uint8)
+    for frame_id in range(1, 91):
+        assert writer.save_preview(frame_id, noise)
+        if frame_id % 10 == 0:
+            assert writer._previews.drain(20.0)
+    writer.close()
+    (writer.folder / "previews" / "000001.png").write_bytes(b"no picture")
+    html = render_report(writer.folder).html
+    page = Page(html)
+    assert len(html) < MOST_BYTES
+    shown = {int(alt.split()[1]) for alt in page.of("alt", "img")}
+    assert set(MISSED) <= shown
+    assert 1 not in shown
+    assert 90 in shown
+    assert MOST_PICTURES - 1 <= len(shown) <= MOST_PICTURES + len(MISSED)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 39, 40, 41, 1000])
+def test_pictures_are_chosen_evenly(count):
+    frames = list(range(5, 5 + count))
+    chosen = chosen_frames(frames, missed=[7, 4000])
+    assert len(chosen) <= MOST_PICTURES + 1
+    assert chosen == sorted(set(chosen))
+    if count > 3:
+        assert {frames[0], frames[-1], 7} <= set(chosen)
+    gaps = np.diff(chosen)
+    assert count < 3 or gaps.max() <= count / (MOST_PICTURES - 1) + 1
+
+
+def test_the_same_session_gives_the_same_page(tmp_path: Path, sample_html: str):
+    path = write_report(SCHEMA_1, tmp_path / "a" / "report.html")
+    assert path.read_text(encoding="utf-8") == sample_html
+
+
+def test_a_page_that_cannot_be_written_says_so(tmp_path: Path):
+    session = closed_night(tmp_path / "short", frames=1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SessionError, match="cannot be written"):
+        write_report(session, tmp_path / "file" / "report.html")

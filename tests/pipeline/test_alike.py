@@ -1,0 +1,72 @@
+"""A night replayed on another processor is the same night; with other settings it is not."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.reasons import Told
+from rsoconsole.records import Miss, StateChange, TrackState
+from rsoconsole.session.reading.reader import SessionReader
+from tests.samples import SCHEMA_1
+
+
+@pytest.fixture(scope="module")
+def records() -> list[Any]:
+    return [record for _, _, record in SessionReader(SCHEMA_1).records()]
+
+
+@pytest.fixture(scope="module")
+def track(records: list[Any]) -> TrackState:
+    return [r for r in records if isinstance(r, TrackState) and r.kind == "updated"][-1]
+
+
+def rounded(track: TrackState, relative: float, seed: int = 1) -> TrackState:
+    """The same track with every number off by up to so much of what it is made of."""
+    random = np.random.default_rng(seed)
+    sigma = np.sqrt(np.diag(np.array(track.P)))
+    noise = random.uniform(-relative, relative, (4, 4))
+    covariance = np.array(track.P) + (noise + noise.T) / 2.0 * np.outer(sigma, sigma)
+    x = np.array(track.x) + random.uniform(-relative, relative, 4) * sigma
+    return replace(
+        track,
+        x=tuple(x.tolist()),
+        P=tuple(map(tuple, covariance.tolist())),
+        nis=track.nis * (1.0 + relative),
+    )
+
+
+def test_the_last_digits_make_no_other_track(track: TrackState) -> None:
+    assert is_alike(track, track)
+    for seed in range(20):
+        assert is_alike(track, rounded(track, 1e-10, seed))
+
+
+def test_what_a_person_could_see_makes_one(track: TrackState) -> None:
+    assert not is_alike(track, rounded(track, 1e-3))
+    assert not is_alike(track, replace(track, frame_id=track.frame_id + 1))
+    assert not is_alike(track, replace(track, nis=None))
+    x = (track.x[0] + 1e-8, *track.x[1:])
+    assert not is_alike(track, replace(track, x=x))
+    covariance = (track.P[0], track.P[1], track.P[2], (*track.P[3][:3], track.P[3][3] * 1.001))
+    assert not is_alike(track, replace(track, P=covariance))
+
+
+def test_records_that_say_something_else_are_not_alike() -> None:
+    miss = Miss(frame_id=3, reason=Told(words="no stars"))
+    change = StateChange(frame_id=3, before="TRACK", after="COAST", reason=Told(words="no stars"))
+    assert are_alike((miss, change), (miss, change))
+    assert not are_alike((miss, change), (change, miss))
+    assert not are_alike((miss,), (miss, change))
+    assert not is_alike(miss, replace(miss, reason=Told(words="no detection")))
+
+
+def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:
+    config = SessionReader(SCHEMA_1).config()
+    q = config.filter.q_arcsec2_s3 * 1.0001
+    tried = list(replay(records, config, tried={"filter.q_arcsec2_s3": q}))
+    assert not all(frame.is_alike for frame in tried)
+    assert all(frame.is_alike for frame in replay(records, config))

@@ -1,0 +1,88 @@
+"""Each folder names its public things at its front door, and nothing reaches past it."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+from tests.source_graph import ROOT, Import, door, imports, modules, package_of
+
+LONGEST_FILE, MOST_FILES = 450, 20
+
+
+def rooms() -> dict[str, Path]:
+    """Every folder with a front door."""
+    known = modules()
+    return {name: path for name, path in known.items() if path.with_suffix(".pyi").exists()}
+
+
+def reaches_past(each: Import, known: dict[str, Path]) -> bool:
+    """Whether an import takes from another folder what its front door does not hand on."""
+    module = each.module
+    if module not in known:
+        return False
+    home, room = package_of(each.importer, known), package_of(module, known)
+    if room in (home, "rsoconsole", "models"):
+        return False
+    return module != room or each.name not in door(known[room])
+
+
+def test_nothing_reaches_past_a_front_door() -> None:
+    known = modules()
+    past = [
+        f"{each.importer}: {each.module}.{each.name}"
+        for module, path in known.items()
+        if path.name != "__init__.py"
+        for each in imports(module, path)
+        if reaches_past(each, known)
+    ]
+    assert past == []
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "past"),
+    [
+        ("rsoconsole.sky", "wrap_180", False),
+        ("rsoconsole.sky.angles", "wrap_180", True),
+        ("rsoconsole.sky", "angles", True),
+        ("rsoconsole.records", "Frame", False),
+    ],
+)
+def test_one_that_does_would_be_seen(module: str, name: str, past: bool) -> None:
+    assert reaches_past(Import("rsoconsole.cli.app", module, name), modules()) is past
+
+
+@pytest.mark.parametrize("room", sorted(rooms()))
+def test_a_front_door_hands_on_what_there_is(room: str) -> None:
+    module = importlib.import_module(room)
+    for name in door(rooms()[room]):
+        assert hasattr(module, name), name
+
+
+def test_a_front_door_hands_on_what_somebody_asks_for() -> None:
+    known = modules()
+    asked: set[tuple[str, str]] = set()
+    for module, path in known.items():
+        asked |= {(each.module, each.name) for each in imports(module, path)}
+    for path in (ROOT / "tests").rglob("*.py"):
+        asked |= {(each.module, each.name) for each in imports("tests", path)}
+    idle = [
+        f"{room}.{name}"
+        for room, path in rooms().items()
+        for name in door(path)
+        if (room, name) not in asked
+    ]
+    assert idle == []
+
+
+def test_files_and_folders_are_small_or_the_architecture_page_says_why() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    known = modules()
+    homes = [package_of(module, known) for module in known]
+    text = {str(path): path.read_text(encoding="utf-8") for path in known.values()}
+    long = [path for path, each in text.items() if len(each.splitlines()) > LONGEST_FILE]
+    large = [
+        *(Path(path).name for path in long),
+        *(name.split(".")[-1] for name in set(homes) if homes.count(name) - 1 > MOST_FILES),
+    ]
+    assert [name for name in large if f"`{name}`" not in page] == []

@@ -1,0 +1,128 @@
+"""A column is added in two files, and every table that shows its record has it with its unit."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from rsoconsole.records import documentation, documented
+
+ROOT = Path(__file__).parents[2]
+MOST_FILES = 2
+
+EXAMPLE = {
+    "rsoconsole/records/night.py": (
+        """
+    is_clipped: bool = False
+
+
+def measurement_id_of(""",
+        """
+    is_clipped: bool = False
+    position_angle_deg: float | None = None
+
+
+def measurement_id_of(""",
+    ),
+    "rsoconsole/records/column_texts.py": (
+        """
+measurement_id text its id, unique in the session
+""",
+        """
+measurement_id text its id, unique in the session
+position_angle_deg real of the streak, east of north
+""",
+    ),
+}
+"""File -> what stands there, and what stands there afterwards."""
+
+USE = """
+import csv, io, json, sys
+from dataclasses import replace
+from pathlib import Path
+
+import rsoconsole
+from rsoconsole.export import COLUMNS, read_night
+from rsoconsole.export.tables import read_csv, to_csv, to_ecsv, to_jsonl
+from rsoconsole.notebook.session import open_session
+from rsoconsole.records.columns import documented
+from rsoconsole.records import Measurement, Ruling
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.writing.writer import SessionWriter
+
+NAME, root = "position_angle_deg", Path(sys.argv[1])
+assert Path(rsoconsole.__file__).is_relative_to(Path.cwd()), rsoconsole.__file__
+
+# A night of today, and one that was recorded before there was such a column.
+folder, before = Path("night"), root / "sessions" / "intelsat-14"
+old = SessionReader(before)
+writer = SessionWriter.create(folder, old.config(), {})
+for _, t_utc_ns, record in old.records():
+    if isinstance(record, Measurement):
+        record = replace(record, position_angle_deg=91.25)
+    if isinstance(record, Ruling):
+        turned = [replace(m, position_angle_deg=91.25) for m in record.refused]
+        taken = record.taken and replace(record.taken, position_angle_deg=91.25)
+        record = replace(record, taken=taken, refused=tuple(turned))
+    writer.append(record, t_utc_ns)
+writer.close()
+assert writer.faults == ()
+
+# By SQL: the file's own view, and today's over the old file.
+new = SessionReader(folder)
+with new.connect() as connection:
+    (found,) = connection.execute(f"SELECT DISTINCT {NAME} FROM measurements").fetchall()
+assert found == (91.25,)
+assert {row[NAME] for row in new.view("measurements")} == {91.25}
+assert {row[NAME] for row in old.view("measurements")} == {None}
+
+# The notebook's table, with its unit.
+table = open_session(folder).table("measurements")
+assert str(table[NAME].unit) == "deg" and set(table[NAME].value) == {91.25}
+
+# Exported tables, there and back.
+exported = read_night(folder)
+rows = list(csv.DictReader(io.StringIO(to_csv(exported.rows))))
+assert rows and {row[NAME] for row in rows} == {"91.25"}
+Path("night.csv").write_text(to_csv(exported.rows))
+assert read_csv(Path("night.csv")) == exported.rows
+assert {json.loads(line)[NAME] for line in to_jsonl(exported.rows).splitlines()} == {91.25}
+assert f"name: {NAME}, unit: deg, datatype: float64" in to_ecsv(exported)
+
+# The documentation.
+page = documented((root / "sessions" / "README.md").read_text(encoding="utf-8"))
+(line,) = [line for line in page.splitlines() if line.startswith("| `measurements` |")]
+assert line.endswith(f", measurement_id, {NAME} |"), line
+print("used")
+"""
+
+
+def test_a_new_column_takes_two_files_and_is_in_every_table(tmp_path: Path) -> None:
+    assert len(EXAMPLE) <= MOST_FILES
+    shutil.copytree(ROOT / "rsoconsole", tmp_path / "rsoconsole")
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    for path, (before, after) in EXAMPLE.items():
+        file = tmp_path / path
+        text = file.read_text(encoding="utf-8")
+        assert text.count(before) == 1, f"{path} has this not once: {before}"
+        file.write_text(text.replace(before, after), encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-c", USE, str(ROOT)],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.stdout.endswith("used\n"), run.stderr
+
+
+def test_the_page_is_written_from_the_columns() -> None:
+    page = (ROOT / "sessions" / "README.md").read_text(encoding="utf-8")
+    assert documented(page) == page
+    stale = page.replace(", measurement_id |", " |")
+    assert stale != page
+    assert documented(stale) == page
+    assert documentation() in page

@@ -1,0 +1,659 @@
+"""Reasons are kinds with figures: what they are worded as decides nothing."""
+
+import ast
+import dataclasses
+import itertools
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+
+from rsoconsole import reason_text
+from rsoconsole.console.night.alerts import alerts_between
+from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.night import Night
+from rsoconsole.console.timeline.night_line import TimelineFold
+from rsoconsole.notebook.panel.live_night import _line
+from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.what_if_figures import what_if
+from rsoconsole.reasons import (
+    Cause,
+    CommandResult,
+    HiddenBy,
+    HiddenKind,
+    Missed,
+    NotAStreak,
+    NotAStreakKind,
+    NotTaken,
+    SlewRefusal,
+    SlewRefusalKind,
+    Told,
+    TrackLost,
+)
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Miss,
+    NotFollowed,
+    OperatorAction,
+    SlewCommand,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.session.log.codec import decode, encode
+from rsoconsole.session.reading import old_reasons
+from rsoconsole.session.reading.legacy import decode_recorded
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.writing.writer import SessionWriter
+from tests.engine_rig import rig
+from tests.old_nights import CONFIG, old_session
+
+PACKAGE = Path(reason_text.__file__).parent
+TRIED: tuple[dict[str, float | str], ...] = (
+    {},
+    {"detector.tau": 0.01},
+    {"filter.gate_nis": 3.0},
+    {"exposure.header_latency_s": 0.7},
+)
+
+
+OUTCOMES = (
+    CommandResult.refused("altitude 3.0 deg, 20 at least"),
+    CommandResult(kind="dropped", dropped_by="STOP"),
+    CommandResult(kind="failed", detail="no answer"),
+    CommandResult(kind="stopped", stop_ms=3.0, stop_path="mount"),
+)
+"""What the recorded nights have not."""
+OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
+"""Causes that the fold itself finds: a replay finds them again, detail and all."""
+
+
+REFUSAL = SlewRefusal(kind="clock", detail="1970-01-01")
+"""A refusal of which some is free words."""
+
+
+@pytest.fixture(params=["busy", "ruled", "busy, refused", "ruled, refused"])
+def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A session of today, with all that was recorded in an old one.
+
+    "refused": as it would have been with every slew to a track refused.
+    """
+    name, _, refused = request.param.partition(", ")
+    old = SessionReader(old_session(tmp_path / "old", name))
+    log = [(t_utc_ns, record) for _, t_utc_ns, record in old.records()]
+    if refused:
+        blocked = [(t_utc_ns, with_refusal(record, REFUSAL)) for t_utc_ns, record in log]
+        log = list(retell(blocked, CONFIG, tried={}).log)
+    writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
+    for t_utc_ns, record in log:
+        writer.append(record, t_utc_ns)
+    for outcome in OUTCOMES:
+        action = OperatorAction(verb="goto", arguments={}, outcome=outcome, by="console a@b")
+        writer.append(action, t_utc_ns)
+    writer.close()
+    assert writer.faults == ()
+    return tmp_path / "night"
+
+
+def with_refusal(record: Any, refusal: SlewRefusal | Told | None) -> Any:
+    return (
+        dataclasses.replace(record, blocked=refusal) if isinstance(record, FrameTaken) else record
+    )
+
+
+@pytest.fixture
+def nonsense(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every reason is worded as something else, each time it is asked for."""
+    numbers = itertools.count()
+
+    def said(_: Any) -> str:
+        return f"gibberish {next(numbers)}"
+
+    for name in ("text", "ruled_text"):
+        for module in _modules_that_word(name):
+            monkeypatch.setattr(module, name, said)
+
+
+def _modules_that_word(name: str) -> list[Any]:
+    import sys
+
+    ours = [module for known, module in sys.modules.items() if known.startswith("rsoconsole.")]
+    word = getattr(reason_text, name)
+    return [module for module in ours if getattr(module, name, None) is word]
+
+
+def records_of(folder: Path) -> list[Any]:
+    return [record for _, _, record in SessionReader(folder).records()]
+
+
+def decided(folder: Path) -> dict[str, Any]:
+    """All that a program makes of a session by looking at why things came to pass."""
+    log = [(t_utc_ns, record) for _, t_utc_ns, record in SessionReader(folder).records()]
+    records = [record for _, record in log]
+    return {
+        "replay": [
+            (f.taken.frame_id, f.state, f.after, f.is_as_recorded) for f in replay(records, CONFIG)
+        ],
+        "recorded": [(f.taken.frame_id, f.state, len(f.records)) for f in recorded_frames(records)],
+        "what-if": [what_if(records, CONFIG, tried) for tried in TRIED],
+        "retold": [
+            [type(record).__name__ for _, record in retell(log, CONFIG, tried=tried).log]
+            for tried in TRIED
+        ],
+        "alarms": alarms(folder, log),
+        "log": log_lines(folder, log),
+        "time line": time_line(log),
+        "panel": [_line(record) is not None and _line(record)[0] for record in records],  # type: ignore[index]
+        "kinds of outcomes": [r.outcome.kind for r in records if isinstance(r, OperatorAction)],
+    }
+
+
+def log_lines(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[Any, ...]]:
+    """What the seat's log makes of every line, without its words."""
+    night = Night(folder, {}, CONFIG)
+    for seq, (t_utc_ns, record) in enumerate(log, start=1):
+        night.take(t_utc_ns, record, seq)
+    return [
+        (line.seq, line.kind, line.level, line.times, line.asked, line.is_accepted, line.topic)
+        for line in night.view().log
+    ]
+
+
+def time_line(log: list[tuple[int, Any]]) -> Any:
+    """What is worth a jump, and the states."""
+    fold = TimelineFold()
+    for seq, (t_utc_ns, record) in enumerate(log, start=1):
+        frame_id = getattr(record, "frame_id", None)
+        fold.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
+    line = fold.so_far(len(log), is_closed=True)
+    return line.happenings, line.states
+
+
+def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
+    """(place in the log, alert): after every record the seat looks."""
+    night = Night(folder, {}, CONFIG)
+    night.has_been_read()
+    engine = EngineView(reach="attached")
+    rung: list[tuple[int, str]] = []
+    before = night.view()
+    for seq, (t_utc_ns, record) in enumerate(log, start=1):
+        night.take(t_utc_ns, record, seq)
+        if isinstance(record, StateChange | Event):
+            after = night.view()
+            found = alerts_between((before, engine), (after, engine))
+            rung += [(seq, alert) for alert, _ in found]
+            before = after
+    return rung
+
+
+def garbled(record: Any) -> Any:  # noqa: PLR0911 -- one case a kind
+    """The record with other words wherever words are free."""
+    match record:
+        case FrameTaken(blocked=SlewRefusal() as refusal):
+            return with_refusal(record, dataclasses.replace(refusal, detail="zuio"))
+        case Event():
+            return dataclasses.replace(record, text="qwertz")
+        case StateChange(reason=Cause() as cause) if cause.kind not in OF_FOLD:
+            other = dataclasses.replace(cause, by="yxcv", detail="asdf")
+            return dataclasses.replace(record, reason=other)
+        case OperatorAction(outcome=CommandResult() as result) if result.detail:
+            return dataclasses.replace(record, outcome=dataclasses.replace(result, detail="fgh"))
+        case OperatorAction(outcome=CommandResult(kind="stopped") as result):
+            other_way = dataclasses.replace(result, stop_path="vbnm", stop_ms=9.0)
+            return dataclasses.replace(record, outcome=other_way)
+        case Miss(reason=Missed(kind="instrument") as missed):
+            return dataclasses.replace(
+                record,
+                reason=dataclasses.replace(missed, detail="uiop", hidden_by=(Told(words="jkl"),)),
+            )
+        case Miss(reason=Missed() as missed):
+            return dataclasses.replace(record, reason=garbled_miss(missed))
+        case StateChange(reason=Cause(missed=Missed() as missed) as cause):
+            cause = dataclasses.replace(cause, missed=garbled_miss(missed))
+            return dataclasses.replace(record, reason=cause)
+    return record
+
+
+def garbled_miss(missed: Missed) -> Missed:
+    """As the fold finds it where the refusal before the frame was garbled."""
+    hidden_by = tuple(
+        dataclasses.replace(each, refusal=dataclasses.replace(each.refusal, detail="zuio"))
+        if isinstance(each, HiddenBy) and isinstance(each.refusal, SlewRefusal)
+        else each
+        for each in missed.hidden_by
+    )
+    return dataclasses.replace(missed, hidden_by=hidden_by)
+
+
+def test_other_words_change_no_replay_no_alarm_and_no_what_if(
+    night: Path, nonsense: None, request: pytest.FixtureRequest
+) -> None:
+    with_nonsense = decided(night)
+    request.getfixturevalue("monkeypatch").undo()
+    assert with_nonsense == decided(night)
+
+
+WALL = SlewRefusal.beyond("altitude", 3.0, 15.0)
+
+
+def walled_night() -> list[Any]:
+    """What the engine puts on record where slews are refused from the seventh frame on."""
+    r = rig(set(range(1, 8)), CONFIG)
+    r.engine.arm()
+    r.engine.run(frames=6)
+    r.engine.slews.refusal = lambda *_, **__: WALL  # type: ignore[method-assign]
+    r.engine.run(frames=12)
+    return [decode(*encode(record)[::2]) for record in r.memory.records]
+
+
+def test_a_refused_slew_is_on_record_as_a_kind_and_replayed_bit_for_bit() -> None:
+    records = walled_night()
+    blocked = [r.blocked for r in records if isinstance(r, FrameTaken) and r.blocked is not None]
+    assert blocked == [WALL] * 5
+    hidden = [r.reason.hidden_by for r in records if isinstance(r, Miss)]  # type: ignore[union-attr]
+    assert hidden == [(HiddenBy(kind="slew refused", refusal=WALL),)] * 5
+    assert all(frame.is_as_recorded for frame in replay(records, CONFIG))
+
+
+def test_the_engine_does_the_same_whatever_a_refusal_is_worded_as(
+    nonsense: None, request: pytest.FixtureRequest
+) -> None:
+    with_nonsense = walled_night()
+    request.getfixturevalue("monkeypatch").undo()
+    plain = walled_night()
+    assert [type(record) for record in with_nonsense] == [type(record) for record in plain]
+    kept = Miss, FrameTaken, SlewCommand, StateChange, TrackState
+    assert [r for r in with_nonsense if isinstance(r, kept)] == [
+        r for r in plain if isinstance(r, kept)
+    ]
+
+
+def test_what_was_said_beside_the_kinds_changes_nothing_either(night: Path, tmp_path: Path) -> None:
+    as_it_was = decided(night)
+    writer = SessionWriter.create(tmp_path / "garbled", CONFIG, {})
+    for _, t_utc_ns, record in SessionReader(night).records():
+        writer.append(garbled(record), t_utc_ns)
+    writer.close()
+    assert decided(tmp_path / "garbled") == as_it_was
+
+
+def test_a_night_of_today_comes_again_bit_for_bit(night: Path) -> None:
+    frames = list(replay(records_of(night), CONFIG))
+    assert len(frames) > 20
+    assert all(frame.is_as_recorded for frame in frames)
+    assert any(rung for rung in decided(night)["alarms"])
+
+
+def test_the_nights_hold_the_reasons_that_are_worded_as_nonsense(tmp_path: Path) -> None:
+    """Else the tests above would show nothing of them."""
+    old = SessionReader(old_session(tmp_path / "old", "busy"))
+    log = [(t_utc_ns, with_refusal(r, REFUSAL)) for _, t_utc_ns, r in old.records()]
+    misses = [r.reason for _, r in retell(log, CONFIG, tried={}).log if isinstance(r, Miss)]
+    told = [each for each in misses if isinstance(each, Missed)]
+    assert any(each.lost == TrackLost(kind="coasted", coasted_min=2.0) for each in told)
+    hidden = [by for each in told for by in each.hidden_by]
+    assert HiddenBy(kind="slew refused", refusal=REFUSAL) in hidden
+    assert HiddenBy(kind="fewer stars", stars=12, usual_stars=207) in hidden
+
+
+def test_the_text_in_the_log_is_for_people_and_is_not_read_back() -> None:
+    gate = NotTaken.by_gate(18.234, 11.83)
+    hidden_by = (HiddenBy(kind="few stars", stars=3), HiddenBy(kind="shadow"))
+    miss = Miss(frame_id=1, reason=Missed(kind="no detection", hidden_by=hidden_by))
+    kind, _, body = encode(miss)
+    said = "only 3 stars, cloud?; eclipse: in the Earth's shadow; no detection"
+    assert f'"text":"{said}"' in body
+    assert decode(kind, body.replace(said, "asdf").replace("only 3 stars", "asdf")) == miss
+    assert (gate.nis, gate.limit) == (18.2, 11.8)
+
+
+def test_the_view_says_reasons_as_text(night: Path) -> None:
+    reader = SessionReader(night)
+    for view, kind in (("misses", Miss), ("not_followed", NotFollowed), ("states", StateChange)):
+        said = [row["reason"] for row in reader.view(view)]
+        told = [reason_text.text(r.reason) for _, _, r in reader.records(kinds=(kind,))]  # type: ignore[union-attr]
+        assert said == told
+        assert len(said) > 3
+
+
+def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
+    """What it means is told again in the very words it was told in."""
+    understood = 0
+    for name in ("busy", "ruled"):
+        for record in records_of(old_session(tmp_path / name, name)):
+            if isinstance(record, StateChange | Miss):
+                assert not isinstance(record.reason, Told), record
+                understood += 1
+    assert understood > 60
+
+
+@pytest.mark.parametrize(
+    ("words", "read"),
+    [
+        ("NIS 18.2 above the gate 11.8", old_reasons.not_taken),
+        ("another one leads", old_reasons.not_taken),
+        ("cloud: 12 stars where 200 were; no detection", old_reasons.missed),
+        ("slew refused: a; b; nothing fits the prediction; coasted for 5 min", old_reasons.missed),
+        ("detected, but not solved: 7 stars; 8 needed", old_reasons.missed),
+        ("no detection; 3 sigma of 40 arcmin is too wide", old_reasons.missed),
+        ("coasted for 15 min", old_reasons.track_lost),
+        ("confidence 0.05 below tau 0.10", old_reasons.rejected),
+        ("limit met: altitude 14.9 deg, 15 at least", old_reasons.cause),
+        ("looked for again by console a@b", old_reasons.cause),
+        ("the clock was set by -3.5 s", old_reasons.cause),
+        ("2 detections, waiting for a second frame", old_reasons.cause),
+        ("console a@b moves the mount", old_reasons.cause),
+        ("altitude 3 deg; move away by hand or park, then arm again", old_reasons.cause),
+        ("the night ends: dawn", old_reasons.cause),
+        ("no detection; 3 sigma of 70 arcmin no longer fits the field", old_reasons.cause),
+    ],
+)
+def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any) -> None:
+    reason = read(words)
+    assert not isinstance(reason, Told)
+    assert reason_text.text(reason) == words
+
+
+BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":"","lost":""}}'
+"""A miss in the first sessions of schema 4."""
+
+
+def miss_of_before(member: str, words: str) -> Any:
+    body = BEFORE.replace(f'"{member}":""', f'"{member}":{json.dumps(words)}')
+    miss = decode_recorded("Miss", body)
+    assert isinstance(miss, Miss)
+    assert decode_recorded(*encode(miss)[::2]) == miss
+    return miss.reason
+
+
+@pytest.mark.parametrize(
+    ("words", "kinds"),
+    [
+        ("cloud: 12 stars where 200 were", ["fewer stars"]),
+        (
+            "cloud: 1 stars where 400 were; eclipse: in the Earth's shadow",
+            ["fewer stars", "shadow"],
+        ),
+        ("cloud: the stars are 0.9 mag fainter", ["fainter stars"]),
+        ("only 2 stars, cloud?", ["few stars"]),
+        ("eclipse: in the penumbra, 7% of the Sun left", ["penumbra"]),
+        ("slew refused: a; b; only 2 stars, cloud?", ["slew refused", "few stars"]),
+        ("slew refused: altitude 14.9 deg is 0.1 below the limit of 15.0", ["slew refused"]),
+    ],
+)
+def test_what_a_miss_was_put_down_to_is_told_again_in_the_same_words(
+    words: str, kinds: list[HiddenKind]
+) -> None:
+    reason = miss_of_before("hidden_by", words)
+    assert [each.kind for each in reason.hidden_by] == kinds
+    assert reason_text.text(reason) == f"{words}; no detection"
+    old = old_reasons.missed(f"{words}; no detection")
+    assert old == reason
+
+
+FIGURES = {"value_deg": -0.0, "bound_deg": 15.0, "by_deg": 0.023, "ago_min": 7.0, "ahead_h": 2.5}
+OF_KIND: dict[str, dict[str, Any]] = {
+    "horizon": {"azimuth_deg": 271.0, "later_s": 40.0},
+    "pier": {"side": "east", "by_deg": 0.0},
+    "meridian policy": {"side": "west"},
+    "direction": {"detail": "RA nan Dec 91.0"},
+    "clock": {"detail": "1970-01-01T00:00:00Z"},
+}
+
+
+@pytest.mark.parametrize("kind", get_args(SlewRefusalKind))
+def test_why_a_slew_was_refused_is_told_again_in_the_same_words(kind: SlewRefusalKind) -> None:
+    words = reason_text.text(SlewRefusal(kind=kind, **(FIGURES | OF_KIND.get(kind, {}))))
+    refusal = old_reasons.slew_refusal(words)
+    assert isinstance(refusal, SlewRefusal)
+    assert (refusal.kind, reason_text.text(refusal)) == (kind, words)
+    taken = decode_recorded("FrameTaken", TAKEN_BEFORE.replace("BLOCKED", json.dumps(words)))
+    assert isinstance(taken, FrameTaken)
+    assert taken.blocked == refusal
+    assert decode_recorded(*encode(taken)[::2]) == taken
+
+
+TAKEN_BEFORE = (
+    '{"frame_id":1,"name":"a","t_start_utc_ns":1,"exposure_s":1.0,"width_px":1,"height_px":1,'
+    '"pointing_ra_icrs_deg":null,"pointing_dec_icrs_deg":null,"blocked":BLOCKED}'
+)
+
+
+@pytest.mark.parametrize(
+    ("excess_deg", "told"),
+    [(0.0004, "less than 0.001"), (0.0234, "0.023"), (0.0996, "0.100"), (0.14, "0.1")],
+)
+def test_a_distance_from_a_limit_is_told_with_the_digits_it_takes(
+    excess_deg: float, told: str
+) -> None:
+    refusal = SlewRefusal.beyond("altitude", 20.0 - excess_deg, 20.0)
+    words = reason_text.text(refusal)
+    assert f" is {told} below the limit of 20.0" in words
+    assert old_reasons.slew_refusal(words) == refusal
+
+
+def test_what_no_version_put_a_miss_down_to_stays_as_it_was() -> None:
+    reason = miss_of_before("hidden_by", "fog; only 2 stars, cloud?")
+    assert reason.hidden_by == (Told(words="fog"), HiddenBy(kind="few stars", stars=2))
+    assert reason_text.text(reason) == "fog; only 2 stars, cloud?; no detection"
+
+
+def test_a_change_of_state_and_what_began_no_track_tell_it_again_too() -> None:
+    inner = f'"missed":{json.loads(BEFORE)["reason"]}'.replace("'", '"')
+    inner = inner.replace('"hidden_by": ""', '"hidden_by": "only 2 stars, cloud?"')
+    change = decode_recorded(
+        "StateChange",
+        f'{{"frame_id":9,"before":"TRACK","after":"COAST","reason":{{"kind":"missed",{inner}}}}}',
+    )
+    assert isinstance(change, StateChange)
+    assert reason_text.text(change.reason) == "only 2 stars, cloud?; no detection"
+    assert isinstance(change.reason, Cause)
+    assert isinstance(change.reason.missed, Missed)
+    assert change.reason.missed.hidden_by == (HiddenBy(kind="few stars", stars=2),)
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "figure"),
+    [
+        ("3 sigma of 40 arcmin is too wide", "too wide", 40.0),
+        ("3 sigma of 71 arcmin no longer fits the field", "wider than the field", 71.0),
+        ("coasted for 5 min", "coasted", 5.0),
+    ],
+)
+def test_what_ended_a_track_was_a_sentence_in_the_first_sessions_of_schema_4(
+    words: str, kind: str, figure: float
+) -> None:
+    reason = miss_of_before("lost", words)
+    assert isinstance(reason.lost, TrackLost)
+    assert reason.lost.kind == kind
+    assert figure in {reason.lost.three_sigma_arcmin, reason.lost.coasted_min}
+    assert reason_text.text(reason) == f"no detection; {words}"
+
+
+def test_what_no_version_has_written_stays_as_it_was() -> None:
+    readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.rejected, old_reasons.cause)
+    assert {read("so") for read in readers} == {Told(words="so")}
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("accepted", "accepted"),
+        ("done", "done"),
+        ("noted", "done"),
+        ("on its way", "done"),
+        ("tracking is off: the mount stands", "done"),
+        ("frame 9: taken by the operator's hand, 1 left alone", "ruled"),
+        ("frame 12: taken", "ruled"),
+        ("frame 13: rejected", "ruled"),
+        ("NOT confirmed: no answer; no server", "failed"),
+        ("refused: altitude 3.0 deg, 20 at least", "refused"),
+        ("dropped by STOP", "dropped"),
+        ("dropped: a limit was met", "dropped"),
+        ("dropped: the night ends", "dropped"),
+        ("dropped: the engine ends", "dropped"),
+    ],
+)
+def test_an_old_outcome_becomes_a_kind_that_says_the_same(words: str, kind: str) -> None:
+    result = old_reasons.result(words)
+    assert (result.kind, reason_text.text(result)) == (kind, words)
+
+
+def test_an_old_stop_is_told_in_today_s_words() -> None:
+    result = old_reasons.result("stopped in 12 ms by mount")
+    assert (result.kind, result.stop_path) == ("stopped", "mount")
+    said = "motion ended, confirmed in 12 ms by the mount's own process"
+    assert reason_text.text(result) == said
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "clipped, and 412 arcsec from the prediction, 300 at most",
+        "streak runs 31 deg off the expected motion",
+        "streak is 80 arcsec long, 150 expected",
+        "frames are not in order of time",
+        "no second frame: no detection",
+        "no second frame: cloud: 12 stars where 200 were; no detection",
+        "no second frame: streak runs 31 deg off the expected motion",
+        "no second frame: frames are not in order of time",
+    ],
+)
+def test_why_a_measurement_was_not_taken_is_told_again_in_the_same_words(words: str) -> None:
+    reason = old_reasons.not_taken(words)
+    assert isinstance(reason, NotTaken)
+    assert reason_text.text(reason) == words
+
+
+NEVER_A_SENTENCE = {
+    "stars' trails",
+    "row or column",
+    "fixed in the sky",
+    "fixed on the sensor",
+    "catalogue stars",
+}
+"""Kinds that came after records had kinds."""
+
+
+@pytest.mark.parametrize("kind", sorted({*get_args(NotAStreakKind)} - NEVER_A_SENTENCE))
+def test_what_spoke_against_a_candidate_is_told_again_in_the_same_words(kind: Any) -> None:
+    told = reason_text.text(NotAStreak(kind=kind, value=0.37, limit=7.0))
+    reason = old_reasons.rejected(told)
+    assert isinstance(reason, NotAStreak)
+    assert (reason.kind, reason_text.text(reason)) == (kind, told)
+
+
+def test_a_session_with_sentences_for_outcomes_has_todays_columns(tmp_path: Path) -> None:
+    """As the first sessions of schema 4 were: sentences in the records, no kind in the views."""
+    folder = old_session(tmp_path / "night", "ruled")
+    with closing(sqlite3.connect(folder / "session.db")) as connection, connection:
+        connection.execute("PRAGMA user_version=4")
+        connection.execute("DROP VIEW actions")
+        connection.execute(
+            "CREATE VIEW actions AS SELECT seq, t_utc_ns, log.frame_id AS frame_id,"
+            " json_extract(body, '$.verb') AS verb, json_extract(body, '$.outcome') AS outcome"
+            " FROM log WHERE log.kind = 'OperatorAction'"
+        )
+        sentences = [row[0] for row in connection.execute("SELECT outcome FROM actions")]
+    reader = SessionReader(folder)
+    actions = [r for _, _, r in reader.records() if isinstance(r, OperatorAction)]
+    assert [reason_text.text(each.outcome) for each in actions] == sentences
+    rows = reader.view("actions")
+    assert [row["outcome"] for row in rows] == sentences
+    assert [row["outcome_kind"] for row in rows] == [each.outcome.kind for each in actions]
+    assert {"accepted", "done", "ruled"} <= {each.outcome.kind for each in actions}
+    with closing(reader.connect()) as connection:
+        told = connection.execute("SELECT outcome, outcome_kind FROM actions").fetchall()
+    assert told == [(words, None) for words in sentences]
+
+
+def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> None:
+    reader = SessionReader(night)
+    actions = [r for _, _, r in reader.records() if isinstance(r, OperatorAction)]
+    with closing(reader.connect()) as connection:
+        told = connection.execute("SELECT outcome, outcome_kind FROM actions").fetchall()
+    assert told == [(reason_text.text(each.outcome), each.outcome.kind) for each in actions]
+    assert actions
+
+
+READ_SENTENCES = {"session/reading/legacy.py", "session/reading/old_reasons.py"}
+"""They decode what older versions wrote; whoever else reads a sentence decides by its words."""
+REASONS = {
+    "reason",
+    "outcome",
+    "detail",
+    "missed",
+    "hidden_by",
+    "lost",
+    "refusal",
+    "blocked",
+    "refused",
+}
+BY_WORDS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "find", "index"}
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
+)
+def test_no_reason_is_compared_with_a_string(path: Path) -> None:
+    """A member of that name, or what words it, beside a literal: equal, in it, beginning so."""
+    if str(path.relative_to(PACKAGE)) in READ_SENTENCES:
+        return
+    found = sentences_read(path.read_text(encoding="utf-8"))
+    assert not found, f"{path}: compare the kind, not the words: {', '.join(found)}"
+
+
+def sentences_read(source: str) -> list[str]:
+    found: list[ast.AST] = []
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Compare(left=left, comparators=others):
+                both = [left, *others]
+                if any(map(_is_words, both)) and any(map(_is_reason, both)):
+                    found.append(node)
+            case ast.Call(func=ast.Attribute(value=value, attr=attr)) if attr in BY_WORDS:
+                if _is_reason(value):
+                    found.append(node)
+            case ast.Match(subject=subject, cases=cases) if _is_reason(subject):
+                patterns = (each for case in cases for each in ast.walk(case.pattern))
+                if any(isinstance(p, ast.MatchValue) and _is_words(p.value) for p in patterns):
+                    found.append(subject)
+    return [ast.unparse(node) for node in found]
+
+
+def _is_reason(node: ast.expr) -> bool:
+    match node:
+        case ast.Call(func=ast.Name(id="text") | ast.Attribute(attr="text")):
+            return True
+        case ast.Attribute(attr=name) | ast.Name(id=name):
+            return name in REASONS
+    return False
+
+
+def _is_words(node: ast.expr) -> bool:
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return any(map(_is_words, node.elts))
+    return isinstance(node, ast.Constant | ast.JoinedStr) and not (
+        isinstance(node, ast.Constant) and (not isinstance(node.value, str) or not node.value)
+    )
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'record.outcome == "accepted"',
+        'record.outcome in ("accepted", "done")',
+        '"limit" in change.reason',
+        'record.outcome.startswith("refused")',
+        'text(record.reason).startswith("limit met")',
+        "match miss.reason:\n    case 'cloud':\n        pass",
+    ],
+)
+def test_the_search_for_sentences_finds_one(source: str) -> None:
+    assert sentences_read(source)
+    assert not sentences_read('record.outcome.kind == "refused" and not record.detail == ""')

@@ -1,0 +1,63 @@
+"""A streak is called by what it is, on every screen and in ``detect`` alike."""
+
+from rsoconsole.cli.recorded.frames import _detect_lines
+from rsoconsole.console.night.log_lines import line_of
+from rsoconsole.console.picture.marks import mark_of
+from rsoconsole.pipeline.words.reports import detections_report
+from rsoconsole.records import Detection, Detections
+from rsoconsole.streak_text import name_of, pulse_of, remarkable
+from tests.makers import straight_detection
+
+PLAIN = straight_detection(object_class="satellite", class_probability=0.97)
+LIGHTS = straight_detection(
+    kind="crossing",
+    object_class="aircraft",
+    class_probability=0.83,
+    modulation_period_px=14.25,
+    modulation_depth=0.7,
+)
+TRAIN = straight_detection(kind="clipped", train=5)
+OPEN = straight_detection()
+
+
+def found(*streaks: Detection) -> Detections:
+    return Detections(frame_id=7, width_px=900, height_px=700, detections=streaks)
+
+
+def test_a_streak_is_called_by_what_is_known_of_it():
+    assert name_of(LIGHTS) == "crossing, aircraft 0.83"
+    assert name_of(PLAIN) == "satellite 0.97"
+    assert name_of(TRAIN) == "clipped, train of 5"
+    assert name_of(OPEN) == ""
+    assert pulse_of(LIGHTS) == "pulses every 14.2 px, depth 0.70"
+    assert pulse_of(OPEN) == ""
+
+
+def test_detect_says_it_in_words_and_in_json():
+    report = detections_report("a.fits", found(PLAIN, LIGHTS, OPEN))
+    keys = ("kind", "class", "class_probability", "train", "modulation_period_px")
+    assert [tuple(each[key] for key in keys) for each in report["detections"]] == [
+        ("streak", "satellite", 0.97, 0, None),
+        ("crossing", "aircraft", 0.83, 0, 14.25),
+        ("streak", "undetermined", 1.0, 0, None),
+    ]
+    assert report["detections"][1]["modulation_period_s"] is None
+    assert [each["clipped"] for each in report["detections"]] == [False, True, False]
+    _, first, second, third = _detect_lines(report)
+    assert first.endswith(", satellite 0.97")
+    assert second.endswith(", crossing, aircraft 0.83, pulses every 14.2 px, depth 0.70")
+    assert third.endswith("SNR 60")
+
+
+def test_the_log_names_what_no_track_begins_with_and_nothing_else():
+    line = line_of(found(PLAIN, LIGHTS, TRAIN, LIGHTS), 1)
+    assert line is not None
+    assert line.text == "detected: 2 x crossing, aircraft 0.83; clipped, train of 5"
+    assert line_of(found(PLAIN, OPEN, straight_detection(is_clipped=True)), 1) is None
+    assert remarkable([]) == ""
+
+
+def test_the_picture_says_it_beside_the_confidence():
+    assert mark_of(LIGHTS, "candidate").label == ".90 aircraft"
+    assert mark_of(TRAIN, "candidate").label == ".90 clipped"
+    assert mark_of(OPEN, "candidate").label == ".90"

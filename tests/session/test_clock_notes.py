@@ -1,0 +1,55 @@
+"""A night whose clock was set, ran wrong or slept says so wherever its times are used."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rsoconsole.export import Target, read_night
+from rsoconsole.export.tables import to_ecsv
+from rsoconsole.export.tdm import to_tdm
+from rsoconsole.notebook.figures.figures import write_figures
+from rsoconsole.notebook.report.report import write_report
+from rsoconsole.records import Event
+from rsoconsole.session.log.codec import encode
+from rsoconsole.session.reading.clock_history import clock_notes
+from rsoconsole.session.reading.reader import SessionReader
+from tests.cli.test_damaged_rows import SAMPLE, change
+
+FAULT = Event(
+    level="alarm",
+    text="a time service or somebody has set the clock by +1.0 s: what was under way is given up",
+    topic="clock",
+)
+NOTE = "2023-06-22T03:04:05Z a time service or somebody has set the clock by +1.0 s"
+T_UTC_NS = 1_687_403_045_000_000_000
+
+
+@pytest.fixture
+def night(tmp_path: Path) -> Path:
+    folder = tmp_path / "night"
+    shutil.copytree(SAMPLE, folder)
+    kind, _, body = encode(FAULT)
+    _, _, calm = encode(Event(level="info", text="the mount tracks: as it was left", topic="clock"))
+    for seq, words in ((900_001, body), (900_002, calm)):
+        change(folder, "INSERT INTO log VALUES (?, ?, ?, NULL, ?)", seq, T_UTC_NS, kind, words)
+    return folder
+
+
+def test_a_steady_night_has_nothing_to_say_of_its_clock():
+    assert clock_notes(SessionReader(SAMPLE)) == ()
+    assert read_night(SAMPLE).facts()["clock_faults"] == []
+
+
+def test_what_happened_to_the_clock_is_told_in_figures_tables_report_and_messages(night: Path):
+    assert clock_notes(SessionReader(night)) == (NOTE,)
+    exported = read_night(night)
+    assert exported.facts()["clock_faults"] == [NOTE]
+    assert NOTE in to_ecsv(exported)
+    (track, *_) = exported.tracks
+    tdm = to_tdm(exported, (track,), target=Target(), created_utc_ns=T_UTC_NS)
+    assert f"COMMENT CLOCK {NOTE}" in tdm
+    report = write_report(night, night.parent / "report")
+    assert NOTE in report.read_text(encoding="utf-8")
+    drawn = write_figures(night, night.parent / "figures", file_format="svg")
+    assert all("CLOCK" in each.read_text(encoding="utf-8") for each in drawn)

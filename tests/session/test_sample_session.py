@@ -1,0 +1,210 @@
+"""The session that is shipped: whole, small, of nobody's machine; every table of every sample."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rsoconsole import open_session
+from rsoconsole.cli.app import app
+from rsoconsole.errors import SessionError
+from rsoconsole.notebook import session as session_room
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.records import (
+    TABLES,
+    Detection,
+    Detections,
+    FollowedAgain,
+    Identified,
+    Miss,
+    NotSolved,
+    OperatorAction,
+    ParameterChange,
+    Ruling,
+    StateChange,
+    Table,
+    TrackState,
+)
+from rsoconsole.session.log.codec import KINDS
+from rsoconsole.session.log.schema import SCHEMA_VERSION
+from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.upkeep.verify import verify_session
+from tests.old_nights import old_session
+from tests.samples import SAMPLE, SCHEMA_1
+
+MOST_BYTES = 8_000_000
+FRAMES = 36
+TAU_AT = {9: 0.75, 11: 0.75}
+"""The frames that kept their pixels, and the tau that was in force."""
+SAME_PX, SAME_CONFIDENCE = 0.01, 1e-3
+EVERY_SAMPLE = ("shipped", "schema 1", "busy", "ruled")
+
+
+@pytest.fixture(scope="module")
+def reader() -> SessionReader:
+    return SessionReader(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def records(reader: SessionReader) -> list[Any]:
+    return [record for _, _, record in reader.records()]
+
+
+@pytest.fixture(scope="module", params=EVERY_SAMPLE)
+def night(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> session_room.Session:
+    """The shipped one, and one of every older schema that is kept for tests."""
+    whole = {"shipped": SAMPLE, "schema 1": SCHEMA_1}
+    if request.param in whole:
+        return open_session(whole[request.param])
+    return open_session(old_session(tmp_path_factory.mktemp("old") / "night", request.param))
+
+
+# -- every table of every sample -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+def test_a_table_has_its_columns_and_units_also_where_it_is_empty(
+    table: Table, night: session_room.Session
+) -> None:
+    found, frame = night.table(table.name), night.frame(table.name)
+    named = {column.name.replace("_utc_ns", "_utc"): column for column in table.columns}
+    assert [name for name in found.colnames if name != "direction"] == list(named)
+    assert list(frame.columns) == list(named)
+    assert len(found) == len(frame) == len(night._reader.view(table.name))
+    for name, column in named.items():
+        unit = getattr(found[name], "unit", None)
+        is_quantity = not (column.shape or column.name.endswith("_utc_ns"))
+        assert (None if unit is None else str(unit)) == (column.unit if is_quantity else None)
+    if {"ra_icrs_deg", "dec_icrs_deg"} <= set(named):
+        assert found["direction"].frame.name == "icrs"
+        assert found["direction"].shape == (len(found),)
+
+
+OF_A_FIELD = {"pairs", "expected"}
+"""Tables of nights with several satellites, and with their elements; the shipped one has one."""
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_no_table_of_the_shipped_one_is_empty(name: str) -> None:
+    assert (len(open_session(SAMPLE).table(name)) > 0) != (name in OF_A_FIELD)
+
+
+def test_every_kind_of_record_and_of_file_is_in_it(reader: SessionReader, records: list[Any]):
+    of_a_field = {TABLES[name].kind.__name__ for name in OF_A_FIELD}
+    assert {type(record).__name__ for record in records} == set(KINDS) - of_a_field
+    for number in (5, 11, 30):
+        assert reader.preview_path(number) is not None
+        assert reader.closeup_path(number) is not None
+
+
+# -- the night ----------------------------------------------------------------------------
+
+
+def test_it_locks_early_knows_the_orbit_and_the_name(records: list[Any]) -> None:
+    begun = next(r for r in records if isinstance(r, TrackState) and r.kind == "initial")
+    assert begun.frame_id == 4
+    assert {r.track_id for r in records if isinstance(r, TrackState)} == {1}
+    names = [r for r in records if isinstance(r, Identified)]
+    assert {(r.verdict, r.matches[0].norad_id) for r in names} == {("identified", 36097)}
+
+
+def test_clouds_hide_some_frames_and_the_operator_does_a_little_of_everything(
+    records: list[Any],
+) -> None:
+    unsolved = {r.frame_id for r in records if isinstance(r, NotSolved)}
+    assert len(unsolved) >= 2
+    assert unsolved < {r.frame_id for r in records if isinstance(r, Miss)}
+    done = {r.verb for r in records if isinstance(r, OperatorAction)}
+    assert done == {"note", "set", "accept", "reject", "mark", "goto", "nudge", "resume"}
+    changed = {r.name for r in records if isinstance(r, ParameterChange)}
+    assert changed == {"detector.tau", "filter.q_multiplier", "filter.r_multiplier"}
+    assert "MANUAL" in {r.after for r in records if isinstance(r, StateChange)}
+    rulings = [r for r in records if isinstance(r, Ruling)]
+    assert [r.frame_id for r in rulings] == [11, 20, 35]
+    assert [bool(r.refused) for r in rulings] == [False, True, False]
+    again = [r.frame_id for r in records if isinstance(r, FollowedAgain)]
+    assert again == [11, 12, 20, 35]
+
+
+def test_a_replay_equals_the_record(reader: SessionReader, records: list[Any]) -> None:
+    frames = list(replay(records, reader.config()))
+    assert len(frames) >= FRAMES - 1
+    assert all(frame.is_alike for frame in frames)
+
+
+# -- what is kept of it ---------------------------------------------------------------------
+
+
+def test_it_is_small_and_names_no_machine() -> None:
+    paths = [path for path in SAMPLE.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in paths) <= MOST_BYTES
+    named = re.compile(rb"/(home|root|tmp|work|Users)/")
+    for path in paths:
+        if path.suffix not in {".png", ".fz"}:
+            assert not named.search(path.read_bytes()), path
+
+
+def test_it_is_of_todays_schema_and_verifies_without_a_fault() -> None:
+    found = verify_session(SAMPLE)
+    assert (found.schema, found.state, found.digest) == (SCHEMA_VERSION, "closed", "confirmed")
+    assert found.frames == FRAMES
+    assert [(each.severity, each.place) for each in found.findings] == [("remark", "files")]
+    done = CliRunner().invoke(app, ["sessions", "verify", str(SAMPLE)])
+    assert done.exit_code == 0, done.output
+
+
+def test_every_frame_has_its_hash_and_what_was_pruned_is_said(reader: SessionReader) -> None:
+    rows = reader.view("frames")
+    assert len(rows) == FRAMES
+    assert all(re.fullmatch("[0-9a-f]{64}", row["file_sha256"]) for row in rows)
+    kept = [r["frame_id"] for r in rows if reader.frame_path(r["frame_id"]) is not None]
+    assert kept == list(TAU_AT)
+    assert reader.not_kept_because(9) is None
+    assert "pruned on 2023-06-23" in (reader.not_kept_because(8) or "")
+
+
+def test_the_notebook_counts_the_pixels_that_are_there() -> None:
+    night = open_session(SAMPLE)
+    assert f"{FRAMES}, {len(TAU_AT)} kept in full" in night._repr_html_()
+    assert night.pixels(9).shape == (1760, 2328)
+    with pytest.raises(SessionError, match=r"frame 8 .* pruned on 2023-06-23.*; kept: 9, 11"):
+        night.pixels(8)
+
+
+@pytest.mark.parametrize("number", TAU_AT)
+def test_detect_finds_in_the_kept_pixels_what_was_recorded(number: int, records: list[Any]):
+    path = SAMPLE / "frames" / f"{number:06d}.fits.fz"
+    words = ["detect", str(path), "--tau", str(TAU_AT[number]), "--json"]
+    done = CliRunner().invoke(app, [*words, "--config", str(SAMPLE / "config.toml")])
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    (recorded,) = [r for r in records if isinstance(r, Detections) and r.frame_id == number]
+    assert _places(found["detections"]) == _as_recorded(list(recorded.detections))
+    rejected = [each.detection for each in recorded.rejected]
+    assert _places(found["rejected"]) == _as_recorded(rejected)
+
+
+def _places(found: list[dict[str, Any]]) -> list[tuple[float, ...]]:
+    return [(d["confidence"], d["x_px"], d["y_px"], d["length_px"]) for d in found]
+
+
+def _as_recorded(recorded: list[Detection]) -> list[Any]:
+    """The same of the record, as far as another processor may differ."""
+    return [
+        (
+            pytest.approx(d.confidence, abs=SAME_CONFIDENCE),
+            *(pytest.approx(value, abs=SAME_PX) for value in (d.x_px, d.y_px, d.length_px)),
+        )
+        for d in recorded
+    ]
+
+
+def test_the_path_in_the_documentation_is_the_samples() -> None:
+    readme = Path(__file__).parents[2] / "README.md"
+    if readme.exists():
+        assert f"sessions/{SAMPLE.name}" in readme.read_text(encoding="utf-8")

@@ -1,0 +1,142 @@
+"""What begins a track: pairs of streaks, chains of points, and what a frame between has hidden."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.records import Measurement, TrackState
+from rsoconsole.tracking.association.following import Following, FollowSettings
+from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking.initiation.pairing import UNPAIRED_COST, paired
+from tests.makers import GEO_RATE_DEG_S, geo_measurement
+from tests.tracking.test_follow import SETTINGS, seen
+
+QUICK = {"exposure_s": 0.5}
+"""In which what moves as a satellite of the belt draws no streak."""
+
+
+def point(frame_id: int, **other: float) -> Measurement:
+    return replace(geo_measurement(frame_id, **other), ends_icrs_deg=None)
+
+
+def followed(
+    frames: dict[int, list[Measurement]], settings: FollowSettings = SETTINGS
+) -> tuple[Following, list[TrackState], TracksTaken]:
+    following, begun, taken = Following(), [], TracksTaken()
+    for frame_id, shown in frames.items():
+        sight = replace(seen(frame_id, *shown), **QUICK)
+        following, records = follow(following, sight, settings)
+        for record in (*shown, *records):
+            taken.hear(record)
+        begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
+    return following, begun, taken
+
+
+def by_pairs() -> FollowSettings:
+    return replace(SETTINGS, filter=SETTINGS.filter.model_copy(update={"initiation": "pairs"}))
+
+
+def false(frame_id: int, number: int) -> Measurement:
+    """A point anywhere in the field."""
+    east, north = np.random.default_rng([frame_id, number]).uniform(-0.6, 0.6, 2)
+    return point(frame_id, ra_deg=150.0 + east, dec_deg=-5.0 + north, rate_deg_s=0.0)
+
+
+def test_two_points_alone_begin_nothing_and_three_in_a_line_do():
+    frames = {n: [point(n), false(n, 1), false(n, 2)] for n in (1, 2, 3)}
+    following, begun, _ = followed({n: frames[n] for n in (1, 2)})
+    assert (following.state, begun) == ("ACQUIRE", [])
+    following, [begin], taken = followed(frames)
+    assert following.state == "TRACK"
+    ids = [point(n).measurement_id for n in (1, 2, 3)]
+    assert begin.begun_with == (ids[0], ids[2])
+    assert begin.begun_through == (ids[1],)
+    assert [m.measurement_id for m in taken.tracks()[0].measurements] == ids
+    assert begin.x[1] == pytest.approx(GEO_RATE_DEG_S, rel=2e-3)
+
+
+def test_as_pairs_alone_any_two_points_begin_a_track():
+    """So nights were recorded before there were chains, and so they are replayed."""
+    frames = {n: [false(n, 1), false(n, 2)] for n in (1, 2)}
+    assert followed(frames, by_pairs())[1]
+    assert not followed(frames)[1]
+
+
+def test_a_frame_that_hides_one_of_the_line_does_not_keep_it_from_beginning():
+    frames = {n: [false(n, 1), *([point(n)] if n != 2 else [])] for n in (1, 2, 3, 4)}
+    _, [begin], _ = followed(frames)
+    assert begin.begun_with == (point(1).measurement_id, point(4).measurement_id)
+
+
+def test_two_points_that_move_as_what_is_followed_does_begin_beside_it():
+    frames = {n: [point(n)] for n in range(1, 6)}
+    for n in (4, 5):
+        frames[n].append(point(n, dec_deg=-5.1))
+    following, begun, _ = followed(frames)
+    assert [each.frame_id for each in begun] == [3, 5]
+    assert len(following.tracks) == 2
+
+
+def test_a_streak_that_the_frame_between_did_not_show_begins_beside_a_track():
+    def night(settings: FollowSettings) -> list[int]:
+        following, begun = Following(), []
+        for n in range(1, 7):
+            shown = [geo_measurement(n)]
+            if n in (4, 6):
+                shown.append(geo_measurement(n, dec_deg=-5.1))
+            following, records = follow(following, seen(n, *shown), settings)
+            begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
+        return [each.frame_id for each in begun]
+
+    assert night(SETTINGS) == [2, 6]
+    assert night(by_pairs()) == [2]
+
+
+def test_a_neighbour_that_was_seen_beside_the_lead_begins_while_the_lead_is_missed():
+    """The lead does not wait for what cannot be it."""
+
+    def night(settings: FollowSettings) -> list[int]:
+        following, begun = Following(), []
+        for n in range(1, 8):
+            shown = [geo_measurement(n)] if n not in (6, 7) else []
+            if n in (5, 6, 7):
+                shown.append(geo_measurement(n, dec_deg=-5.05))
+            following, records = follow(following, seen(n, *shown), settings)
+            begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
+        return [each.frame_id for each in begun]
+
+    assert night(SETTINGS) == [2, 6]
+    assert night(by_pairs()) == [2]
+
+
+def test_two_false_streaks_that_led_lead_no_longer_once_another_track_is_confirmed():
+    """Surer than what is there, seen in two frames and never again."""
+
+    def night(settings: FollowSettings) -> list[int | None]:
+        following, leads = Following(), []
+        for n in range(1, 6):
+            shown = [replace(geo_measurement(n), confidence=0.6)]
+            if n <= 2:
+                shown.insert(0, geo_measurement(n, dec_deg=-5.3))
+            following, _ = follow(following, seen(n, *shown), settings)
+            leads.append(following.track_id)
+        return leads
+
+    assert night(by_pairs()) == [None, 1, 1, 1, 1]
+    assert night(SETTINGS) == [None, 1, 2, 2, 2]
+
+
+def test_one_right_pair_is_worth_more_than_two_wrong_ones():
+    """What is followed says how a slot moves; without it as many as can be have a partner."""
+    a, b = geo_measurement(1), geo_measurement(2)
+    # Each a sixth of the way beside: as far off as a streak may be.
+    off = GEO_RATE_DEG_S * 30.0 / 3.0
+    false_first = geo_measurement(1, ra_deg=150.0 + off)
+    false_second = geo_measurement(2, ra_deg=150.0 - off)
+    firsts, seconds = (a, false_first), (b, false_second)
+    rate = 3600.0 * GEO_RATE_DEG_S * np.cos(np.radians(5.0))
+    assert len(paired(firsts, seconds, 10.0)) == 2
+    told = paired(firsts, seconds, 10.0, [(float(rate), 0.0)], unpaired=UNPAIRED_COST)
+    assert told == {b: a}
