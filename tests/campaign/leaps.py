@@ -2,8 +2,10 @@
 
     python -m tests.campaign.leaps --folder ~/leaps
     python -m tests.campaign.leaps --folder ~/leaps --nights 3
+    python -m tests.campaign.leaps --folder ~/leaps --worlds 10
     python -m tests.campaign.leaps --folder ~/leaps --table
 
+``--worlds``: the first so many, each in a random world of its own instead of the demo's.
 Without elements: the telescope stares within 0.3 deg of where the satellite comes by 20 s later,
 and knows nothing else. Passes are of real element sets, lit and in darkness; the truth is SGP4. A
 night takes two to four minutes of a core; stop it when you like, the same command goes on. It needs
@@ -15,7 +17,7 @@ import json
 import statistics
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,8 @@ import numpy as np
 from rsoconsole.orbit.elements.satellite import Satellite
 from rsoconsole.records import LeapDone, LowPass, Site
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.simulator.nights.world_laws import random_world
+from rsoconsole.simulator.world.world_file import world_to_toml
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.times import NS_PER_S
 from tests.campaign import runner
@@ -34,6 +38,7 @@ FILE = ELEMENTS / "mix_20230622.tle"
 FRAMES = 75
 LEAST_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
+FIRST_WORLD = 4001
 PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
 
 
@@ -44,11 +49,14 @@ class LeapNight:
     norad_id: int
     at: str
     site: str
+    world: int | None = None
+    """Number of its random world; None: the demo's own."""
 
     @property
     def name(self) -> str:
         """Of its files."""
-        return f"{self.norad_id}-{self.at[5:16].replace(':', '')}"
+        world = "" if self.world is None else f"-world-{self.world}"
+        return f"{self.norad_id}-{self.at[5:16].replace(':', '')}{world}"
 
     @property
     def case(self) -> Case:
@@ -60,6 +68,7 @@ class LeapNight:
                 *("--target", str(self.norad_id), "--tle", str(FILE), "--site", self.site),
                 *("--at", self.at, "--frames", str(FRAMES)),
             ),
+            world="" if self.world is None else world_to_toml(random_world(self.world)),
         )
 
     def to_site(self) -> Site:
@@ -227,9 +236,14 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, required=True, help="where answers are kept")
     parser.add_argument("--nights", type=int, default=len(NIGHTS), help="only the first so many")
     parser.add_argument("--table", action="store_true", help="what is known by now, no more nights")
+    parser.add_argument("--worlds", type=int, default=0, help="so many in random worlds instead")
     asked = parser.parse_args()
     answers, is_well = {}, True
-    for night in NIGHTS[: asked.nights]:
+    nights = NIGHTS[: asked.nights]
+    if asked.worlds:
+        numbered = enumerate(NIGHTS[: asked.worlds], FIRST_WORLD)
+        nights = tuple(replace(night, world=number) for number, night in numbered)
+    for night in nights:
         path = asked.folder / f"{night.name}.json"
         if not path.exists() and not asked.table:
             done = runner.run(night.case, asked.folder)
