@@ -1,6 +1,10 @@
-"""Make the README's picture anew: the console over a running demo, as the terminal shows it.
+"""Make the README's pictures again: the console over a running demo, and two satellites of a slot.
 
     python sessions/make_picture.py [--frames 30]
+    python sessions/make_picture.py --pair SESSION --frames 7
+
+The second draws one frame of a kept session: of 'rsoconsole demo --headless --target "AMAZONAS 2"
+--target "AMAZONAS 3" --tle FILE --site 29.19,-81.05,10 --frames 8 --keep-frames all --session SESSION'.
 
 Run from the project's root. Needs ``resvg_py`` and the font DejaVu Sans Mono beside the project's
 own packages.
@@ -14,6 +18,7 @@ import tempfile
 from pathlib import Path
 
 PICTURE = Path(__file__).parent / "console.png"
+PAIR = Path(__file__).parent / "pair.png"
 SIZE = (120, 40)
 WIDTH_PX = 1600
 SPEED = 20.0
@@ -22,12 +27,11 @@ MOST_S = 300.0
 
 async def taken(frames: int, session: Path) -> str:
     """The screen as SVG, when so many frames of the demo have been followed."""
-    from rsoconsole.cli.demo import demo_config
-    from rsoconsole.cli.demo_night import Night, NightProcess
+    from rsoconsole.cli.demo.demo import demo_config
+    from rsoconsole.cli.demo.demo_night import Night, NightProcess
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.control import ControlClient
-    from rsoconsole.control.commands import Shutdown
-    from rsoconsole.simulator.scenarios import scenario_named
+    from rsoconsole.control import ControlClient, Shutdown
+    from rsoconsole.simulator.nights import scenario_named
 
     scenario = scenario_named("intelsat-14")
     config = demo_config(scenario.site, preset="tuned", keep_frames="none")
@@ -49,11 +53,29 @@ async def taken(frames: int, session: Path) -> str:
         process.figures()
 
 
+def draw_pair(session: Path, frame_id: int) -> None:
+    """Two streaks of one frame with the numbers of their tracks."""
+    from rsoconsole import open_session
+
+    figure = open_session(session).plot_tracks(frame_id)
+    axes = figure.axes[0]
+    axes.set_xlim(1850, 2110)
+    axes.set_ylim(1872, 1735)
+    figure.set_size_inches(7.2, 4.2)
+    axes.set_title("Amazonas 2 and 3, one exposure of 10 s, simulated", loc="left", fontsize=10)
+    figure.savefig(PAIR, dpi=110, bbox_inches="tight")
+    print(f"{PAIR}: {PAIR.stat().st_size / 1e3:.0f} kB")
+
+
 def main() -> None:
     """Run, take, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=30)
+    parser.add_argument("--pair", type=Path, help="a session with kept frames")
     options = parser.parse_args()
+    if options.pair is not None:
+        draw_pair(options.pair, options.frames)
+        return
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         (place / "run").mkdir(mode=0o700)

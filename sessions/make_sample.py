@@ -20,18 +20,27 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from rsoconsole.cli.demo import config_in, demo_config
-from rsoconsole.cli.demo_night import Night, run_night
-from rsoconsole.control import Command, ControlClient
-from rsoconsole.control.commands import Goto, Note, Nudge, Resume, Set
-from rsoconsole.control.frame_commands import Accept, MarkByHand, Reject
-from rsoconsole.control.sender import Sender
+from rsoconsole.cli.demo.demo import config_in, demo_config
+from rsoconsole.cli.demo.demo_night import Night, run_night
+from rsoconsole.control import (
+    Accept,
+    Command,
+    ControlClient,
+    Goto,
+    MarkByHand,
+    Note,
+    Nudge,
+    Reject,
+    Resume,
+    Sender,
+    Set,
+)
 from rsoconsole.engine.loop import Engine
-from rsoconsole.pipeline.reduce import Reduction
-from rsoconsole.session.reader import SessionReader
-from rsoconsole.session.upkeep import add_note
-from rsoconsole.simulator.scenarios import elements_path, scenario_named
-from rsoconsole.simulator.world_file import world_from
+from rsoconsole.pipeline.frame import Reduction
+from rsoconsole.session.files import add_note
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.simulator.nights import elements_path, scenario_named
+from rsoconsole.simulator.world import world_from
 
 SAMPLE = Path(__file__).parent / "intelsat-14"
 SCENARIO = "intelsat-14"

@@ -20,7 +20,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.reasons import Told
 from rsoconsole.records import Event, Frame, Miss
-from rsoconsole.session.files.frame_files import compress_frame, encode_preview
+from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
 from rsoconsole.session.writing.writer import SessionWriter
 
 SAID = struct.Struct("=BQ")

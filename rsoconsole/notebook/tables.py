@@ -1,9 +1,9 @@
 """Rows as tables for analysis: astropy's with units, times and directions, or pandas'.
 
-A column is named as in the session's views, with its type and unit (``record_columns``), with two
-exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (pandas: a timestamp) named ``*_utc``, and
-where a row is a direction there is also ``direction``, a ``SkyCoord``.
-Missing is masked, never NaN.
+A column is named as in the session's views, with its type and unit (``records/columns.py``), with
+two exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (pandas: a timestamp) named ``*_utc``,
+and where a row is a direction there is also ``direction``, a ``SkyCoord``. Missing is masked, never
+NaN.
 """
 
 from collections.abc import Sequence

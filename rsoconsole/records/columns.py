@@ -38,7 +38,7 @@ from rsoconsole.records.column_texts import (
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import Detections, NotSolved, Solution
 from rsoconsole.records.leaps import LeapDone, LowPass
-from rsoconsole.records.night import (
+from rsoconsole.records.steps import (
     CycleTiming,
     Event,
     FrameTaken,

@@ -1,7 +1,8 @@
 """One judge for every tracker: GOSPA of where its tracks are, and whose streaks they take.
 
 GOSPA: Rahmathullah, Garcia-Fernandez & Svensson 2017, "Generalized optimal sub-pattern assignment
-metric", with alpha 2; as Stone Soup computes it (``tests/test_campaign_slots.py`` compares).
+metric", with alpha 2; as Stone Soup computes it (``tests/project/test_campaign_slots.py``
+compares).
 """
 
 import math

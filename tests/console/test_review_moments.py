@@ -18,8 +18,8 @@ from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
 from rsoconsole.console.timeline.night_line import FrameMark, Happening, StateMark, Timeline
-from rsoconsole.console.timeline.places import Typed, seq_of, understood
 from rsoconsole.console.timeline.player import SPEEDS, Player
+from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
 from rsoconsole.console.watches.watch import SessionWatch
 from rsoconsole.records import FollowedAgain, Ruling
 from rsoconsole.session.reading.reader import SessionReader

@@ -53,6 +53,7 @@ def test_an_installed_package_brings_mount_and_camera(tmp_path: Path) -> None:
         for device in (instruments.mount, instruments.camera):
             assert device.calls == ["start"]
             assert device.options == {"address": "10.0.0.9:11111"}
+    assert (instruments.mount_name, instruments.camera_name) == ("alpaca", "alpaca")
     assert instruments.mount.calls == instruments.camera.calls == ["start", "close"]
 
 

@@ -1,4 +1,4 @@
-"""The filter on geostationary satellites: figures of SCIENCE.md section 2, measured anew."""
+"""The filter on geostationary satellites: prediction to three arcsec at a 30 s cadence."""
 
 import math
 
@@ -98,7 +98,7 @@ def night(
 def test_tuned_filter_knows_its_noise_and_predicts_to_three_arcseconds(inclination_deg):
     nis, rms_arcsec, inside = night(inclination_deg, FilterConfig())
     assert nis == pytest.approx(1.8, abs=0.15)
-    assert np.max(rms_arcsec) < 3.1  # SCIENCE.md section 2: 2.9 and 3.1 with q fixed
+    assert np.max(rms_arcsec) < 3.1  # 2.9 and 3.1 were measured with q fixed
     assert inside > 0.99
 
 

@@ -120,7 +120,7 @@ def test_whole_catalogues_are_read(name, count):
 
 
 def test_intelsat_14_stands_where_the_paper_saw_it():
-    """SCIENCE.md section 1: azimuth 124, altitude 38, hour angle -2.7 h from Daytona Beach."""
+    """The paper's example: azimuth 124, altitude 38, hour angle -2.7 h from Daytona Beach."""
     (elements,) = parse_elements(GOOD)
     t = elements.epoch_utc_ns + np.arange(0, 86400, 7200) * times.NS_PER_S
     place = Satellite(elements).astrometric_place(DAYTONA, t)

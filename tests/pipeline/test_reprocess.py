@@ -22,7 +22,7 @@ from rsoconsole.pipeline.replay.reprocess import (
 )
 from rsoconsole.reasons import Told
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
-from rsoconsole.session.files.frame_files import compress_frame
+from rsoconsole.session.files.kept_frames import compress_frame
 from rsoconsole.session.reading.reader import SessionReader
 from tests import made_up_night as night
 from tests.makers import straight_detection

@@ -22,7 +22,7 @@ from rsoconsole.orbit.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Event, FrameTaken
-from rsoconsole.session.files.upkeep import parse_notes
+from rsoconsole.session.files.upkeep_log import parse_notes
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.recover import recover_session
 from rsoconsole.simulator.world.world_file import load_world

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 MOST_FILES = 2
 
 EXAMPLE = {
-    "rsoconsole/records/night.py": (
+    "rsoconsole/records/steps.py": (
         """
     is_clipped: bool = False
 

@@ -20,7 +20,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
 from rsoconsole.session.files.digest import mark_closed
-from rsoconsole.session.files.upkeep import read_notes
+from rsoconsole.session.files.upkeep_log import read_notes
 from rsoconsole.session.log.database import connect_to_read, connect_to_write
 from rsoconsole.session.log.rows import FILE_ROWS, INSERT_FILE
 from rsoconsole.session.reading.reader import SessionReader

@@ -25,7 +25,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.records import field as field_records
 from rsoconsole.records import leaps as leap_records
-from rsoconsole.records import night as records
+from rsoconsole.records import steps as records
 from rsoconsole.session.log.codec import KINDS, decode, encode
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

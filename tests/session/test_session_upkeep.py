@@ -17,7 +17,7 @@ import pytest
 from astropy.io import fits
 
 from rsoconsole.errors import SessionError
-from rsoconsole.session.files import upkeep
+from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.files.holdings import MANIFEST
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.reading.reader import SessionReader

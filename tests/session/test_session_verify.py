@@ -18,7 +18,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.reasons import Told
 from rsoconsole.records import Miss
-from rsoconsole.session.files import upkeep
+from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.log.pages import Pages
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.reading.reader import SessionReader

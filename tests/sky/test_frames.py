@@ -56,7 +56,7 @@ def test_epoch_of_date_agrees_with_skyfields_apparent_place(ephemeris, instant):
 
 
 def test_confusing_epochs_costs_a_third_of_a_degree_on_the_belt():
-    """SCIENCE.md section 3: 0.33 to 0.40 deg in 2026, less than half the field and so silent."""
+    """Precession from J2000: 0.33 to 0.40 deg in 2026, less than half the field and so silent."""
     ra = np.arange(0.0, 360.0, 15.0)
     dec = np.full(ra.size, -5.0)
     moved = separation_deg(*frames.icrs_to_jnow(ra, dec, np.full(ra.size, T)), ra, dec)

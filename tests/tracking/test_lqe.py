@@ -186,7 +186,7 @@ def test_misses_count_until_a_measurement_comes():
 
 
 def test_coast_bounds_of_a_calm_target_grow_no_faster_than_with_a_fixed_noise():
-    # SCIENCE.md section 2, q fixed: 0.4' after 3 min, 1.7' after 10, 7.6' after 30, 26' after 70.
+    # With q fixed, measured: 0.4' after 3 min, 1.7' after 10, 7.6' after 30, 26' after 70.
     # What the filter has learnt of a calm target narrows the start of a coast, not its later part.
     _, state = run(straight(60), TUNED)[-1]
     for minutes, bound_arcmin in ((3, 0.4), (10, 1.7), (30, 7.6), (70, 26.0)):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.filters.association import Motion
+from rsoconsole.tracking.filters.agreement import Motion
 from rsoconsole.tracking.filters.streak_length import (
     REMEMBERED,
     along_error_arcsec,

@@ -272,7 +272,7 @@ def keep(
 
     Example: rsoconsole sessions keep NIGHT --why "first light"
     """
-    from rsoconsole.session.files import upkeep
+    from rsoconsole.session.files import upkeep_log as upkeep
     from rsoconsole.session.reading import SessionReader
 
     for place in places:

@@ -69,8 +69,8 @@ TERMS: tuple[tuple[str, str], ...] = (
     ),
     (
         "ZP",
-        "Transparency: what a star of magnitude 0 would give, as a magnitude of the camera's counts"
-        " in a second (zero point). It drops by 1 where cloud or haze takes 60 % of the light.",
+        "Transparency: the magnitude of a star that would give one count of the camera in a second"
+        " (zero point). It drops by 1 where cloud or haze takes 60 % of the light.",
     ),
     ("background", "Light of the empty sky in a pixel, in the camera's counts (ADU)."),
     (

@@ -7,9 +7,6 @@ from .moments import Moment as Moment
 from .night_line import KINDS as KINDS
 from .night_line import HappeningKind as HappeningKind
 from .night_line import Timeline as Timeline
-from .places import EXAMPLES as EXAMPLES
-from .places import seq_of as seq_of
-from .places import understood as understood
 from .player import Player as Player
 from .player import speed_words as speed_words
 from .review_watch import ReviewWatch as ReviewWatch
@@ -18,3 +15,6 @@ from .review_words import holder_then as holder_then
 from .review_words import place_words as place_words
 from .review_words import reading_words as reading_words
 from .review_words import review_top_lines as review_top_lines
+from .typed_moments import EXAMPLES as EXAMPLES
+from .typed_moments import seq_of as seq_of
+from .typed_moments import understood as understood

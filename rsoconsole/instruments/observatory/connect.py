@@ -53,7 +53,12 @@ def connect_instruments(
             camera=camera,
             host=config.indi.host,
             port=config.indi.port,
-            mount_name=config.indi.mount,
-            camera_name=config.indi.camera,
+            mount_name=_named(config.instruments.mount, config.indi.mount),
+            camera_name=_named(config.instruments.camera, config.indi.camera),
             guard=guard,
         )
+
+
+def _named(protocol: str, indi_name: str) -> str:
+    """A device as words for people have it: by its INDI name, else by the protocol's."""
+    return indi_name if protocol == "indi" else protocol

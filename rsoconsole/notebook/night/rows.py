@@ -1,6 +1,6 @@
 """A session's public tables row by row, taken from the log's own records: every float exact.
 
-Columns are those of ``record_columns``; SQL may round their decimals in the last digit, these
+Columns are those of ``records/columns.py``; SQL may round their decimals in the last digit, these
 are what the engine worked with.
 """
 

@@ -14,7 +14,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
 from rsoconsole.tracking.filters import bank as banks
 from rsoconsole.tracking.filters import bank_update, lqe
-from rsoconsole.tracking.filters.association import streak_axis
+from rsoconsole.tracking.filters.agreement import streak_axis
 from rsoconsole.tracking.filters.bank import Bank, Position
 from rsoconsole.tracking.filters.bank_update import Innovation
 from rsoconsole.tracking.filters.scatter import scatter_interval_s

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.filters.association import Motion, streak_motion
+from rsoconsole.tracking.filters.agreement import Motion, streak_motion
 
 REMEMBERED = 30
 """Frames of which the excess is remembered."""

@@ -121,7 +121,7 @@ class Mixture:
     """What preset ``adaptive`` makes of a track: the motions it believes, how a night scatters."""
 
     motion_probabilities: tuple[tuple[str, float], ...]
-    """Each of ``tracking.bank.MOTIONS`` with its probability."""
+    """Each of ``MOTIONS`` (``tracking/filters/bank.py``) with its probability."""
     acceleration_arcsec_s2: float
     """By which the speed on the sky changes."""
     acceleration_sigma_arcsec_s2: float
