@@ -1,10 +1,12 @@
 """Make the README's pictures again: the console over a running demo, and two satellites of a slot.
 
     python sessions/make_picture.py [--frames 30]
-    python sessions/make_picture.py --pair SESSION --frames 7
+    python sessions/make_picture.py --pair NIGHT --frames 7
 
-The second draws one frame of a kept session: of 'rsoconsole demo --headless --target "AMAZONAS 2"
---target "AMAZONAS 3" --tle FILE --site 29.19,-81.05,10 --frames 8 --keep-frames all --session SESSION'.
+The second draws one frame of a kept session, as this makes one:
+
+    rsoconsole demo --headless --target "AMAZONAS 2" --target "AMAZONAS 3" --tle FILE
+        --site 29.19,-81.05,10 --frames 8 --keep-frames all --session NIGHT
 
 Run from the project's root. Needs ``resvg_py`` and the font DejaVu Sans Mono beside the project's
 own packages.
