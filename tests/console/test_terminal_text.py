@@ -190,7 +190,7 @@ PRINTS = {"app.py": 1, "demo_night.py": 1}
 
 def test_nothing_is_printed_past_the_one_place():
     found: dict[str, int] = {}
-    for path in Path(rsoconsole.cli.__file__).parent.glob("*.py"):
+    for path in Path(rsoconsole.cli.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in (
                 "print",
