@@ -19,7 +19,7 @@ from rsoconsole.errors import ControlError
 INDI = IndiConfig(host="observatory", port=7624, mount="EQMod Mount")
 SECOND = """
 import sys; from pathlib import Path
-from rsoconsole.observatory_config import IndiConfig
+from rsoconsole.config import IndiConfig
 from rsoconsole.control.mount_lock import MountLock
 with MountLock(IndiConfig(host=sys.argv[1], port=7624, mount=sys.argv[2]), Path(sys.argv[3])):
     print('held')

@@ -647,7 +647,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.reasons import Told
 from rsoconsole.records import Miss
-from rsoconsole.frame_records import Frame
+from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
 
 alarms = []
