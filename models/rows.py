@@ -24,7 +24,7 @@ from rsoconsole.vision.detector import MODEL_NAME
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
 _PRODUCT = HERE.parent / "rsoconsole"
-_LOOKING = ("rsoconsole/vision/*.py", "rsoconsole/simulator/*.py")
+_LOOKING = ("rsoconsole/vision/**/*.py", "rsoconsole/simulator/**/*.py")
 _ALL: tuple[Kind, ...] = (*KINDS, "altered")
 _DRAWING = ("models/frames.py", "models/altered.py", "models/nuisances.py", "models/judging.py")
 _NOT_LOOKING = ("rsoconsole/vision/detector/confidence.py",)

@@ -600,9 +600,7 @@ def test_a_console_that_is_told_to_end_leaves_the_terminal_as_it_was(told, home,
 
 
 def test_a_console_that_breaks_gives_the_terminal_back_and_one_line(told, home):
-    breaks = (
-        "from rsoconsole.console.words.words import words; words.top_lines = lambda *_, **__: 1 / 0"
-    )
+    breaks = "from rsoconsole.console.words import words; words.top_lines = lambda *_, **__: 1 / 0"
     command = [sys.executable, "-c", f"{breaks}; from rsoconsole.cli import main; main()"]
     with Terminal([*command, "console"], home, (200, 24)) as seat:
         wait_for(lambda: seat.process.poll() is not None, "the console's end")

@@ -22,10 +22,11 @@ from rsoconsole.records import (
     ParameterChange,
     StateChange,
     TrackState,
+    field,
+    frames,
+    leaps,
+    steps,
 )
-from rsoconsole.records import field as field_records
-from rsoconsole.records import leaps as leap_records
-from rsoconsole.records import steps as records
 from rsoconsole.session.log.codec import KINDS, decode, encode
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -53,7 +54,7 @@ def values_of(hint: Any) -> st.SearchStrategy[Any]:
         return st.dictionaries(st.text(), values_of(arguments[1]), max_size=3)
     assert dataclasses.is_dataclass(hint), hint
     members = get_type_hints(hint)
-    kept = [f.name for f in dataclasses.fields(hint) if records.OFF_RECORD not in f.metadata]
+    kept = [f.name for f in dataclasses.fields(hint) if steps.OFF_RECORD not in f.metadata]
     return st.builds(hint, **{name: values_of(members[name]) for name in kept})
 
 
@@ -75,7 +76,7 @@ def test_every_record_of_the_loop_can_be_recorded() -> None:
     parts_of_others |= {"CameraMode", "Mixture", "LedgerName", "PairMotion", "UnseenMember"}
     all_records = {
         name
-        for module in (records, field_records, leap_records)
+        for module in (steps, frames, field, leaps)
         for name, thing in vars(module).items()
         if dataclasses.is_dataclass(thing) and thing.__module__ == module.__name__
     }
@@ -115,7 +116,7 @@ def test_what_json_cannot_carry_is_refused_with_its_place() -> None:
     with pytest.raises(SessionError, match="64 bits"):
         encode(Miss(frame_id=2**63, reason=Told(words="")))
     with pytest.raises(SessionError, match="Site is not a record of a session"):
-        encode(records.Site(latitude_deg=0, longitude_deg=0, elevation_m=0))  # type: ignore[arg-type]
+        encode(frames.Site(latitude_deg=0, longitude_deg=0, elevation_m=0))  # type: ignore[arg-type]
 
 
 def test_keys_of_a_later_version_are_passed_over() -> None:
