@@ -72,7 +72,7 @@ def batch(
 ) -> tuple[Float32Array, Float32Array]:
     """Batch number ``step``: (size, 1, side, side) and (size, 7, side / 4, side / 4).
 
-    Every field comes once before any comes twice, in an order drawn anew for each round.
+    Every field comes once before any comes twice, in an order drawn again for each round.
     """
     inputs, targets = [], []
     rng = np.random.default_rng([seed, 7, step])

@@ -1,6 +1,6 @@
 """Fit the curve that turns a measured candidate into a probability, on whole frames.
 
-    python -m models.confidence [--frames 1000] [--workers 2] [--anew] [--print-only]
+    python -m models.confidence [--frames 1000] [--workers 2] [--again] [--print-only]
 
 Looks with the product's detector at frames of the split ``calibrate`` (``models.frames``), which
 are kept as rows (``models.rows``): work broken off goes on, and another curve on the same rows
@@ -128,11 +128,11 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=1000, help="of all kinds together")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--one-in", type=int, help="frames of which one holds satellites")
-    parser.add_argument("--anew", action="store_true", help="look at every frame again")
+    parser.add_argument("--again", action="store_true", help="look at every frame again")
     parser.add_argument("--print-only", action="store_true", help="leave the card as it is")
     args = parser.parse_args()
     rows = complete(
-        folder_of("confidence"), "calibrate", counts_of(args.frames), args.workers, anew=args.anew
+        folder_of("confidence"), "calibrate", counts_of(args.frames), args.workers, again=args.again
     )
     fitted = entry(rows, args.one_in)
     print(json.dumps(fitted, indent=1))

@@ -41,7 +41,7 @@ ALTERED_PER_SATELLITE = 4
 """Altered frames of which one holds a satellite: who looks for one through wind or out of focus
 knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
-"""Expected above tau: well below what is promised, since the rows of the fit foretell it."""
+"""Expected above tau: well below what is promised, since the rows of the fit predict it."""
 ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
 """How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
@@ -181,7 +181,7 @@ def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame
     false_z = z[~them.is_true & them.of_kind(*kinds)]
     if not frames:
         return -math.inf
-    # The tail alone, since the bulk would foretell too many.
+    # The tail alone, since the bulk would predict too many.
     tail = int(np.clip(len(false_z) // 5, 5, 20))
     return logit_for_rate(false_z, per_frame * frames, tail)
 

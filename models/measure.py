@@ -1,6 +1,6 @@
 """The proof: the product's detector on frames it has never met, with exact intervals.
 
-    python -m models.measure [--frames 6000] [--kinds empty ...] [--workers 2] [--anew] [--gallery]
+    python -m models.measure [--frames 6000] [--kinds empty ...] [--workers 2] [--again] [--gallery]
 
 Looks at whole frames of the split ``test`` (``models.frames``), keeps them as rows
 (``models.rows``: work broken off goes on), and writes ``models/figures.json``, which
@@ -81,7 +81,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=6000, help="of all kinds together")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--anew", action="store_true", help="look at every frame again")
+    parser.add_argument("--again", action="store_true", help="look at every frame again")
     parser.add_argument("--gallery", action="store_true", help="draw models/gallery.png too")
     parser.add_argument("--print-only", action="store_true", help="leave figures.json as it is")
     args = parser.parse_args()
@@ -89,7 +89,7 @@ def main() -> None:
     curve = ConfidenceCurve.from_card(network.card)
     tau = DetectorConfig().tau
     counts = counts_of(args.frames, args.kinds)
-    rows = complete(folder_of("measure"), "test", counts, args.workers, anew=args.anew)
+    rows = complete(folder_of("measure"), "test", counts, args.workers, again=args.again)
     measured = {
         "network": network.version,
         "rows": fingerprint(),

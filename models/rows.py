@@ -63,11 +63,11 @@ def read(folder: Path) -> list[FrameRow]:
 
 
 def complete(
-    folder: Path, split: Split, counts: Mapping[Kind, int], workers: int, *, anew: bool = False
+    folder: Path, split: Split, counts: Mapping[Kind, int], workers: int, *, again: bool = False
 ) -> list[FrameRow]:
     """The rows of the first ``counts`` frames of each kind, looking at those that are missing."""
     folder.mkdir(parents=True, exist_ok=True)
-    if anew:
+    if again:
         for kind in counts:
             (folder / f"{kind}.jsonl").unlink(missing_ok=True)
     for path in folder.glob("*.jsonl"):
@@ -78,7 +78,7 @@ def complete(
     known = {(row["kind"], row["number"]) for row in read(folder)}
     wanted = [(split, kind, n) for kind, count in counts.items() for n in range(count)]
     missing = [task for task in wanted if task[1:] not in known]
-    # Kinds mixed evenly: what is on disk serves at any time, and the time left is foretold well.
+    # Kinds mixed evenly: what is on disk serves at any time, and the time left is predicted well.
     missing.sort(key=lambda task: (task[2] + 0.5) / counts[task[1]])
     for row in _looked_at(missing, workers):
         with (folder / f"{row['kind']}.jsonl").open("a", encoding="utf-8") as lines:

@@ -1,6 +1,6 @@
 """Says what is waited for while something takes its time: a process, a device, a server.
 
-Whoever waits makes a ``LongWait`` and looks at it now and then; whoever starts the program listens
+What waits makes a ``LongWait`` and looks at it now and then; what starts the program listens
 with ``told_to``. Everything said is in the log, too.
 """
 

@@ -1,4 +1,4 @@
-"""Run review.ipynb anew and keep its outputs, so that they can be read without running anything.
+"""Run review.ipynb again and keep its outputs, so that they can be read without running anything.
 
     python sessions/execute_review.py [--out FILE]
 

@@ -76,7 +76,7 @@ def environment_of(folder: Path, **more: str) -> dict[str, str]:
     }
     for place in places.values():
         Path(place).mkdir(parents=True, exist_ok=True)
-    # Matplotlib's list of fonts takes seconds to make anew.
+    # Matplotlib's list of fonts takes seconds to make again.
     more.setdefault("MPLCONFIGDIR", matplotlib.get_configdir())
     root = str(Path(__file__).parent.parent)
     paths = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])

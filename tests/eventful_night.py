@@ -1,4 +1,4 @@
-"""A made-up night in which much comes to pass: for whoever shows what has been recorded."""
+"""A made-up night in which much comes to pass: to show what has been recorded."""
 
 from collections.abc import Iterable
 from pathlib import Path

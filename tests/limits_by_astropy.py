@@ -1,4 +1,4 @@
-"""The limits a second time, from the rules in words: places by astropy, ways sampled anew.
+"""The limits a second time, from the rules in words: places by astropy, ways sampled again.
 
 Nothing here comes from ``rsoconsole.sky``. For every request it is said how many degrees are left
 to each limit (negative: violated), and whether the request lies on the edge of a choice that the
@@ -160,7 +160,7 @@ class _Ways:
                 self.declination.append((dec_from, dec_to))
             for dec in (here[1], there[1]):
                 self.is_edge[i] |= abs(abs(dec) - 89.5) < EDGE_DEG
-            # An arcsecond between the two reckonings is a degree of hour angle so near to a pole.
+            # An arcsecond between the two computations is a degree of hour angle so near to a pole.
             self.is_edge[i] |= 0.01 < 90 - abs(here[1]) < 0.1
         self.owner = np.array(self.owner)
         self.polar, self.declination = np.array(self.polar), np.array(self.declination)

@@ -1,4 +1,4 @@
-"""A night made up record by record, for whoever shows sessions; no engine has a part in it."""
+"""A night made up record by record, to be shown; no engine has a part in it."""
 
 from collections.abc import Collection
 from pathlib import Path

@@ -1,6 +1,7 @@
 """Orekit's parser of Tracking Data Messages as a process: a path a line in, a JSON object out.
 
-A process of its own, because a Java machine takes over signals and threads of whoever starts it.
+A process of its own, because a Java machine takes over signals and threads of the one that starts
+it.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""An engine as a process of its own among simulated instruments, for whoever means to hurt it.
+"""An engine as a process of its own among simulated instruments, to be hurt.
 
 Nothing of it outlives ``close``: every process with this engine's runtime folder in its
-environment is ended, whoever started it.
+environment is ended, no matter who started it.
 """
 
 import contextlib

@@ -139,7 +139,7 @@ def config_faults(
             ConfigFault(
                 name="",
                 problem=str(error),
-                remedy="correct the file, or move it away and begin anew",
+                remedy="correct the file, or move it away and begin again",
             ),
         )
     for dotted, value in (overrides or {}).items():

@@ -202,7 +202,7 @@ class OrbitConfig(Section):
     )
     guide: Literal["when better", "never"] = Field(
         "when better",
-        description="whether the telescope goes where the orbit says, where that foretells better"
+        description="whether the telescope goes where the orbit says, where that predicts better"
         " than the filter, and looks there for what the filter has lost",
     )
     wait_min: float = Field(

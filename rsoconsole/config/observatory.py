@@ -194,7 +194,7 @@ class MountConfig(Section):
 
 
 class LimitsConfig(Section):
-    """Where the telescope must never look or turn, whoever wants it to."""
+    """Where the telescope must never look or turn, no matter who wants it to."""
 
     min_altitude_deg: float = Field(15.0, ge=-5, le=85)
     horizon: tuple[tuple[float, float], ...] = Field(

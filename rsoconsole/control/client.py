@@ -17,7 +17,7 @@ from rsoconsole.errors import ControlError
 CROWDED_S = 0.01
 """So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
-MADE_ANEW_S = 2.0
+MADE_AGAIN_S = 2.0
 """So long an engine is waited for whose socket somebody has removed."""
 OPERATOR = Sender()
 
@@ -92,7 +92,7 @@ class ControlClient:
     def _connect_patiently(self, wire: socket.socket, deadline: float) -> None:
         """Connect; an engine that starts, or whose socket was just removed, soon has one."""
         address = str(address_of(self._path))
-        until = min(deadline, time.monotonic() + MADE_ANEW_S)
+        until = min(deadline, time.monotonic() + MADE_AGAIN_S)
         may_come = False
         while True:
             try:

@@ -1,4 +1,4 @@
-"""Whoever looks at something again and again, on a thread of its own."""
+"""What looks at something again and again, on a thread of its own."""
 
 import threading
 from abc import ABC, abstractmethod

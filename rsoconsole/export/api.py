@@ -131,7 +131,7 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
     if path.is_dir():
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:
-        raise ExportError(f"{path} is there already: --force writes it anew, --out names another")
+        raise ExportError(f"{path} is there already: --force writes it again, --out names another")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, content)
@@ -224,7 +224,7 @@ def _export_frames(
     paths = [folder / f"{number:06d}{_SUFFIXES[kind]}" for number in numbers]
     there = next((path for path in paths if path.exists()), None)
     if there is not None and not options.is_forced:
-        raise ExportError(f"{there} is there already: --force writes it anew, --out names another")
+        raise ExportError(f"{there} is there already: --force writes it again, --out names another")
     if folder.exists() and not folder.is_dir():
         raise ExportError(f"{folder} is a file: --out names a folder for a file a frame")
     for number, path in zip(numbers, paths, strict=True):

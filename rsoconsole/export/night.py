@@ -162,7 +162,7 @@ class _FrameStory:
 
 
 def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
-    """Gather a session's or a branch's measurements, whoever took them.
+    """Gather a session's or a branch's measurements, no matter who took them.
 
     Without ``everything`` only what counts: not what the operator refused, and of frames that
     were followed again by his word only the last reading. Raises SessionError.

@@ -1,4 +1,4 @@
-"""What the engine programs to: clock, mount and camera, whoever stands behind them."""
+"""What the engine programs to: clock, mount and camera, no matter who stands behind them."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""What the engine programs to: a clock, a mount and a camera, whoever stands behind them.
+"""What the engine programs to: a clock, a mount and a camera, no matter who stands behind them.
 
 Directions are ICRS degrees on this side of the border; epoch of date and hours exist only in
 the processes that speak INDI. Instants are UTC nanoseconds. Everything that an instrument does
@@ -88,7 +88,7 @@ class SkyReport:
 
 
 class GuardPort(Protocol):
-    """Whoever watches weather and dome."""
+    """What watches weather and dome."""
 
     def look(self) -> SkyReport:
         """The latest word, at once; never raises."""
@@ -231,7 +231,7 @@ class CameraPort(Protocol):
 
         Under a simulated clock the clock must first have been led past the end of the exposure
         (order + start latency + exposure). The pixels are the caller's own copy. Raises
-        InstrumentError when no frame comes; the camera's process is then started afresh.
+        InstrumentError when no frame comes; the camera's process is then started again.
         """
 
     def take_messages(self) -> tuple[str, ...]:

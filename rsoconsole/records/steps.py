@@ -259,7 +259,7 @@ class OrbitEstimate:
     nis: float | None = None
     """Normalised innovation squared of this frame's measurement against the orbit before it."""
     innovation_arcsec: tuple[float, float] | None = None
-    """(d alpha cos delta, d delta), measured minus what the orbit before it foretold."""
+    """(d alpha cos delta, d delta), measured minus what the orbit before it predicted."""
     sigma_innovation_arcsec: tuple[float, float] | None = None
     is_guide: bool = False
     """Whether the telescope goes where this orbit says, not where the filter does."""

@@ -1,7 +1,7 @@
 """The simulated observatory: a process that serves INDI on 127.0.0.1 until its parent ends.
 
 It reads one JSON line of settings from stdin, answers one JSON line with its port, and stays
-until stdin closes, so that it never outlives whoever started it.
+until stdin closes, so that it never outlives what started it.
 """
 
 import asyncio

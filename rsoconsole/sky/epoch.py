@@ -1,7 +1,7 @@
 """The sky of one hour: apparent places, sidereal time and the Sun, for questions asked often.
 
 Within half an hour aberration, precession and nutation move a place by less than 0.02 arcsec, so
-that what is dear to reckon is reckoned once an hour. The Sun's place runs on a straight
+that what is dear to compute is computed once an hour. The Sun's place runs on a straight
 line: good to an arcsecond for hours.
 """
 

@@ -197,7 +197,7 @@ def wcs_from_cards(cards: Mapping[str, Any]) -> Wcs:
             sip_b=_sip_from_cards(cards, "B") if kinds[0].endswith("-SIP") else (),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise FrameError(f"the header's plate cannot be read ({error}): solve it anew") from error
+        raise FrameError(f"the header's plate cannot be read ({error}): solve it again") from error
 
 
 def _cd_from_cards(cards: Mapping[str, Any]) -> tuple[float, float, float, float]:

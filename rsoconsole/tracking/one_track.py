@@ -20,7 +20,7 @@ from rsoconsole.tracking.joint import Weighed
 from rsoconsole.tracking.takeover import Step, is_in_field, with_rivals
 
 ANOTHER_OBJECT_NIS = 100.0
-"""What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
+"""What the operator chooses ten sigmas from the prediction is another object: it begins again."""
 
 ALONE_FOR_S = 100.0
 """How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""

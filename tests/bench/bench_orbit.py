@@ -278,7 +278,7 @@ def refining(seed: int) -> list[dict[str, float | int]]:
 def while_following(seed: int) -> list[dict[str, float | int]]:
     """Milliseconds of all that the engine does for the orbit after a frame, names left out.
 
-    Reading which measurements the track took, reducing the new one, judging what was foretold of
+    Reading which measurements the track took, reducing the new one, judging what was predicted of
     it, refining, and making the record.
     """
     random = np.random.default_rng([seed, 6])

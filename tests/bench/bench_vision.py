@@ -166,7 +166,7 @@ def _load(path: Path) -> Frame:
 
 
 def _apart(work: Callable[..., Any], *arguments: Any) -> Any:
-    """The answer of ``work`` from a process of its own, which reads its environment anew."""
+    """The answer of ``work`` from a process of its own, which reads its environment again."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(work, arguments)
 

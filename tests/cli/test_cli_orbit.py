@@ -219,7 +219,7 @@ def test_elements_are_not_written_over_others_nor_of_an_orbit_that_is_not_known(
     before = out.read_text()
     capsys.readouterr()
     refused = complaint(capsys, monkeypatch, "orbit", str(night), "--out", str(out))
-    assert "is there already: --force writes it anew" in refused
+    assert "is there already: --force writes it again" in refused
     assert out.read_text() == before
     run("orbit", night, "--out", out, "--norad", "5", "--force")
     assert out.read_text() != before

@@ -73,7 +73,7 @@ SNAPSHOTS = Path(__file__).parents[1] / "snapshots"
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60), (60, 20), (40, 12)])
 def test_the_screen_reads_as_it_was_agreed(wire: FakeWire, size: tuple[int, int]) -> None:
-    """Set RSOCONSOLE_WRITE_SNAPSHOTS to write the pictures anew, then read them."""
+    """Set RSOCONSOLE_WRITE_SNAPSHOTS to write the pictures again, then read them."""
     seen = ""
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:

@@ -178,10 +178,12 @@ def test_a_full_disk_is_a_fault_on_the_screen_until_it_has_room_again(engine):
         wait_for(lambda: engine.frames() >= frames + 2, "what the disk had refused")
         wait_for(lambda: not log_faults(engine), "the fault's end")
         for seat in seats:
-            wait_for(lambda seat=seat: "FAULT the session" not in anew(seat), "a screen without it")
+            wait_for(
+                lambda seat=seat: "FAULT the session" not in again(seat), "a screen without it"
+            )
 
 
-def anew(seat: Terminal) -> str:
+def again(seat: Terminal) -> str:
     """What it shows at this moment: painted again, for another size."""
     known = 0
     for lines in (30, 31):

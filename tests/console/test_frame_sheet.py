@@ -351,7 +351,7 @@ def test_a_plate_from_its_own_stars(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await press(pilot, sheet, "P")
         panel = " ".join(words(sheet, "panel").split())
-        assert "plate found anew" in panel
+        assert "plate found again" in panel
         assert re.search(r"plate \d+", panel)
         shift = re.search(r"on the sky ([+-][\d.]+)″ E ([+-][\d.]+)″ N", panel)
         assert shift is not None

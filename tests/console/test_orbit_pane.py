@@ -209,11 +209,11 @@ def test_what_is_down_or_in_eclipse_already_is_said_plainly() -> None:
     assert "does not set within a day  no eclipse within a day" in text
 
 
-def test_until_it_is_reckoned_where_it_leads_that_is_said() -> None:
-    assert "reckoning where it leads" in said(replace(KNOWN, ahead=None))
-    assert "reckoning" not in said(replace(KNOWN, ahead=None, has_site=False))
+def test_until_it_is_computed_where_it_leads_that_is_said() -> None:
+    assert "computing where it leads" in said(replace(KNOWN, ahead=None))
+    assert "computing" not in said(replace(KNOWN, ahead=None, has_site=False))
     stuck = replace(KNOWN, ahead=replace(AHEAD, outlook=None))
-    assert "where it leads cannot be reckoned" in said(stuck)
+    assert "where it leads cannot be computed" in said(stuck)
 
 
 # -- what is known at an instant --------------------------------------------------------------
@@ -248,7 +248,7 @@ def test_an_orbit_from_before_a_word_on_a_frame_says_so_and_how_old_it_is() -> N
     assert orbit_shown(replace(fitted, folder=None), engine, None).since_word_s is None
 
 
-def test_what_was_reckoned_of_another_moment_is_not_shown() -> None:
+def test_what_was_computed_of_another_moment_is_not_shown() -> None:
     then = replace(AHEAD, estimate=estimate_of(5), from_utc_ns=night.t_of(5))
     assert seen(*FOLLOWED, ahead=then).ahead is then
     assert seen(*FOLLOWED, state(6), estimate_of(6), ahead=then).ahead is then
@@ -267,7 +267,7 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
     assert target_words(shown) == ("", "")
 
 
-def test_an_old_session_has_its_orbit_reckoned_from_its_measurements() -> None:
+def test_an_old_session_has_its_orbit_computed_from_its_measurements() -> None:
     reader = SessionReader(SCHEMA_1)
     found = Night(SCHEMA_1, reader.about(), reader.config())
     for seq, t, record in reader.records():
@@ -278,12 +278,12 @@ def test_an_old_session_has_its_orbit_reckoned_from_its_measurements() -> None:
     assert view.last_utc_ns is not None
     ahead = ahead_of_record(view, view.last_utc_ns)
     assert ahead is not None
-    assert ahead.is_reckoned
+    assert ahead.is_computed
     shown = orbit_shown(view, EngineView(reach="recorded"), ahead)
     assert shown.estimate is not None
     # INTELSAT 14 stands in a slot: its axis is that of one sidereal day, to 100 km.
     assert abs(shown.estimate.a_km - 42_165.0) < 100.0
-    assert "orbit, reckoned now" in said(shown)
+    assert "orbit, computed now" in said(shown)
     earlier = replace(view, seq=view.seq - 5)
     assert orbit_shown(earlier, EngineView(reach="recorded"), ahead).estimate is None
 
@@ -316,7 +316,7 @@ def test_an_orbit_that_leads_nowhere_is_shown_all_the_same(
     assert len(skies) == 1
     assert [ahead.outlook for ahead in came] == [None]
     assert came[0].estimate == estimate_of(5)
-    assert "cannot be reckoned" in caplog.text
+    assert "cannot be computed" in caplog.text
 
 
 def test_the_limits_are_told_as_soon_as_it_is_known_where_the_telescope_looks() -> None:
@@ -335,7 +335,7 @@ def test_the_limits_are_told_as_soon_as_it_is_known_where_the_telescope_looks() 
     assert [bool(sky.margins_deg) for sky in skies] == [False, True]
 
 
-def test_it_is_reckoned_again_for_another_orbit_and_not_for_the_same(
+def test_it_is_computed_again_for_another_orbit_and_not_for_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(outlook_watch, "BREATH_S", 0.0)

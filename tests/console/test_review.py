@@ -404,7 +404,7 @@ def test_help_verdicts_zoom_stretch_and_the_frame_work_as_in_the_seat(eventful: 
     play_review(eventful, scene, LARGE, start="50")
 
 
-def test_tuning_reckons_up_to_the_moment_and_applies_nothing(eventful: Path):
+def test_tuning_computes_up_to_the_moment_and_applies_nothing(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("t", "right")
         await until(pilot, lambda: review._figures[1] is not None)

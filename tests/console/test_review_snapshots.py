@@ -59,7 +59,7 @@ STATES: dict[str, Act] = {"moment": moment, "compare": compare, "log": log, "ses
 
 
 async def settled(review: ReviewScreen, pilot: Pilot[str], size: tuple[int, int]) -> None:
-    """What other threads reckon has come."""
+    """What other threads compute has come."""
     await until(pilot, lambda: review.outlook is not None)
     if has_tune_of_its_own(*size):
         await until(pilot, lambda: review._figures[0] is not None)

@@ -37,7 +37,7 @@ def heed(r: Rig) -> None:
     r.engine.commands.execute_waiting()
 
 
-def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
+def test_a_move_that_is_being_computed_when_stop_comes_is_dropped(armed: Rig):
     desk, plain = desk_of(armed), armed.engine.slews.refusal
 
     def refusal(*arguments: Any, **named: Any) -> SlewRefusal | None:

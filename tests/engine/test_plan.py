@@ -212,7 +212,7 @@ def test_the_meridian_policy_holds_while_a_track_is_followed(meridian, is_search
     assert loop.hour_angle(plan) == pytest.approx(5.0, abs=0.3) or is_blocked
 
 
-def test_the_time_of_a_flip_is_reckoned_with():
+def test_the_time_of_a_flip_is_computed_with():
     """Two axes by half a turn each at 4 deg/s: the aim is for when the mount is there."""
     loop = Loop(LIST, hour_angle_deg=-2.0)
     stays = loop.planner.plan(SEARCHING, T0_UTC_NS, refuses(5, 20))

@@ -1,4 +1,4 @@
-"""What a night takes on disk is reckoned from the configuration, and told before it runs short."""
+"""What a night takes on disk is computed from the configuration, and told before it runs short."""
 
 import pytest
 

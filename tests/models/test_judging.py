@@ -163,7 +163,7 @@ def test_work_broken_off_in_the_middle_of_a_line_goes_on_and_nothing_is_done_twi
     looked.clear()
     assert len(kept.complete(tmp_path, "test", {"empty": 6}, 1)) == 6
     assert looked == []
-    kept.complete(tmp_path, "test", {"empty": 2}, 1, anew=True)
+    kept.complete(tmp_path, "test", {"empty": 2}, 1, again=True)
     assert len(looked) == 2
 
 

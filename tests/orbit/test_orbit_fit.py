@@ -213,7 +213,7 @@ def test_directions_that_scatter_more_than_they_claim_widen_the_covariance() -> 
     assert 0.5 < ratio < 5.0
 
 
-def test_a_held_satellite_is_foretold_for_a_day_by_what_the_catalogue_knows() -> None:
+def test_a_held_satellite_is_as_predicted_for_a_day_by_what_the_catalogue_knows() -> None:
     held = one_geo(i_deg=0.05, a_km=42_165.9)
     orbit = determine(seen_at(held, TEN_MINUTES_S))
     assert orbit is not None

@@ -149,7 +149,7 @@ def skyfield_site(site: Site):
 @pytest.fixture(scope="module")
 def cases(earth):
     """Per case: regime, separation of ours and of the naive place from skyfield's, range error,
-    separation of what an orbit foretells that SGP4 moves."""
+    separation of what an orbit predicts that SGP4 moves."""
     from skyfield.api import EarthSatellite
 
     rng = np.random.default_rng(20261120)
@@ -163,7 +163,7 @@ def cases(earth):
             satellite = Satellite(elements)
             site = site_below(rng, satellite, t)
             ours = satellite.astrometric_place(site, np.array([t]))
-            foretold = predict(moved_by(satellite, t), site, np.array([t])).places
+            predicted = predict(moved_by(satellite, t), site, np.array([t])).places
             theirs = EarthSatellite(elements.line_1, elements.line_2, "", timescale)
             ground = skyfield_site(site)
             ra, dec, distance = (earth + ground).at(instant).observe(earth + theirs).radec()
@@ -175,7 +175,7 @@ def cases(earth):
                     separation_deg(ours.ra_icrs_deg[0], ours.dec_icrs_deg[0], *truth) * 3600,
                     separation_deg(naive_ra._degrees, naive_dec.degrees, *truth) * 3600,
                     ours.range_km[0] - distance.km,
-                    separation_deg(foretold.ra_icrs_deg[0], foretold.dec_icrs_deg[0], *truth)
+                    separation_deg(predicted.ra_icrs_deg[0], predicted.dec_icrs_deg[0], *truth)
                     * 3600,
                 )
             )

@@ -98,7 +98,7 @@ def same_sessions(one: Path, other: Path) -> bool:
     return True
 
 
-# -- the same whoever does it -----------------------------------------------------------------
+# -- the same no matter who does it --------------------------------------------------------------
 
 
 def test_each_folder_becomes_a_session_in_the_order_of_its_frames(nights, serial_root):

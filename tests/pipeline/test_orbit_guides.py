@@ -155,7 +155,7 @@ def test_with_the_papers_preset_a_lost_one_is_searched_for_as_ever():
     assert len(ours.memory.of(OrbitEstimate)) == len(never.memory.of(OrbitEstimate))
 
 
-def test_a_proposal_knows_where_the_filter_was_begun_anew():
+def test_a_proposal_knows_where_the_filter_was_begun_again():
     it = night(24)
     frames = list(replay(it.memory.records, it.engine.config))
     by_orbit = [r for each in frames for r in each.records if is_by_orbit(r)]

@@ -17,7 +17,7 @@ from rsoconsole.orbit.motion.known_orbit import KnownOrbit, known
 from rsoconsole.orbit.motion.prediction import predict
 from rsoconsole.orbit.motion.two_body import elements_of
 from rsoconsole.pipeline.cycle.absence import StarHistory
-from rsoconsole.pipeline.cycle.better_predictor import Foretold, Rivals
+from rsoconsole.pipeline.cycle.better_predictor import PredictionScore, Rivals
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
@@ -204,7 +204,7 @@ def test_a_geostationary_satellite_has_an_orbit_from_its_third_direction_on_that
     assert off * 3600.0 < 3.0 * float(ahead.sigma_arcsec[0])
     truth = elements_of(true.start[0][:3], true.start[0][3:])
     assert abs(watched.last.a_km - truth.a_km) < 3.0 * watched.last.sigma_a_km + 3.0
-    # What it foretold is judged as the filter's predictions are.
+    # What it predicted is judged as the filter's predictions are.
     nis = [each.estimate.nis for each in watched.refined[5:]]
     told = [value for value in nis if value is not None]
     assert len(told) == len(nis)
@@ -435,7 +435,7 @@ def test_the_operators_word_on_a_frame_changes_the_orbit():
     watched.hear(predicted)
     [refined] = watched.orbit.refine()
     assert refined.estimate.observations == before.observations - 1
-    assert refined.estimate.nis is None, "nothing new was foretold"
+    assert refined.estimate.nis is None, "nothing new was predicted"
 
 
 def test_a_clock_that_was_set_ends_what_was_known():
@@ -453,20 +453,20 @@ def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():
 
 
 def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
-    sharp, vague = Foretold(nis=2.0, log_size=0.0), Foretold(nis=0.1, log_size=8.0)
+    sharp, vague = PredictionScore(nis=2.0, log_size=0.0), PredictionScore(nis=0.1, log_size=8.0)
     rivals = Rivals()
     leads = []
     for _ in range(8):
         rivals.hear(sharp, vague)
         leads.append(rivals.is_orbit_ahead)
     assert leads == [False] * 4 + [True] * 4
-    wrong = Foretold(nis=40.0, log_size=-80.0)
+    wrong = PredictionScore(nis=40.0, log_size=-80.0)
     for _ in range(8):
         rivals.hear(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
     alike = Rivals()
     for _ in range(20):
-        alike.hear(sharp, Foretold(nis=2.2, log_size=0.0))
+        alike.hear(sharp, PredictionScore(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
 
 
@@ -477,8 +477,8 @@ def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float,
     rivals = Rivals()
     assert not rivals.is_close
     for _ in range(6):
-        by_filter = Foretold(nis=2.0, log_size=0.0)
-        rivals.hear(Foretold(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
+        by_filter = PredictionScore(nis=2.0, log_size=0.0)
+        rivals.hear(PredictionScore(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
     assert rivals.is_close is is_close
     rivals.filter_failed(41.26, 11.83)
     assert not rivals.is_close

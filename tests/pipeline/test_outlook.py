@@ -1,4 +1,4 @@
-"""What the next hours bring, held against other people's reckonings and against itself."""
+"""What the next hours bring, held against other people's computations and against itself."""
 
 import numpy as np
 import pytest

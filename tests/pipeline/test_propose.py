@@ -67,7 +67,7 @@ def test_the_filter_over_the_arcs_says_what_the_record_says(sound_night):
 
 
 def test_the_log_likelihood_is_that_of_normal_innovations(sound_night):
-    """Against scipy's density, with S made anew from the recorded prediction."""
+    """Against scipy's density, with S made again from the recorded prediction."""
     (arc,), records = arcs(sound_night)
     predicted = {r.frame_id: r for r in records if getattr(r, "kind", "") == "predicted"}
     settings = SessionReader(sound_night).config().filter

@@ -108,7 +108,7 @@ def test_a_plate_found_anew_gives_the_same_place(recorded: RecordedFrame, frame:
         assert len(plain.now.detections.detections) == 1
         assert plain.now.solution is unsolved
         assert plain.now.measurements == ()
-        solved = processor.run(solves_anew=True)
+        solved = processor.run(solves_again=True)
     finally:
         processor.close()
     (was,), (now,) = recorded.seen.measurements, solved.now.measurements
@@ -127,7 +127,7 @@ def test_without_index_files_the_reason_stands_for_the_plate(
         raise SolverError("no usable index files: install some")
 
     monkeypatch.setattr(reprocess, "PlateSolver", none)
-    found = Reprocessor(recorded, frame).run(solves_anew=True)
+    found = Reprocessor(recorded, frame).run(solves_again=True)
     assert isinstance(found.now.solution, NotSolved)
     assert "index files" in found.now.solution.reason
     assert found.now.measurements == ()

@@ -223,7 +223,7 @@ def test_whatever_is_tried_the_retold_log_replays_into_itself(session, tried):
 
 
 def test_the_operators_word_has_its_frames_followed_again_in_the_retold_night(session):
-    """He refuses what frame 30 gave; the ruling and all it leads to are told anew."""
+    """He refuses what frame 30 gave; the ruling and all it leads to are told again."""
     config = SessionReader(session).config()
     log = log_of(session)
     ruled = ruled_log(log, config, 30)
@@ -343,7 +343,7 @@ def test_branches_are_listed_and_dropped(mine):
     assert SessionReader(mine).counts().frames == 60
 
 
-# -- frames reduced anew ----------------------------------------------------------------------
+# -- frames reduced again ----------------------------------------------------------------------
 
 
 def test_detector_and_solver_run_anew_over_what_was_kept_and_say_of_how_much(tmp_path):
@@ -354,9 +354,9 @@ def test_detector_and_solver_run_anew_over_what_was_kept_and_say_of_how_much(tmp
     assert (found.rerun.rerun, found.rerun.not_kept, found.rerun.unreadable) == (1, 21, 0)
     assert len(seen) == 22
     recorded = [r for _, r in log_of(SCHEMA_1) if isinstance(r, Measurement)]
-    anew = [r for _, r in found.log if isinstance(r, Measurement)]
-    assert len(anew) == len(recorded)
-    for one, other in zip(recorded, anew, strict=True):
+    again = [r for _, r in found.log if isinstance(r, Measurement)]
+    assert len(again) == len(recorded)
+    for one, other in zip(recorded, again, strict=True):
         half_an_arcsec = 0.5 / 3600
         assert other.ra_icrs_deg == pytest.approx(one.ra_icrs_deg, abs=half_an_arcsec)
         assert other.dec_icrs_deg == pytest.approx(one.dec_icrs_deg, abs=half_an_arcsec)

@@ -91,7 +91,7 @@ def test_line_ends_of_every_kind_are_read_as_one(tmp_path: Path):
 
 
 def test_elements_nested_too_deeply_are_one_line():
-    with pytest.raises(OrbitError, match="nested too deeply; fetch it anew"):
+    with pytest.raises(OrbitError, match="nested too deeply; fetch it again"):
         parse_catalogue(DEEP_JSON, "e.json")
 
 

@@ -582,7 +582,7 @@ def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> Non
 
 
 READ_SENTENCES = {"session/reading/legacy.py", "session/reading/old_reasons.py"}
-"""They decode what older versions wrote; whoever else reads a sentence decides by its words."""
+"""They decode what older versions wrote; what else reads a sentence decides by its words."""
 REASONS = {
     "reason",
     "outcome",

@@ -1,4 +1,4 @@
-"""The sky of an hour against the same reckoned for the instant itself."""
+"""The sky of an hour against the same computed for the instant itself."""
 
 import numpy as np
 import pytest

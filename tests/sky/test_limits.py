@@ -569,31 +569,31 @@ def answers(limits, requests):
     ]
 
 
-def reckon(requests, observatory):
+def compute(requests, observatory):
     """Margins by astropy of the requests that are sound, by their place in the list."""
     from astropy.utils import iers
 
     places = [i for i, request in enumerate(requests) if broken_before_the_sky(request) is None]
     with iers.conf.set_temp("auto_download", False):
-        reckoned = margins([requests[i] for i in places], *OBSERVATORIES[observatory])
+        computed = margins([requests[i] for i in places], *OBSERVATORIES[observatory])
     return {
         i: (
-            {name: float(values[row]) for name, values in reckoned.left_deg.items()},
-            bool(reckoned.is_edge[row]),
+            {name: float(values[row]) for name, values in computed.left_deg.items()},
+            bool(computed.is_edge[row]),
         )
         for row, i in enumerate(places)
     }
 
 
-def compare(requests, answered, reckoned):
-    """What the limits and the second reckoning disagree on, and how many lie on an edge."""
+def compare(requests, answered, computed):
+    """What the limits and the second computation disagree on, and how many lie on an edge."""
     wrong, on_edge = [], 0
     for i, (request, said) in enumerate(zip(requests, answered, strict=True)):
-        if i not in reckoned:
+        if i not in computed:
             if limit_of(said) != broken_before_the_sky(request):
                 wrong.append((request, said))
             continue
-        left_deg, is_edge = reckoned[i]
+        left_deg, is_edge = computed[i]
         least_deg = min(left_deg.values())
         names_a_violated_one = said is not None and left_deg[said.limit] < EDGE_DEG
         if is_edge or abs(least_deg) < EDGE_DEG:
@@ -606,7 +606,7 @@ def compare(requests, answered, reckoned):
 def agree(observatory, count, seed):
     requests = random_requests(observatory, count, seed)
     answered = answers(Limits(*OBSERVATORIES[observatory]), requests)
-    wrong, on_edge = compare(requests, answered, reckon(requests, observatory))
+    wrong, on_edge = compare(requests, answered, compute(requests, observatory))
     said = Counter(limit_of(one) or "allowed" for one in answered)
     print(f"\n{observatory}: {dict(said)}, {on_edge} on an edge, {len(wrong)} wrong")
     assert wrong[:3] == []
@@ -633,7 +633,7 @@ def test_of_100_000_slews_no_unsafe_one_passes_and_no_safe_one_is_refused(observ
 def trouble():
     """Requests for one observatory, with their margins."""
     requests = random_requests("Daytona, German", 700, seed=5)
-    return requests, reckon(requests, "Daytona, German")
+    return requests, compute(requests, "Daytona, German")
 
 
 @pytest.mark.parametrize(
@@ -649,17 +649,17 @@ def trouble():
     ],
 )
 def test_the_comparison_sees_a_limit_that_is_not_as_configured(trouble, loosened):
-    requests, reckoned = trouble
+    requests, computed = trouble
     site, limits, mount = OBSERVATORIES["Daytona, German"]
     other = Limits(site, LimitsConfig(**{**limits.model_dump(), **loosened}), mount)
-    assert compare(requests, answers(other, requests), reckoned)[0] != []
+    assert compare(requests, answers(other, requests), computed)[0] != []
 
 
 def test_the_comparison_sees_that_only_the_ends_are_held_against_the_sun(trouble, monkeypatch):
     monkeypatch.setattr(limits_module, "sun_passage", lambda *_: None)
-    requests, reckoned = trouble
+    requests, computed = trouble
     answered = answers(Limits(*OBSERVATORIES["Daytona, German"]), requests)
-    assert compare(requests, answered, reckoned)[0] != []
+    assert compare(requests, answered, computed)[0] != []
 
 
 @pytest.mark.parametrize("observatory", OBSERVATORIES)

@@ -27,7 +27,7 @@ from tests.tracking.test_follow import SETTINGS as EVERY_DAY
 from tests.tracking.test_follow import locked, seen
 
 SETTINGS = dataclasses.replace(EVERY_DAY, filter=FilterConfig(preset="tuned"))
-"""Its bounds after a coast are what the figures here are reckoned from."""
+"""Its bounds after a coast are what the figures here are computed from."""
 
 NEIGHBOUR_DEG = 0.06
 """A slot's mates: 3.6 arcmin."""

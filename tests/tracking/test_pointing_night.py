@@ -1,7 +1,7 @@
 """The loop's pointing against the simulated mount with all its errors: true place against frame.
 
 The observatory runs as a process and speaks INDI; polar axis, cone, flexure, the jump at the flip
-and 15 arcsec drawn anew for every slew are in it. Frames are drawn without a sky: the reducer of
+and 15 arcsec drawn again for every slew are in it. Frames are drawn without a sky: the reducer of
 this test is told by the observatory's truth where the telescope really looked, as a plate
 solution would tell it.
 """

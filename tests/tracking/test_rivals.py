@@ -111,7 +111,7 @@ def streak(  # noqa: PLR0917 -- of whom, where it is, how it moves
         cov_sky_arcsec2=(float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])),
         x_px=0.0,
         y_px=0.0,
-        # Two to four times as bright: whoever goes by confidence takes the other one.
+        # Two to four times as bright: anyone who goes by confidence takes the other one.
         confidence=0.95 if name == "ours" else 0.999,
         source="network",
         ends_icrs_deg=(plane.direction_of(*(place - half)), plane.direction_of(*(place + half))),
@@ -195,9 +195,9 @@ def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
             assert [each.track_id for each in taken.live()] == [2]
     assert following.state == "TRACK"
     assert taken_of(following, 11) == "ours"
-    anew = [each for each in told if each.startswith("re-acquired")]
-    assert len(anew) == 1
-    assert "arcsec from the prediction: 3 frames agree" in anew[0]
+    again = [each for each in told if each.startswith("re-acquired")]
+    assert len(again) == 1
+    assert "arcsec from the prediction: 3 frames agree" in again[0]
     assert following.track_id == 2
     assert replaced == [1]  # on record once, with its first state
 

@@ -1,7 +1,7 @@
 """Independent frames, altered as ordinary nights alter them: their satellites are found still.
 
 SatSim drew the frames; here they are blurred, drawn out, striped or binned, then given the noise
-of a sensor afresh. Whatever blurs the whole image blurs the satellite's streak too.
+of a sensor again. Whatever blurs the whole image blurs the satellite's streak too.
 """
 
 import json
@@ -38,7 +38,7 @@ def _convolved(kernel: np.ndarray) -> Alter:
     def alter(pixels: PixelArray, rng: np.random.Generator) -> PixelArray:
         noise = float(np.median(local_background(pixels).noise))
         blurred = cv2.filter2D(pixels.astype(np.float32), -1, kernel, borderType=cv2.BORDER_REFLECT)
-        # The image's own noise is blurred with it: as much as that took away comes afresh.
+        # The image's own noise is blurred with it: as much as that took away comes again.
         left = noise * math.sqrt(float((kernel**2).sum()))
         return blurred + rng.normal(0.0, math.sqrt(noise**2 - left**2), blurred.shape)
 

@@ -161,7 +161,7 @@ def control_socket(scratch: Path) -> Path | None:
 
 
 class NightProcess:
-    """A night in a process of its own; it outlives whoever started it."""
+    """A night in a process of its own; it outlives the one that started it."""
 
     def __init__(
         self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info
@@ -248,7 +248,7 @@ def main() -> int:
     night = Night(**{**table, "session": Path(table["session"]) if table["session"] else None})
 
     def tell(message: dict[str, Any]) -> None:
-        # Whoever asked may be gone: the night goes on.
+        # Anyone who asked may be gone: the night goes on.
         with contextlib.suppress(OSError, ValueError):
             print(json.dumps(message), flush=True)
 

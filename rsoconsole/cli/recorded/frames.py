@@ -107,7 +107,7 @@ def process(
     ] = None,
     extension: ExtensionOption = None,
     again: Annotated[
-        bool, typer.Option("--again", help="Make also those nights anew that are there already.")
+        bool, typer.Option("--again", help="Make also those nights again that are there already.")
     ] = False,
     workers: WorkersOption = None,
     serial: SerialOption = False,

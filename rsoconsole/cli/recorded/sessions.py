@@ -265,7 +265,7 @@ def prune(
 def keep(
     places: SessionArgument,
     *,
-    why: Annotated[str, typer.Option(help="Why, for whoever finds the mark.")] = "",
+    why: Annotated[str, typer.Option(help="Why, for anyone who finds the mark.")] = "",
     release: Annotated[bool, typer.Option("--release", help="Take the mark away again.")] = False,
 ) -> None:
     """Mark sessions so that 'sessions prune' never touches them: a file KEEP in the folder.

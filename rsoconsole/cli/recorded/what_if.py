@@ -73,10 +73,10 @@ def what_if(
     ] = None,
     set_: SetOption = None,
     detector: Annotated[
-        bool, typer.Option("--detector", help="Detect anew in the frames that were kept.")
+        bool, typer.Option("--detector", help="Detect again in the frames that were kept.")
     ] = False,
     solver: Annotated[
-        bool, typer.Option("--solver", help="Plate-solve anew the frames that were kept.")
+        bool, typer.Option("--solver", help="Plate-solve again the frames that were kept.")
     ] = False,
     propose: Annotated[
         bool, typer.Option("--propose", help="Seek the likeliest Q and R, with the evidence.")

@@ -146,7 +146,7 @@ def service_status(json_: JsonOption = False) -> None:
         return
     output.say(f"{path}: {row['enabled'] or 'unknown'}, {row['active'] or 'unknown'}")
     if not row["program_exists"]:
-        output.say("its program is gone: 'rsoconsole service install' writes the unit anew")
+        output.say("its program is gone: 'rsoconsole service install' writes the unit again")
     if not row["lingers"]:
         output.say("it ends when you log out: 'loginctl enable-linger' lets it run on")
 

@@ -46,7 +46,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
     if answer.rerun is not None:
         kept, gone = answer.rerun.rerun, answer.rerun.not_kept + answer.rerun.unreadable
         rest = f"; {gone} without their pixels stay as recorded" if gone else ""
-        yield f"  {kept} frame{'' if kept == 1 else 's'} reduced anew{rest}"
+        yield f"  {kept} frame{'' if kept == 1 else 's'} reduced again{rest}"
     if not answer.is_reproduced:
         yield (
             "  the recorded settings do not give the recorded track: another version"

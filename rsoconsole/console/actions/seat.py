@@ -260,7 +260,7 @@ class Seat(Screen[None]):
         return self.engine.seat_asked_by if is_ours else None
 
     def action_give_seat(self) -> None:
-        """To whoever asks for it."""
+        """To anyone who asks for it."""
         self._answer_for_seat(gives=True)
 
     def action_keep_seat(self) -> None:

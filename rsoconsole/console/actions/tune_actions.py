@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
 EVERY_S = 20.0
-"""How often an open pane's figures are reckoned anew."""
+"""How often an open pane's figures are computed again."""
 
 
 class TuneActions(Seat):
@@ -43,7 +43,7 @@ class TuneActions(Seat):
     _figures: "tuple[TrackFigures | None, TrackFigures | None]" = (None, None)
     _tuning: Tuning | None = None
     _watch: WhatIfWatch | None = None
-    _reckoned_s = 0.0
+    _computed_s = 0.0
 
     def place_panes(self) -> None:
         """Lay the panes out again; the screen that has them does."""
@@ -68,7 +68,7 @@ class TuneActions(Seat):
         self.set_focus(pane)
         self.show_tuning()
         self.show_keys()
-        self.reckon()
+        self.compute()
         if self._watch is not None:
             self._watch.prepare()
 
@@ -87,7 +87,7 @@ class TuneActions(Seat):
         self.tuning.see({name: self.night.setting(name) for name in NAMES})
         if was_tried and not self.tuning.tried:
             self._figures = (self._figures[0], None)
-            self.reckon()  # what was tried is in force: its figures are those of the night
+            self.compute()  # what was tried is in force: its figures are those of the night
         lines = tune_lines(self.tuning, *self._figures, words=self.tune_words)
         self.query_one("#tune", TunePane).show(lines)
 
@@ -104,18 +104,18 @@ class TuneActions(Seat):
         return of_settings_now(self.night, now.frames)
 
     def tune_scope(self) -> tuple[int | None, int | None]:
-        """(until which place of the log, over how many of its last frames) figures are reckoned."""
+        """(until which place of the log, over how many of its last frames) figures are computed."""
         return None, self.last_frames()
 
     def last_frames(self) -> int:
         """Of the lead, as many as the orbit's pane says how good it is by."""
         return len(frames_of_track(self.night)) or LAST_FRAMES
 
-    def reckon(self) -> None:
-        """Have the figures reckoned."""
+    def compute(self) -> None:
+        """Have the figures computed."""
         if self.night.folder is None or self.night.config is None:
             return
-        self._reckoned_s = time.monotonic()
+        self._computed_s = time.monotonic()
         if self._watch is None:
             self._watch = WhatIfWatch(lambda *figures: self.post_from_thread(WhatIfSeen(*figures)))
         until_seq, last = self.tune_scope()
@@ -127,13 +127,13 @@ class TuneActions(Seat):
             last=last,
         )
 
-    def reckon_now_and_then(self) -> None:
+    def compute_now_and_then(self) -> None:
         """Where the pane is always seen, its figures follow the night."""
         if not self.night.is_read:
             return  # nobody knows yet over how many frames
-        is_due = time.monotonic() - self._reckoned_s >= EVERY_S
+        is_due = time.monotonic() - self._computed_s >= EVERY_S
         if self.query_one("#tune", TunePane).display and is_due:
-            self.reckon()
+            self.compute()
 
     def on_what_if_seen(self, message: WhatIfSeen) -> None:
         """Figures now and with what is tried."""
@@ -190,7 +190,7 @@ class TuneActions(Seat):
     def _try(self) -> None:
         self._figures = (self._figures[0], None)
         self.show_tuning()
-        self.reckon()
+        self.compute()
 
     def _apply(self) -> None:
         if not self.may_act():

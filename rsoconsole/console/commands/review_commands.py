@@ -89,7 +89,7 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
         "tune_scope",
         "A",
         "Tune over all frames",
-        "the tuning pane reckons over the last 40 frames, or over all so far",
+        "the tuning pane computes over the last 40 frames, or over all so far",
         "streaks",
         where=_HERE,
     ),

@@ -29,7 +29,7 @@ from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
 LOOK_S = 0.25
-"""How often what is under way says for how long, and the first line is made anew."""
+"""How often what is under way says for how long, and the first line is made again."""
 MOST_ALERT_ROWS = 3
 
 

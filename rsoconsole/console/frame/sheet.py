@@ -38,7 +38,7 @@ class Sheet:
     chosen: int | None = None
     tau_steps: int = 0
     map_mode: MapMode | None = None
-    solves_anew: bool = False
+    solves_again: bool = False
     wish: Wish | None = None
     """The one under way."""
     is_marking: bool = False
@@ -99,7 +99,7 @@ class Sheet:
     def solution(self) -> Solution | None:
         """The plate by which places are told."""
         found = None
-        if self.done is not None and self.done.result.is_solved_anew:
+        if self.done is not None and self.done.result.is_solved_again:
             found = self.done.result.now.solution
         elif self.opened is not None:
             found = self.opened.recorded.seen.solution
@@ -110,6 +110,6 @@ class Sheet:
         return Wish(
             tau=self.tau if self.tau_steps else None,
             map_mode=self.map_mode,
-            solves_anew=self.solves_anew,
+            solves_again=self.solves_again,
             wants_map=self.sees_as_network,
         )

@@ -279,7 +279,7 @@ class SheetActions(Screen[None]):
         """A plate from this frame's stars alone, or the recorded one again."""
         if not self._can_process():
             return
-        self.sheet.solves_anew = not self.sheet.solves_anew
+        self.sheet.solves_again = not self.sheet.solves_again
         self.process()
 
     def action_as_recorded(self) -> None:
@@ -287,7 +287,7 @@ class SheetActions(Screen[None]):
         if not self._can_process():
             return
         sheet = self.sheet
-        sheet.tau_steps, sheet.map_mode, sheet.solves_anew = 0, None, False
+        sheet.tau_steps, sheet.map_mode, sheet.solves_again = 0, None, False
         self.process()
 
     # -- the mouse -----------------------------------------------------------------------------

@@ -50,7 +50,7 @@ def _settings(sheet: Sheet, width: int) -> list[Line]:
     mode = sheet.map_mode or sheet.recorded_mode
     recorded = sheet.opened.recorded.seen.solution
     plate = "as recorded" if isinstance(recorded, Solution) else "none on record"
-    plate = "found anew" if sheet.solves_anew else plate
+    plate = "found again" if sheet.solves_again else plate
     lines: list[Line] = [
         _setting("τ", f"{before:.3g}", None if tau == before else f"{tau:.3g}", ", .", width),
         _setting(
@@ -94,7 +94,7 @@ def _course(sheet: Sheet, width: int) -> list[tuple[str, Ink]]:
     ]
     if result.is_same_network is False:
         said.append(("another network than on record", "warn"))
-    if result.is_solved_anew and not isinstance(result.now.solution, Solution):
+    if result.is_solved_again and not isinstance(result.now.solution, Solution):
         reason = result.now.solution.reason if result.now.solution is not None else "not asked for"
         said += [(t, "warn") for t in textwrap.wrap(f"not solved: {reason}", max(width, 1))[:3]]
     return said
@@ -201,7 +201,7 @@ def _summary(sheet: Sheet) -> list[Line]:
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     tau, mode = sheet.tau, sheet.map_mode or sheet.recorded_mode
-    is_tried = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_anew
+    is_tried = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_again
     head: Line = [(f" τ {tau:.3g} {mode}  ", "warn" if is_tried else "")]
     if sheet.done is not None and sheet.wish is None and not sheet.failure:
         head.append((f"{sheet.done.result.stage_ms['total']:.0f} ms", "dim"))

@@ -1,4 +1,4 @@
-"""An orbit and where it leads from an instant on: reckoned by the outlook's thread, then shown."""
+"""An orbit and where it leads from an instant on: computed by the outlook's thread, then shown."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -34,8 +34,8 @@ class OrbitAhead:
     """Place of its log up to which that was known."""
     estimate: OrbitEstimate
     identified: Identified | None = None
-    """Reckoned along with it; None where it is for the record to say."""
-    is_reckoned: bool = False
+    """Computed along with it; None where it is for the record to say."""
+    is_computed: bool = False
     """The session holds no orbits: this one was found now, from its measurements."""
     from_utc_ns: int
     outlook: "OrbitOutlook | None"
@@ -54,10 +54,10 @@ def orbit_ahead(
     folder: Path | None = None,
     seq: int = 0,
     identified: Identified | None = None,
-    is_reckoned: bool = False,
+    is_computed: bool = False,
 ) -> OrbitAhead:
     """Where it leads from that instant on, seen from the configured site; about half a second."""
-    # Late: the sky's reckoning loads slowly, and the first paint does not wait for it.
+    # Late: the sky's computation loads slowly, and the first paint does not wait for it.
     from rsoconsole.orbit.motion import known
     from rsoconsole.pipeline.orbits import orbit_outlook
     from rsoconsole.pipeline.words import element_sigmas, elements_by_name
@@ -68,7 +68,7 @@ def orbit_ahead(
         seq=seq,
         estimate=estimate,
         identified=identified,
-        is_reckoned=is_reckoned,
+        is_computed=is_computed,
         from_utc_ns=from_utc_ns,
         outlook=orbit_outlook(orbit, config.site.to_site(), config.limits, from_utc_ns, AHEAD_S),
         elements=elements_by_name(orbit.r_km, orbit.v_km_s),
@@ -100,7 +100,7 @@ def ahead_of_record(night: NightView, from_utc_ns: int) -> OrbitAhead | None:
         folder=night.folder,
         seq=night.seq,
         identified=identified,
-        is_reckoned=True,
+        is_computed=True,
     )
 
 

@@ -170,7 +170,7 @@ def line_of(
     words = _words(record)
     if words is None:
         return None
-    # Control characters would reach the terminal, whoever wrote them.
+    # Control characters would reach the terminal, no matter who wrote them.
     said = one_line(f"{words[1]}; {beside}" if beside else words[1])
     cause = record.reason if isinstance(record, StateChange) else None
     kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""

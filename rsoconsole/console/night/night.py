@@ -1,4 +1,4 @@
-"""What a session says of its night so far: a fold over its records, for whoever shows it."""
+"""What a session says of its night so far: a fold over its records, to be shown."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -431,7 +431,7 @@ class Night:
         )
 
     def _see_horizon(self) -> None:
-        """Altitude and azimuth of the pointing, for whoever looks now."""
+        """Altitude and azimuth of the pointing, once it is looked at."""
         if self._now.pointing is not None and self._site is not None:
             self._now.pointing = above_horizon(self._now.pointing, self._site)
 

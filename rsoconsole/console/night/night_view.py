@@ -1,4 +1,4 @@
-"""What a night's fold knows at one instant, for whoever shows it."""
+"""What a night's fold knows at one instant, to be shown."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

@@ -104,10 +104,10 @@ def _name_of(identified: Identified) -> str:
 
 def _title(shown: OrbitShown, width: int) -> Line:
     estimate = shown.estimate
-    head = "orbit, reckoned now" if shown.is_reckoned else "orbit"
+    head = "orbit, computed now" if shown.is_computed else "orbit"
     if shown.is_past:
         at = f"orbit {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else "orbit"
-        head = "last, reckoned now" if shown.is_reckoned else f"last {at}"
+        head = "last, computed now" if shown.is_computed else f"last {at}"
     if estimate is None:
         return _rule([(head, "title")], "", width)
     label = estimate.label
@@ -205,9 +205,9 @@ def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
     """Where it will be, and what happens to it within a day."""
     ahead = shown.ahead
     if ahead is None:
-        return [(3, [(" reckoning where it leads …", "dim")])] if shown.has_site else []
+        return [(3, [(" computing where it leads …", "dim")])] if shown.has_site else []
     if ahead.outlook is None:
-        return [(3, [(" where it leads cannot be reckoned", "warn")])]
+        return [(3, [(" where it leads cannot be computed", "warn")])]
     lines: list[Ranked] = []
     if width < WIDE_COLUMNS:
         azimuth = "  az" if width >= NARROW_COLUMNS else ""
@@ -298,7 +298,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
 def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     """By what the telescope aims, and how well the orbit fits."""
     items: list[Item] = []
-    if not shown.is_past and not shown.is_reckoned:
+    if not shown.is_past and not shown.is_computed:
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
     if estimate.nis is not None:
         is_far = estimate.nis > NIS_BAND[1]

@@ -1,4 +1,4 @@
-"""What can be said of the orbit at one instant of a night: from the record, or reckoned from it."""
+"""What can be said of the orbit at one instant of a night: from the record, or computed from it."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from rsoconsole.records import Identified, OrbitEstimate
 
 LEAST_MEASUREMENTS = 3
 AHEAD_GOOD_S = 300.0
-"""What was reckoned from another instant is not shown beyond that."""
+"""What was computed from another instant is not shown beyond that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ class OrbitShown:
     is_past: bool = False
     since_word_s: float | None = None
     """Its age, where it is from before the operator's last word on a frame; else None."""
-    is_reckoned: bool = False
+    is_computed: bool = False
     """Found now, from the measurements on record."""
     absence: str = ""
     """Why there is no orbit; empty where there is one."""
@@ -38,11 +38,11 @@ class OrbitShown:
 
 
 def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitShown:
-    """What is known at that instant; ``ahead``: what was reckoned last, of whatever orbit."""
+    """What is known at that instant; ``ahead``: what was computed last, of whatever orbit."""
     now = present_utc_ns(night, engine)
     quality = track_quality(night)
     ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
-    if night.orbit is None and ahead is not None and ahead.is_reckoned:
+    if night.orbit is None and ahead is not None and ahead.is_computed:
         is_past = night.track is None or ahead.estimate.track_id != night.track.track_id
         return OrbitShown(
             estimate=ahead.estimate,
@@ -50,7 +50,7 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
             ahead=ahead,
             now_utc_ns=now,
             is_past=is_past,
-            is_reckoned=True,
+            is_computed=True,
             quality=quality,
             has_catalogue=False,
         )
@@ -78,14 +78,14 @@ def _since_word_s(night: NightView, now: int | None) -> float | None:
 
 
 def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
-    """Whether it was reckoned of this session, and of about this instant."""
-    is_same = ahead.folder == night.folder and (not ahead.is_reckoned or ahead.seq <= night.seq)
+    """Whether it was computed of this session, and of about this instant."""
+    is_same = ahead.folder == night.folder and (not ahead.is_computed or ahead.seq <= night.seq)
     return is_same and now is not None and abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
 
 
 def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
-    """Whether it is of the orbit on record, or until that is reckoned, of one just before it."""
-    if night.orbit is None or ahead.is_reckoned:
+    """Whether it is of the orbit on record, or until that is computed, of one just before it."""
+    if night.orbit is None or ahead.is_computed:
         return False
     if ahead.estimate == night.orbit:
         return True
@@ -101,7 +101,7 @@ def _absence(night: NightView, engine: EngineView) -> str:
     if count < LEAST_MEASUREMENTS:
         return f"an orbit needs {LEAST_MEASUREMENTS} measurements: {count} so far"
     if night.setting("orbit.online") is False:
-        return "no orbit is reckoned: the setting orbit.online is off"
+        return "no orbit is computed: the setting orbit.online is off"
     if engine.reach == "recorded":
         return "no orbit is on record here: recorded without, or too little was measured"
     return "no orbit yet: the measurements so far tell none"

@@ -106,7 +106,7 @@ class LogPane(ScrollView):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        # The scroll bar's column is left free, so that opening the log breaks no line anew.
+        # The scroll bar's column is left free, so that opening the log breaks no line again.
         width = self.outer_size.width - 1
         self._rows = [
             (line, row, number < len(rows))

@@ -36,7 +36,7 @@ Edges = npt.NDArray[np.intp]
 
 
 class SheetPixels:
-    """One frame's pixels for whoever looks at them. For one thread at a time."""
+    """One frame's pixels for anyone who looks at them. For one thread at a time."""
 
     def __init__(self, pixels: PixelArray) -> None:
         self.pixels = pixels

@@ -66,7 +66,7 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
             self.place_panes()
         self.show_night()
         self.show_engine()
-        self.reckon_now_and_then()
+        self.compute_now_and_then()
 
     def on_engine_seen(self, message: EngineSeen) -> None:
         """The engine's word."""

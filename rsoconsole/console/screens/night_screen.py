@@ -400,5 +400,5 @@ class NightScreen(PictureActions):
             self.say("")
 
     def text(self) -> str:
-        """Every shown pane's words, for whoever cannot see the terminal."""
+        """Every shown pane's words, for anyone who cannot see the terminal."""
         return "\n".join(pane.text for pane in self.query(LinesPane) if pane.display)

@@ -60,7 +60,7 @@ LINES = 200
 """Of the log in its small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
-"""So long a moment must stay before what lies ahead of it is reckoned."""
+"""So long a moment must stay before what lies ahead of it is computed."""
 HEAD = "head"
 """Where a night that goes on is opened: at its last frame, and on with it."""
 
@@ -184,22 +184,22 @@ class ReviewScreen(ReviewCompare):
         self.show_engine()
         self.show_place()
         self.compare_if_asked()
-        self._reckon_here()
+        self._compute_here()
 
-    def _reckon_here(self) -> None:
+    def _compute_here(self) -> None:
         """The tuning pane's figures are of a moment: those of another one are no answer."""
         moment, self._figures = self.moment, (None, None)
         self.show_tuning()
 
         def ask() -> None:
             if self.moment is moment and self.query_one("#tune", TunePane).display:
-                self.reckon()
+                self.compute()
 
         if not self.player.is_playing:
             self.set_timer(OUTLOOK_AFTER_S, ask)
 
     def _ask_outlook(self) -> None:
-        """The sky's reckoning takes the processor: not while somebody goes through the night."""
+        """The sky's computation takes the processor: not while somebody goes through the night."""
         moment = self.moment
         if not self.timeline.is_whole or moment is None:
             return
@@ -397,7 +397,7 @@ class ReviewScreen(ReviewCompare):
         """The last frames, or all."""
         self._tunes_all = not self._tunes_all
         self.show_tuning()
-        self.reckon()
+        self.compute()
         self.say(f"tune: {self.tune_words.frames}")
 
     def may_act(self) -> bool:

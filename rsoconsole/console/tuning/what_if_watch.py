@@ -1,4 +1,4 @@
-"""Reckons on a thread of its own what the night would have been with what is being tried."""
+"""Computes on a thread of its own what the night would have been with what is being tried."""
 
 import logging
 import threading
@@ -43,7 +43,7 @@ class WhatIfWatch:
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
     ) -> None:
-        """Reckon with these settings tried (any thread).
+        """Compute with these settings tried (any thread).
 
         ``until_seq``: as of that place of the log, None: its end; ``last``: over so many frames,
         None: over all.

@@ -29,8 +29,8 @@ class OutlookWatch(Looker):
         super().__init__("outlook", WAIT_S)
         self._on_seen, self._on_orbit = on_seen, on_orbit
         self._known = (NightView(), EngineView())
-        self._reckoned_s = self._orbit_s = -EVERY_S
-        self._reckoned_of: object = None
+        self._computed_s = self._orbit_s = -EVERY_S
+        self._computed_of: object = None
         self._orbit_of: object = None
 
     def tell(self, night: NightView, engine: EngineView) -> None:
@@ -42,28 +42,28 @@ class OutlookWatch(Looker):
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
         if night.config is None or not now:
             return
-        for reckon in (self._reckon, self._reckon_orbit):
+        for compute in (self._compute, self._compute_orbit):
             try:
-                reckon(night, engine, now)
+                compute(night, engine, now)
             except Exception:  # a panel without it is worth more than no panel
-                log.exception("the outlook cannot be reckoned")
+                log.exception("the outlook cannot be computed")
 
-    def _reckon(self, night: NightView, engine: EngineView, now: int) -> None:
+    def _compute(self, night: NightView, engine: EngineView, now: int) -> None:
         assert night.config is not None
         direction = _direction(night, engine)
         is_known = night.track is not None, direction is not None
         of = (night.folder, night.state, is_known, _minute(engine, now))
-        if of == self._reckoned_of and time.monotonic() - self._reckoned_s < EVERY_S:
+        if of == self._computed_of and time.monotonic() - self._computed_s < EVERY_S:
             return
-        self._reckoned_of, self._reckoned_s = of, time.monotonic()
-        # Late: the sky's reckoning loads slowly, and the first paint does not wait for it.
+        self._computed_of, self._computed_s = of, time.monotonic()
+        # Late: the sky's computation loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline.outlook import outlook
 
         seen = outlook(night.config, now, direction, night.track)
         if not self._is_closing:
             self._on_seen(seen)
 
-    def _reckon_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
+    def _compute_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
         """Where the orbit on record leads; where a session is too old to hold any, find one."""
         assert night.config is not None
         found = night.orbit
@@ -81,7 +81,7 @@ class OutlookWatch(Looker):
             try:
                 ahead = orbit_ahead(found, night.config, now, folder=night.folder, seq=night.seq)
             except Exception:  # an orbit is worth showing that leads nowhere
-                log.exception("where the orbit leads cannot be reckoned")
+                log.exception("where the orbit leads cannot be computed")
                 ahead = OrbitAhead(
                     folder=night.folder,
                     seq=night.seq,

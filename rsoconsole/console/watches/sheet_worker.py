@@ -37,7 +37,7 @@ class Wish:
 
     tau: float | None = None
     map_mode: MapMode | None = None
-    solves_anew: bool = False
+    solves_again: bool = False
     wants_map: bool = False
     """Whether somebody looks at the network's map."""
 
@@ -168,7 +168,7 @@ class SheetWorker:
 
     def _fulfil(self, processor: "Reprocessor", wish: Wish) -> None:
         try:
-            result = processor.run(wish.tau, wish.map_mode, solves_anew=wish.solves_anew)
+            result = processor.run(wish.tau, wish.map_mode, solves_again=wish.solves_again)
             maps = processor.maps(result.map_mode) if wish.wants_map else ()
         except RsoconsoleError as error:
             self._tell(Fault(text=str(error), wish=wish))

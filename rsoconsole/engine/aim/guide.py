@@ -66,7 +66,7 @@ class Guide:
         return self._direction(t_utc_ns) if may_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
-        """Reckon the way of the next minutes while nobody waits for it."""
+        """Compute the way of the next minutes while nobody waits for it."""
         orbit = self._orbit.orbit
         if orbit is None or not may_guide(self._config):
             self._way = None

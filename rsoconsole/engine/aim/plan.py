@@ -244,7 +244,7 @@ class Planner:
     def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> Plan:
         """The exposure of a track, or of the n-th place of a search.
 
-        Where to look depends on when, and when on how far it is: the way is reckoned once, for
+        Where to look depends on when, and when on how far it is: the way is computed once, for
         the direction of the earliest exposure.
         """
         earliest_ns = self._earliest_ns(now_utc_ns)

@@ -12,7 +12,7 @@ IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
 """Why the limits forbid a slew, held there until an instant; None when they do not."""
 
 SLEW_OVERHEAD_S = 3.0
-"""What a slew is reckoned to take beside its way and settling: a slow mount is waited for."""
+"""What a slew is assumed to take beside its way and settling: a slow mount is waited for."""
 
 FLIP_WAY_DEG = 190.0
 """How far the declination axis turns to change sides near the equator; the other a little less."""

@@ -52,7 +52,7 @@ class Exposures:
         """The frame, and how many milliseconds ago its last byte came.
 
         No exposure begins that sidereal tracking would end behind a limit: tracking is stopped
-        then. Raises Interrupted for that and for whoever wants the loop, InstrumentError when no
+        then. Raises Interrupted for that and for what else needs the loop, InstrumentError when no
         frame comes.
         """
         self.next_start_utc_ns = plan.t_start_utc_ns

@@ -37,7 +37,7 @@ class Seats:
         self._heard_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
-        """Why this one may not do that now; None where it may. Whoever may and acts takes it."""
+        """Why this one may not do that now; None where it may. Anyone who may and acts takes it."""
         if who.kind != "console":
             return None
         with self._lock:
@@ -63,7 +63,7 @@ class Seats:
             return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
     def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
-        """The holder gives the seat, or keeps it; ``to``: whom he means, None: whoever asks.
+        """The holder gives the seat, or keeps it; ``to``: who is meant, None: the one that asks.
 
         Raises ValueError where nobody asks for it, or somebody else does by now.
         """

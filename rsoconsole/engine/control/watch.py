@@ -1,4 +1,4 @@
-"""Looks at the mount once a second, whoever moves it, and ends what must not go on.
+"""Looks at the mount once a second, no matter who moves it, and ends what must not go on.
 
 On a real telescope a thread of its own looks, so that a loop that waits for a solver or a camera
 cannot keep it from looking. Under simulation time passes only while the loop waits, so the loop

@@ -7,7 +7,7 @@ from rsoconsole.sky import NS_PER_S
 from rsoconsole.sky.bodies import night_span
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0
-"""What is reckoned with where no dark time begins within a day."""
+"""What is assumed where no dark time begins within a day."""
 LONGEST_NIGHT_S = 24 * 3600.0
 COMPRESSED_SHARE = 0.52
 """Of a frame whose camera fills all 16 bits; 12 bits in 16 come to half of this."""
@@ -40,7 +40,7 @@ def disk_outlook(
     """How many nights like the coming one the free disk holds.
 
     ``bytes_a_frame`` is what a frame has really come to, without preview and records; None
-    reckons from the sensor and how well such frames compress. For "detected" every frame is
+    computes from the sensor and how well such frames compress. For "detected" every frame is
     counted: how many will show something nobody knows.
     """
     span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)

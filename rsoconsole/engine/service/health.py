@@ -13,7 +13,7 @@ from rsoconsole.engine.service.machine_watch import MachineState
 from rsoconsole.instruments import Clock, MountReport
 
 HOLDS_S = 5.0
-"""How long a reading is told again before it is taken anew."""
+"""How long a reading is told again before it is taken again."""
 SILENT_S = 10.0
 """A mount that has not reported for so long does not answer."""
 LOW_HOURS = 4.0

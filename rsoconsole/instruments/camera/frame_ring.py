@@ -1,9 +1,9 @@
 """Shared memory for frames: three slots, so that no frame ever goes through a pipe.
 
-The memory has no name, only a descriptor that the child inherits: it cannot be left behind,
-whoever dies how. The parent names the slot for each frame that it orders, and the child writes
-there and nowhere else. So a frame need not be copied out of the ring: its slot is lent to whoever
-holds the frame, and none is ordered into it until the last holder has let go.
+The memory has no name, only a descriptor that the child inherits: it cannot be left behind, no
+matter which side dies. The parent names the slot for each frame that it orders, and the child
+writes there and nowhere else. So a frame need not be copied out of the ring: its slot is lent to
+what holds the frame, and none is ordered into it until the last holder has let go.
 """
 
 import contextlib

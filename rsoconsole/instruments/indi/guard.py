@@ -23,7 +23,7 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiGuard:
-    """Whoever watches weather station and dome, as far as they are configured.
+    """What watches weather station and dome, as far as they are configured.
 
     A device counts as silent when it has never said how things stand, when it has gone, and when
     it has said nothing for a minute although it is asked four times in that.

@@ -48,7 +48,7 @@ class Vector:
     serial: int
     """Counts up with every update of any property."""
     is_definition: bool
-    """Told to whoever asks what there is, however old the values are by then."""
+    """The answer to what there is, however old the values are by then."""
     arrived_monotonic_s: float
     """When libindi handed it over; time.monotonic(), the same in all processes of a machine."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)

@@ -64,7 +64,7 @@ class IndiWire:
         self.last_message = ""
         """The latest words of any device."""
         self.deleted: list[tuple[str, str]] = []
-        """Devices and properties that went away, for whoever cares to empty it; name "": all."""
+        """Devices and properties that went away, for a reader to empty; name "": all."""
 
     def close(self) -> None:
         """Hang up."""

@@ -112,7 +112,7 @@ class MountMirror:
     def utc_offset_s(self) -> float | None:
         """The mount's clock minus the machine's (simulated: minus the observatory's); or None.
 
-        Drivers repeat an old time to whoever comes later: what was told before this process
+        Drivers repeat an old time to later clients: what was told before this process
         connected bounds the mount's clock from below only.
         """
         told = self._client.get(TIME)

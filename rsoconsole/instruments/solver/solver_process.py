@@ -110,7 +110,7 @@ class Searcher:
             ra_deg, dec_deg, radius_deg = request.position_deg
             position = astrometry.PositionHint(ra_deg % 360.0, dec_deg, radius_deg)
         parameters = astrometry.SolutionParameters(
-            # The plate is fitted anew from all stars: the quad's own is start enough, and tuning
+            # The plate is fitted again from all stars: the quad's own is start enough, and tuning
             # it here with SIP of order 3 took 220 of 230 ms.
             sip_order=0,
             tune_up_logodds_threshold=None,

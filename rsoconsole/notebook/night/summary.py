@@ -26,7 +26,7 @@ class Spell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """A night at a glance; None where there is nothing to reckon with."""
+    """A night at a glance; None where there is nothing to go by."""
 
     frames: int
     followed: int

@@ -188,7 +188,7 @@ class PanelOrders:
             self._tell("goto", told)
 
     def _go(self, text: str) -> None:
-        """Understood anew: a place beside the horizon goes by with the sky."""
+        """Understood again: a place beside the horizon goes by with the sky."""
         try:
             found = self._understood(text)
         except (ValueError, RsoconsoleError) as error:

@@ -49,7 +49,7 @@ class Report:
 
 
 def write_report(session: Path, out: Path) -> Path:
-    """Render a session's report into the file ``out``, written anew; returns its path.
+    """Render a session's report into the file ``out``, written again; returns its path.
 
     Raises SessionError when the session cannot be read, holds no frame, or ``out`` cannot be
     written.
@@ -269,7 +269,7 @@ def _shutter(exported: ExportedNight) -> str:
 
 
 def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
-    """How it was observed, for whoever wants to do it again."""
+    """How it was observed, for anyone who wants to do it again."""
     config, about = exported.config, exported.about
     site, optics = config.site.to_site(), config.optics
     field = optics.field_deg

@@ -7,7 +7,7 @@ Tapley, Schutz & Born 2004, Statistical Orbit Determination, 4; Levenberg's damp
 against outliers.
 
 Forces beside the point mass enter as the way that they lead off its orbit (Encke's deviation): it
-is reckoned once, kept while the unknowns move a little, and reckoned anew where they moved far.
+is computed once, kept while the unknowns move a little, and computed again where they moved far.
 Slopes are those of the point mass all the same.
 """
 
@@ -160,7 +160,7 @@ class _Problem:
         return places - velocities * tau_s[:, None], slopes
 
     def deviate(self, motion: Motion, unknowns: FloatArray) -> float:
-        """Reckon the deviation at these unknowns; by how many arcsec it was wrong."""
+        """Compute the deviation at these unknowns; by how many arcsec it was wrong."""
         r, v = self.view.state(unknowns)
         true = motion.states(r, v, self.seen.t_s)
         plain = propagate(r, v, self.seen.t_s, self.mu)
@@ -232,7 +232,7 @@ def _problem(seen: Sightings, start: State, prior: Prior, mu: float) -> _Problem
 def _descend_with(
     problem: _Problem, motion: Motion, unknowns: FloatArray
 ) -> tuple[FloatArray, bool]:
-    """With the forces' deviation reckoned anew until it stays."""
+    """With the forces' deviation computed again until it stays."""
     stale_arcsec = _STALE * float(np.median(1.0 / np.abs(problem.seen.whitening[:, 0, 0])))
     is_converged = False
     for _ in range(_MOST_DEVIATIONS):

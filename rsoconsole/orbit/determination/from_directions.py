@@ -23,7 +23,7 @@ from rsoconsole.orbit.determination.labels import (
     sigma_of_e,
     widened_covariance,
 )
-from rsoconsole.orbit.determination.passes import is_foretold, passes, starts_towards
+from rsoconsole.orbit.determination.passes import is_as_predicted, passes, starts_towards
 from rsoconsole.orbit.determination.regimes import AUTOMATIC, REGIMES, PriorName, Regime
 from rsoconsole.orbit.first import INWARD, Sightings, State, is_plausible, seeds
 from rsoconsole.orbit.motion import Forces, KnownOrbit, Motion, axis_and_inclination
@@ -123,7 +123,7 @@ def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
     found = _first_pass(seen.of(known), asked)
     while others and found is not None:
         covariance = widened_covariance(found.fit)
-        added = [each for each in others if is_foretold(found.state, covariance, seen.of(each))]
+        added = [each for each in others if is_as_predicted(found.state, covariance, seen.of(each))]
         starts: tuple[State, ...] = (found.state,)
         if not added:
             added = others[:1]

@@ -125,7 +125,7 @@ def _log_odds(
 
 
 def probability_of(log_odds: float) -> float:
-    """Of the same; 0 where nothing could be reckoned."""
+    """Of the same; 0 where nothing could be computed."""
     from scipy.special import expit
 
     return float(np.nan_to_num(expit(log_odds)))

@@ -28,7 +28,7 @@ def passes(seen: Sightings) -> tuple[IntArray, ...]:
     )
 
 
-def is_foretold(state: State, covariance: FloatArray, later: Sightings) -> bool:
+def is_as_predicted(state: State, covariance: FloatArray, later: Sightings) -> bool:
     """Whether an orbit puts the object near its way through another pass."""
     distance, _, sigma_km = _weakest(state, covariance, later)
     return sigma_km < _SURE * distance

@@ -80,7 +80,7 @@ def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntr
     else:
         found = tuple(_of_lines(each) for each in parse_elements(text, source))
     if not found:
-        raise OrbitError(f"{source} holds no element set: fetch it anew, as TLE or OMM")
+        raise OrbitError(f"{source} holds no element set: fetch it again, as TLE or OMM")
     return found
 
 
@@ -149,7 +149,7 @@ def _of_lines(element_set: ElementSet) -> CatalogueEntry:
     try:
         record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
     except ValueError as error:
-        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it anew") from error
+        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it again") from error
     return CatalogueEntry(
         name=element_set.name,
         norad_id=element_set.norad_id,
@@ -164,17 +164,17 @@ def _xml(text: str, source: str) -> Sequence[Mapping[str, Any]]:
     try:
         return list(omm.parse_xml(io.StringIO(text)))
     except (ParseError, AttributeError, TypeError) as error:
-        raise OrbitError(f"{source} is no OMM in XML: {error}; fetch it anew") from error
+        raise OrbitError(f"{source} is no OMM in XML: {error}; fetch it again") from error
 
 
 def _json(text: str, source: str) -> Sequence[Mapping[str, Any]]:
     try:
         read = json_of(text)
     except ValueError as error:
-        raise OrbitError(f"{source} is no OMM in JSON: {error}; fetch it anew") from error
+        raise OrbitError(f"{source} is no OMM in JSON: {error}; fetch it again") from error
     messages = read if isinstance(read, list) else [read]
     if not all(isinstance(each, dict) for each in messages):
-        raise OrbitError(f"{source} is no OMM in JSON: a list of objects is needed; fetch it anew")
+        raise OrbitError(f"{source} is no OMM in JSON: a list of objects is needed; fetch it again")
     return messages
 
 
@@ -199,9 +199,9 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
         record = Satrec()
         omm.initialize(record, fields)
     except KeyError as error:
-        raise OrbitError(f"{where}: {error.args[0]} is missing; fetch it anew") from error
+        raise OrbitError(f"{where}: {error.args[0]} is missing; fetch it again") from error
     except ValueError as error:
-        raise OrbitError(f"{where}: {error}; fetch it anew") from error
+        raise OrbitError(f"{where}: {error}; fetch it again") from error
     return CatalogueEntry(
         name=fields.get("OBJECT_NAME", ""),
         norad_id=norad_id,

@@ -99,11 +99,11 @@ def _element_set(
 def _check_line(line: str, where: str) -> None:
     if len(line) < _LINE_LENGTH or not line.isascii():
         raise OrbitError(
-            f"{where}: {_LINE_LENGTH} columns needed, {len(line)} found; fetch it anew"
+            f"{where}: {_LINE_LENGTH} columns needed, {len(line)} found; fetch it again"
         )
     last, expected = line[_LINE_LENGTH - 1], checksum(line)
     if last != str(expected):
-        raise OrbitError(f"{where}: checksum {last!r} should be {expected}: fetch it anew")
+        raise OrbitError(f"{where}: checksum {last!r} should be {expected}: fetch it again")
 
 
 def _norad_id(field: str, where: str) -> int:

@@ -70,7 +70,7 @@ def _record_of(element_set: ElementSet | CatalogueEntry) -> Satrec:
     try:
         return Satrec.twoline2rv(element_set.line_1, element_set.line_2)
     except ValueError as error:
-        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it anew") from error
+        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it again") from error
 
 
 def magnitude(

@@ -2,7 +2,7 @@
 
 A plate solution measures astrometric places: relative to stars whose annual aberration is taken
 out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau points where
-the plate says; everything in it but the orbit is reckoned once, here. Kilometres along ICRS axes.
+the plate says; everything in it but the orbit is computed once, here. Kilometres along ICRS axes.
 """
 
 from dataclasses import dataclass, fields, replace

@@ -72,7 +72,7 @@ def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Populatio
 def log_prior_density(population: Population, state: FloatArray, covariance: FloatArray) -> float:
     """Logarithm of the density of orbits at a state (6,), per km^3 and (km/s)^3.
 
-    The belief in a small eccentricity itself is left to whoever fits; only its size is in here.
+    The belief in a small eccentricity itself is left to the fit; only its size is in here.
     The semi-major axis may be less certain than the population is wide: it is averaged over
     ``covariance``.
     """

@@ -178,7 +178,7 @@ def _processed(night: Night) -> NightOutcome:
         if not night.is_again:
             raise SessionError(
                 f"{night.session} was made of other frames, by other settings or another version:"
-                " --again makes it anew"
+                " --again makes it again"
             )
     elif night.session.exists():
         raise SessionError(f"{night.session} is there and holds no session: move it away")

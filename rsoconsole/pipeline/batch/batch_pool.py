@@ -1,8 +1,8 @@
 """Work over many sessions, shared out: one after another, on this machine's cores, or on Dask.
 
-Results come in the order of the tasks and are the same whoever does the work. A task is a whole
-session: within one the reducer remembers, so that it cannot be divided. Every worker computes with
-one thread.
+Results come in the order of the tasks and are the same no matter who does the work. A task is a
+whole session: within one the reducer remembers, so that it cannot be divided. Every worker computes
+with one thread.
 """
 
 import contextlib

@@ -1,8 +1,8 @@
 """Which predicts the next measurement better, the filter or the orbit. Pure.
 
 Each is asked before every measurement; the answer is judged by the logarithm of the density that
-it gave to what was then measured: NIS plus the logarithm of how wide it had reckoned with. The
-NIS alone would prefer whoever promises nothing.
+it gave to what was then measured: NIS plus the logarithm of how wide it had stated. The
+NIS alone rewards covariances that are too wide.
 """
 
 import math
@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 
 WINDOW = 8
 _LEAST = 5
-"""So many measurements must have been foretold by both."""
+"""So many measurements must have been predicted by both."""
 _AHEAD = 0.5
 """By so much better on the mean before the guide changes, so that it does not change for chance."""
 _CLOSE = 0.1
@@ -33,7 +33,7 @@ def may_guide(config: Config) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foretold:
+class PredictionScore:
     """What one of them said of one measurement."""
 
     nis: float
@@ -42,7 +42,7 @@ class Foretold:
 
     @property
     def width_arcsec(self) -> float:
-        """One sigma that it had reckoned with: the geometric mean of both axes."""
+        """One sigma that it had stated: the geometric mean of both axes."""
         return math.exp(self.log_size / 4.0)
 
     @property
@@ -55,14 +55,14 @@ class Rivals:
     """The last answers of both."""
 
     def __init__(self) -> None:
-        self._told: deque[tuple[Foretold, Foretold]] = deque(maxlen=WINDOW)
+        self._told: deque[tuple[PredictionScore, PredictionScore]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
-        """Whether the orbit foretells better."""
+        """Whether the orbit predicts better."""
         self._failed = ""
         """By how much the filter failed last; empty: not known."""
 
-    def hear(self, by_orbit: Foretold, by_filter: Foretold) -> None:
-        """One measurement that both foretold."""
+    def hear(self, by_orbit: PredictionScore, by_filter: PredictionScore) -> None:
+        """One measurement that both predicted."""
         self._told.append((by_orbit, by_filter))
         if len(self._told) >= _LEAST:
             lead = fmean(theirs.score - ours.score for ours, theirs in self._told)
@@ -100,6 +100,6 @@ class Rivals:
         return bool(chdtr(2 * len(self._told), total) < _BELIEVED)
 
 
-def _fared(told: Sequence[Foretold]) -> str:
+def _fared(told: Sequence[PredictionScore]) -> str:
     width = fmean(each.width_arcsec for each in told)
     return f'±{width:.1f}", NIS {fmean(each.nis for each in told):.1f}'

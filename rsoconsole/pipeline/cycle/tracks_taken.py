@@ -172,14 +172,14 @@ class TracksTaken:
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)].steps
-        is_anew = any(
+        is_again = any(
             each.corrected is not None and each.corrected.kind == "initial" and each.is_lead
             for each in newest.values()
         )
         # A lead that was only predicted where another begins has been given up for it; of what
         # stands beside it the new track says which.
         ended: set[int | None]
-        ended = {n for n, s in newest.items() if is_anew and s.corrected is None and s.is_lead}
+        ended = {n for n, s in newest.items() if is_again and s.corrected is None and s.is_lead}
         ended |= {s.corrected.replaces for s in newest.values() if s.corrected is not None}
         found = [
             track

@@ -60,7 +60,7 @@ class Catalogue:
             self._entries = read_catalogue(self._files)
         except OrbitError as error:
             self._fault = error
-        except Exception as error:  # whoever asks hears of it
+        except Exception as error:  # the caller is given it
             self._fault = OrbitError(f"the catalogue cannot be read: {error}")
 
 

@@ -23,7 +23,14 @@ from rsoconsole.orbit.determination import (
 )
 from rsoconsole.orbit.first import Sightings, State
 from rsoconsole.orbit.motion import elements_of, predict
-from rsoconsole.pipeline.cycle import Foretold, Rivals, Track, TracksTaken, Untaken, may_guide
+from rsoconsole.pipeline.cycle import (
+    PredictionScore,
+    Rivals,
+    Track,
+    TracksTaken,
+    Untaken,
+    may_guide,
+)
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
@@ -182,7 +189,7 @@ class OnlineOrbit:
         if len(target.taken) == count + 1 and target.orbit is not None:
             # By what was learnt before it, as the filter's own answer is.
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
-            predicted = self._foretold(target.orbit, last)
+            predicted = self._predicted(target.orbit, last)
         self._ask_earlier(target)
         self._ask_untaken(target, count)
         seen, _ = together(target.parts)
@@ -343,7 +350,7 @@ class OnlineOrbit:
         numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)
         return found if all(np.all(np.isfinite(each)) for each in numbers) else None
 
-    def _foretold(self, orbit: Orbit, measured: Measurement) -> "_Told | None":
+    def _predicted(self, orbit: Orbit, measured: Measurement) -> "_Told | None":
         """What the orbit before said of a measurement."""
         ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
         places = ahead.places
@@ -356,14 +363,14 @@ class OnlineOrbit:
         if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
             return None
         return _Told(
-            short=Foretold(
+            short=PredictionScore(
                 nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
             ),
             innovation_arcsec=(float(off[0]), float(off[1])),
             sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
         )
 
-    def _by_filter(self, track: Track) -> Foretold | None:
+    def _by_filter(self, track: Track) -> PredictionScore | None:
         """What the filter had said of the last measurement."""
         if track.last.nis is None or track.predicted is None:
             return None
@@ -372,7 +379,7 @@ class OnlineOrbit:
             log_size = estimator.log_det_innovation(track.predicted, measured, settings)
         except ValueError:
             return None
-        return Foretold(nis=track.last.nis, log_size=log_size)
+        return PredictionScore(nis=track.last.nis, log_size=log_size)
 
     def _estimate(
         self,
@@ -425,7 +432,7 @@ def _learnt(state: TrackState) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Told:
-    short: Foretold
+    short: PredictionScore
     innovation_arcsec: tuple[float, float]
     sigma_arcsec: tuple[float, float]
 

@@ -128,7 +128,7 @@ def replay(
     hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
     out candidates by their recorded confidence, a tried header latency moves all instants;
     everything else that made the measurements is taken as it was, unless ``reduce_again`` makes
-    them anew. Where the telescope looked is never another than recorded.
+    them again. Where the telescope looked is never another than recorded.
 
     Raises ConfigError for a setting that there is not, or a value that it cannot have.
     """

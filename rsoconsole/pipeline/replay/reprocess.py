@@ -48,7 +48,7 @@ ROUNDED_NS = 100_000_000
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
 """Within these a candidate is as recorded: another processor rounds otherwise, and a curve of
-confidence that was fitted anew says 0.995 where 0.9999 was on record."""
+confidence that was fitted again says 0.995 where 0.9999 was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class Reprocessed:
 
     tau: float
     map_mode: MapMode
-    is_solved_anew: bool
+    is_solved_again: bool
     """False: measured by the plate on record."""
     is_same_network: bool | None
     """Whether the network is the recorded one; None where the session does not say."""
@@ -240,11 +240,11 @@ class Reprocessor:
         tau: float | None = None,
         map_mode: MapMode | None = None,
         *,
-        solves_anew: bool = False,
+        solves_again: bool = False,
     ) -> Reprocessed:
         """The frame with these settings; None: as they were in force for it.
 
-        ``solves_anew``: find the plate from this frame's stars alone, instead of taking the one
+        ``solves_again``: find the plate from this frame's stars alone, instead of taking the one
         on record. Raises ConfigError for a value that cannot be, ModelError without a network.
         """
         config, recorded = self._recorded.config, self._recorded
@@ -254,7 +254,7 @@ class Reprocessor:
                 config = with_setting(config, name, value)
         network = self._network
         curve = ConfidenceCurve.from_card(network.card)
-        plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
+        plate = self._plate(config) if solves_again else _on_record(recorded.seen.solution)
         began_s = time.perf_counter()
         comparison = RecordedComparison(recorded.seen.detections)
         reducer = FrameReducer(
@@ -264,14 +264,14 @@ class Reprocessor:
         for words in calibration_warnings(reduction.cautions):
             log.warning("%s", words)
         stage_ms = dict(reduction.detections.stage_ms)
-        if solves_anew:
+        if solves_again:
             stage_ms["solve"] = reduction.stage_ms.get("solve", 0.0)
         stage_ms["total"] = (time.perf_counter() - began_s) * 1e3
         sha256 = recorded.model_sha256
         return Reprocessed(
             tau=config.detector.tau,
             map_mode=config.detector.map_mode,
-            is_solved_anew=solves_anew,
+            is_solved_again=solves_again,
             is_same_network=None if sha256 is None else sha256 == network.card["sha256"],
             was=recorded.seen,
             now=Seen(

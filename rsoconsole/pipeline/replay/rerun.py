@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, kw_only=True)
 class RerunCounts:
-    """How many frames were reduced anew, and of how many the record was taken."""
+    """How many frames were reduced again, and of how many the record was taken."""
 
     rerun: int = 0
     not_kept: int = 0
@@ -143,7 +143,7 @@ def open_rerun(
     with_solver: bool,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Rerun, str]]:
-    """Ready to reduce a session's frames anew, and the network's SHA-256.
+    """Ready to reduce a session's frames again, and the network's SHA-256.
 
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """

@@ -29,7 +29,7 @@ CURVE_FRAMES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures:
-    """Of the frames looked at; None where there is nothing to reckon with.
+    """Of the frames looked at; None where there is nothing to go by.
 
     Residuals are measured minus predicted, of every measurement that the track took.
     """

@@ -48,7 +48,7 @@ class WhatIf:
     log: tuple[tuple[int, Any], ...]
     """(t_utc_ns, record) of the whole night, as it would have been."""
     rerun: RerunCounts | None
-    """What of the frames was reduced anew; None where that was not asked for."""
+    """What of the frames was reduced again; None where that was not asked for."""
     model_sha256: str | None
     """Of the network that reduced them; None as ``rerun``."""
 
@@ -63,7 +63,7 @@ def what_if_session(
 ) -> WhatIf:
     """A session with other settings, by their dotted names.
 
-    ``detector``, ``solver``: run them anew over the frames that the session has kept; ``on_frame``
+    ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
     is called before each frame then. Without them their settings, but for tau, cannot be tried.
     Raises SessionError for a folder that holds no session or one without frames, ConfigError for
     a setting that there is not, that cannot have that value, or that has no part in the track.
@@ -127,7 +127,7 @@ def check_tried(
             continue
         for prefix, is_rerun, option in reduced:
             if name.startswith(prefix) and not is_rerun:
-                raise ConfigError(f"{name} changes what frames show: {option} runs them anew")
+                raise ConfigError(f"{name} changes what frames show: {option} runs them again")
             if name.startswith(prefix):
                 break
         else:

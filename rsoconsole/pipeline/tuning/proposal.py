@@ -4,7 +4,7 @@ Maximum likelihood of the innovations (``propose_likelihood``) over Q and R, the
 their terms that the data tell. Nothing is proposed that the data do not ask for: a change counts
 only where the likelihood ratio would exceed it by chance in one night of twenty, a term of its own
 in one of a hundred. Which measurements belong to a track depends on Q and R too, through the gate;
-so what is found is replayed, and sought anew with what the tracks take then, until both agree.
+so what is found is replayed, and sought again with what the tracks take then, until both agree.
 """
 
 from collections import deque

@@ -36,7 +36,8 @@ class Step:
     settings: FilterConfig
     """In force that night."""
     by_orbit: TrackState | None = None
-    """The prediction from which the filter was begun anew; what it had foretold is no evidence."""
+    """The prediction from which the filter was begun again; what it had predicted is no
+    evidence."""
 
 
 @dataclass(slots=True, kw_only=True)

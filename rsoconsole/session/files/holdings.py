@@ -121,7 +121,7 @@ def holdings_of(place: Path) -> Iterator[Holdings]:
                 yield TarHoldings(place, tar, Path(scratch))
         except (tarfile.TarError, EOFError) as error:
             raise SessionError(
-                f"{place} is no whole archive of a session ({error}): copy it again or make it anew"
+                f"{place} is no whole archive of a session ({error}): copy or make it again"
             ) from error
 
 

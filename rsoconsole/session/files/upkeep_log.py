@@ -1,8 +1,9 @@
 """What was done to a session after its night, on record beside it: ``upkeep.jsonl``, and KEEP.
 
-The database is the night's own and is not written for the house's sake. Whoever repairs, prunes or
-archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and what
-was done. A file named ``KEEP`` says that nothing of the session may be pruned; its text says why.
+The database is the night's own and is not written for the house's sake. Anyone who repairs, prunes
+or archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and
+what was done. A file named ``KEEP`` says that nothing of the session may be pruned; its text says
+why.
 """
 
 import json

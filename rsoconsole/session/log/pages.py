@@ -1,7 +1,7 @@
 """Rows of a SQLite file read page by page, for files that SQLite itself cannot read any more.
 
 Every page that still looks like one with rows is read by itself, whether or not a table leads to
-it; what its cells say is only as good as the page, so whoever asks must judge the rows. SQLite's
+it; what its cells say is only as good as the page, so the caller must judge the rows. SQLite's
 own ``.recover`` would do it too, but the shell that Debian 12 ships (3.40.1) ends it with "SQL
 logic error" on every database. Source: sqlite.org/fileformat2.html.
 """

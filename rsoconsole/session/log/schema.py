@@ -2,7 +2,7 @@
 
 ``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
 spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
-JSON is exact. A new version adds; it never renames nor rewrites: whoever reads an older session
+JSON is exact. A new version adds; it never renames nor rewrites: who reads an older session
 gets today's views over it, made for that connection alone (``temporary_views``). A new column alone
 makes no new schema.
 

@@ -1,7 +1,7 @@
 """Which sessions may give their disk back, by a policy: a plan first, then, when told so, the deed.
 
 By default only frames go, the log stays for ever. What goes is on record beside the session before
-it goes, so that whoever verifies it later reads "pruned" and not "missing".
+it goes, so that a later verification reads "pruned" and not "missing".
 """
 
 import shutil

@@ -130,7 +130,7 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
     with TemporaryDirectory(prefix="rsoconsole-", dir=target) as scratch:
         copy = Path(scratch) / DATABASE
         for name in (DATABASE, *BESIDE_DATABASE):
-            # The shared-memory file is only an index of the log beside it: SQLite makes it anew.
+            # The shared-memory file is only an index of the log beside it: SQLite makes it again.
             if (folder / name).exists() and not name.endswith("-shm"):
                 _copy_readable(folder / name, Path(scratch) / name)
         # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.

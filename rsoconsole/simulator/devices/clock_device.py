@@ -60,7 +60,7 @@ class ClockDevice:
     async def _run(self, t_utc_ns: int, tag: str) -> None:
         try:
             reached_utc_ns = await self._clock.advance(t_utc_ns, self._on_report)
-            # Whoever waits for a frame asks for no more time: it passes until the frame is there.
+            # What waits for a frame asks for no more time: it passes until the frame is there.
             due_utc_ns = self._overdue() if reached_utc_ns >= t_utc_ns else None
             if due_utc_ns is not None and due_utc_ns > reached_utc_ns:
                 reached_utc_ns = await self._clock.advance(due_utc_ns, self._on_report)

@@ -1,4 +1,4 @@
-"""How the simulated mount can be made to misbehave, for whoever must live with real ones."""
+"""How the simulated mount can be made to misbehave, to test what must live with real ones."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -41,7 +41,7 @@ class MountTraits:
     flip_jump_east_deg: float = 0.040
     flip_jump_north_deg: float = -0.030
     random_arcsec: float = 15.0
-    """One sigma of the radial error drawn anew for every slew."""
+    """One sigma of the radial error drawn again for every slew."""
     flip_hysteresis_deg: float = 0.5
     """A slew changes sides only where the target is that far past the meridian."""
 

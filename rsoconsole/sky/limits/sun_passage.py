@@ -1,6 +1,6 @@
 """How a slew passes the Sun: the motion of both axes, so finely that nothing slips through.
 
-Reckoned is that both axes start together at the same rate and the one with less to go ends first.
+Assumed is that both axes start together at the same rate and the one with less to go ends first.
 A real mount is a little different, so that either axis is also let run ahead of the other: by
 half a second of full speed and by 5 % in rate. All that lies between these ways is enclosed by
 them, and a cone cannot hide in the gap: further ways are laid in between where it is narrow.

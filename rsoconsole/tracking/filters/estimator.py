@@ -137,7 +137,7 @@ def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both ar
     failed: TrackState,
     settings: FilterConfig,
 ) -> TrackState:
-    """The filter begun anew from another prediction, where its own has ``failed``."""
+    """The filter begun again from another prediction, where its own has ``failed``."""
     if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
         return adaptive.begun_from(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed

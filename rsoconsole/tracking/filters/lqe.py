@@ -150,7 +150,7 @@ def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both ar
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """The filter begun anew from another prediction, where its own has ``failed``.
+    """The filter begun again from another prediction, where its own has ``failed``.
 
     ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. It goes on with
     the full process noise at least: with less it has just failed.

@@ -1,6 +1,6 @@
 """How a point moves on the sky: a curve of constant turn, along which it may speed up. Pure.
 
-A great circle does not turn; whoever keeps constant rates in right ascension and declination (a
+A great circle does not turn; what keeps constant rates in right ascension and declination (a
 geostationary satellite: a parallel) turns by what both rates and the declination say; what orbits
 closer does something between and beyond. So six numbers tell a motion: place, rate, how the speed
 changes and how sharply the path turns. Places are tangent-plane coordinates about a direction,

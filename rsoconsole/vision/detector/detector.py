@@ -75,7 +75,7 @@ class Proposer(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnalysis:
-    """All that was measured of one frame, so that the plate solver need not begin anew."""
+    """All that was measured of one frame, so that the plate solver need not begin again."""
 
     detections: Detections
     stars: StarList

@@ -54,7 +54,7 @@ def refit(
     tolerance_px: float | None = None,
     max_sip_order: int = 3,
 ) -> PlateFit | None:
-    """Match every star to the catalogue one to one and fit the plate anew.
+    """Match every star to the catalogue one to one and fit the plate again.
 
     The tolerance starts at ``tolerance_px`` (default 0.8 % of the longer side, for a start that
     knows no distortion) and shrinks with the residuals. None when too few stars match for the

@@ -1,7 +1,7 @@
 """The fast path: the last plate moved onto a new frame's stars, without a search of the sky.
 
 Pure. The mount's commanded shift brings the plate near; all pairs of star and catalogue star then
-vote for one offset, and the plate is fitted anew. Stars and catalogue stars brightest first, as in
+vote for one offset, and the plate is fitted again. Stars and catalogue stars brightest first, as in
 ``plate_fit``.
 """
 

@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def _forget_peak() -> None:
-    """Let the kernel count this process's highest memory anew (Linux)."""
+    """Let the kernel count this process's highest memory again (Linux)."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
