@@ -6,13 +6,14 @@ sentence. Nothing secret that an address carries is ever in that.
 
 import base64
 import contextlib
+import gzip
+import io
 import socket
 import ssl
 import threading
 import time
 import urllib.error
 import urllib.request
-import zlib
 from collections.abc import Mapping
 from http.cookiejar import CookieJar
 from typing import IO, Any, Literal
@@ -138,23 +139,35 @@ def _without_login(url: str) -> tuple[str, str | None]:
 def _body(answer: Any, deadline: float) -> bytes:
     promised = answer.headers.get("Content-Length")
     is_packed = answer.headers.get("Content-Encoding", "").strip().lower() == "gzip"
-    unpacker = zlib.decompressobj(31) if is_packed else None
-    got, parts, size = 0, list[bytes](), 0
+    got, parts = 0, list[bytes]()
     while chunk := answer.read1(_CHUNK):
         got += len(chunk)
-        if unpacker is not None:
-            chunk = unpacker.decompress(chunk, MOST_BYTES - size + 1)
-        size += len(chunk)
-        if size > MOST_BYTES or got > MOST_BYTES:
+        if got > MOST_BYTES:
             raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
         parts.append(chunk)
         if time.monotonic() > deadline:
             raise TimeoutError
-    if (promised is not None and promised.isdecimal() and got < int(promised)) or (
-        unpacker is not None and not unpacker.eof
-    ):
-        raise FetchError(f"its answer ended after {got} bytes, before it was whole", "failed")
-    return b"".join(parts)
+    cut_off = FetchError(f"its answer ended after {got} bytes, before it was whole", "failed")
+    if promised is not None and promised.isdecimal() and got < int(promised):
+        raise cut_off
+    if not is_packed:
+        return b"".join(parts)
+    try:
+        plain = gunzipped(b"".join(parts))
+    except EOFError as error:
+        raise cut_off from error
+    if len(plain) > MOST_BYTES:
+        raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+    return plain
+
+
+def gunzipped(content: bytes) -> bytes:
+    """All members of a gzip, one byte more than ``MOST_BYTES`` at most.
+
+    Raises EOFError where it ends too early, OSError or zlib.error where it is none.
+    """
+    with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
+        return stream.read(MOST_BYTES + 1)
 
 
 def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:

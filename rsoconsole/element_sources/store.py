@@ -19,7 +19,7 @@ from rsoconsole.durable_files import PART, write_durably
 from rsoconsole.element_sources.names import Source
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import json_of, read_foreign
-from rsoconsole.orbit.elements import CatalogueEntry
+from rsoconsole.orbit.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_S
 
 LEAST_NS = 2 * 3600 * NS_PER_S
@@ -76,16 +76,8 @@ class ElementStore:
 
     def kept(self) -> dict[str, Kept]:
         """By source, in their order of precedence; empty where there is no cache."""
-        path = self.folder / INDEX
-        try:
-            told = json_of(read_foreign(path))
-            rows = told["sources"]
-            found = [_read(each) for each in rows]
-        except FileNotFoundError:
-            return {}
-        except (OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
-            return self._of_files()
-        return {each.source: each for each in found}
+        indexed = self._indexed()
+        return self._of_files() if indexed is None else indexed
 
     def files(self) -> tuple[Path, ...]:
         """Of the elements, the source with precedence first."""
@@ -96,10 +88,6 @@ class ElementStore:
         self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
     ) -> Kept:
         """Put what came in place of what was; the time of asking stays."""
-        newest: dict[int, int] = {}
-        for each in entries:
-            newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
-        epochs = sorted(newest.values())
         name = f"{source.slug}.txt"
         with self._writing():
             self._write(name, text.encode())
@@ -109,10 +97,7 @@ class ElementStore:
                 fetched_utc_ns=now_utc_ns,
                 refused_utc_ns=None,
                 fault=None,
-                objects=len(newest),
-                sets=len(entries),
-                newest_epoch_utc_ns=epochs[-1],
-                middle_epoch_utc_ns=epochs[len(epochs) // 2],
+                **_figures(entries),
             )
 
     def note(self, source: Source, **values: Any) -> Kept:
@@ -120,12 +105,42 @@ class ElementStore:
         with self._writing():
             return self._changed(source, **values)
 
-    def arrange(self, order: Sequence[Source]) -> None:
-        """These sources alone, in this order of precedence; what others left is removed."""
+    def current(self, source: Source, now_utc_ns: int) -> Kept:
+        """What is known of a source; one asked in the future, by a clock since set right, counts
+        as asked now, and that is written."""
+        kept = self.kept().get(source.text, Kept(source=source.text))
+        if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
+            return self.note(source, asked_utc_ns=now_utc_ns)
+        return kept
+
+    def claim(self, source: Source, now_utc_ns: int) -> tuple[Kept, bool]:
+        """What is known of a source, and whether it may be asked: then it counts as asked now.
+
+        One step: of two updates at a time one asks.
+        """
         with self._writing():
-            kept = self.kept()
-            rows = [kept.get(each.text, Kept(source=each.text)) for each in order]
+            kept = self.kept().get(source.text, Kept(source=source.text))
+            if kept.refused_utc_ns is not None or kept.due_utc_ns(now_utc_ns) > now_utc_ns:
+                return kept, False
+            self._changed(source, asked_utc_ns=now_utc_ns)
+            return kept, True
+
+    def arrange(self, order: Sequence[Source]) -> None:
+        """These sources alone, in this order of precedence; what others left is removed.
+
+        Behind a damaged or lost index nothing is removed: each source has its file again.
+        """
+        with self._writing():
+            indexed = self._indexed()
+            is_damaged = indexed is None and (self.folder / INDEX).exists()
+            kept = indexed or {}
+            rows = [
+                self._adopted(each, kept.get(each.text, Kept(source=each.text)), is_damaged)
+                for each in order
+            ]
             self._write_index(rows)
+            if indexed is None:
+                return
             named = {each.file for each in rows}
             for path in self.folder.glob("*.txt"):
                 if path.name not in named:
@@ -135,11 +150,31 @@ class ElementStore:
         kept = self.kept()
         changed = replace(kept.get(source.text, Kept(source=source.text)), **values)
         kept[source.text] = changed
-        self._write_index(list(kept.values()))
+        rows = [each for each in kept.values() if each is changed or each.file != changed.file]
+        self._write_index(rows if changed.file else list(kept.values()))
         return changed
 
+    def _adopted(self, source: Source, kept: Kept, is_damaged: bool) -> Kept:
+        """With the file that lies there under its name; asked just now as far as anybody knows."""
+        path = self.folder / f"{source.slug}.txt"
+        if kept.file is None and path.is_file():
+            now_ns = time.time_ns()
+            kept = replace(kept, asked_utc_ns=kept.asked_utc_ns or now_ns, **_figures_of(path))
+        elif is_damaged:
+            kept = replace(kept, asked_utc_ns=time.time_ns())
+        return kept
+
+    def _indexed(self) -> dict[str, Kept] | None:
+        """As the index says; None where it is damaged or lost."""
+        try:
+            rows = json_of(read_foreign(self.folder / INDEX))["sources"]
+            found = [_read(each) for each in rows]
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+            return None
+        return {each.source: each for each in found}
+
     def _of_files(self) -> dict[str, Kept]:
-        """Of a damaged index: what lies there, asked just now as far as anybody knows."""
+        """Without an index: what lies there, asked just now as far as anybody knows."""
         now_ns = time.time_ns()
         found = {}
         for path in sorted(self.folder.glob("*.txt")):
@@ -188,6 +223,30 @@ class ElementStore:
             yield
         finally:
             os.close(descriptor)
+
+
+def _figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
+    """What elements are, as ``Kept`` has it."""
+    newest: dict[int, int] = {}
+    for each in entries:
+        newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
+    epochs = sorted(newest.values())
+    return {
+        "objects": len(newest),
+        "sets": len(entries),
+        "newest_epoch_utc_ns": epochs[-1],
+        "middle_epoch_utc_ns": epochs[len(epochs) // 2],
+    }
+
+
+def _figures_of(path: Path) -> dict[str, Any]:
+    """Of a file that lies in the cache, as ``Kept`` has it; none where it holds no elements."""
+    try:
+        entries = parse_catalogue(path.read_text(errors="replace"), path.name)
+        fetched_ns = path.stat().st_mtime_ns
+    except (OSError, OrbitError):
+        return {}
+    return {"file": path.name, "fetched_utc_ns": fetched_ns, **_figures(entries)}
 
 
 def _read(row: Mapping[str, Any]) -> Kept:

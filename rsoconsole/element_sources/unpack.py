@@ -4,7 +4,7 @@ import io
 import zipfile
 import zlib
 
-from rsoconsole.element_sources.fetch import MOST_BYTES
+from rsoconsole.element_sources.fetch import MOST_BYTES, gunzipped
 from rsoconsole.errors import OrbitError
 
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
@@ -40,15 +40,14 @@ def expect_elements_not_a_page(text: str) -> None:
 
 
 def _gunzipped(content: bytes) -> bytes:
-    unpacker = zlib.decompressobj(31)
     try:
-        plain = unpacker.decompress(content, MOST_BYTES + 1)
-    except zlib.error as error:
+        plain = gunzipped(content)
+    except (OSError, zlib.error) as error:
         raise OrbitError(f"its gzip is broken ({error})") from error
+    except EOFError as error:
+        raise OrbitError("its gzip ends before it is whole") from error
     if len(plain) > MOST_BYTES:
         raise OrbitError(f"unpacked it is larger than {MOST_BYTES >> 20} MB")
-    if not unpacker.eof:
-        raise OrbitError("its gzip ends before it is whole")
     return plain
 
 

@@ -1,5 +1,6 @@
 """One update: each source in turn, at most once in two hours, a refusal never asked again."""
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -55,17 +56,23 @@ class Update:
         return self.store.keep(source, text, entries, now_utc_ns)
 
     def _one(self, source: Source, refusing: dict[str, str]) -> Updated:
-        kept = self.store.kept().get(source.text, Kept(source=source.text))
         now_utc_ns = self.now_utc_ns()
-        if (reason := self._not_now(source, kept, refusing, now_utc_ns)) is not None:
+        kept = self.store.current(source, now_utc_ns)
+        reason = self._not_now(source, kept, refusing, now_utc_ns)
+        if reason is None:
+            self.wait()
+            now_utc_ns = self.now_utc_ns()
+            # Before it is asked: whatever ends this run, it is not asked again within two hours.
+            if source.file is None:
+                kept, is_ours = self.store.claim(source, now_utc_ns)
+                if not is_ours:
+                    reason = self._not_now(source, kept, refusing, now_utc_ns)
+        if reason is not None:
             return Updated(source=source, is_fetched=False, is_fault=False, words=reason, kept=kept)
-        self.wait()
-        asked = {} if source.file is not None else {"asked_utc_ns": now_utc_ns}
-        # Before it is asked: whatever ends this run, it is not asked again within two hours.
-        self.store.note(source, **asked)
         try:
             content = self._content(source)
-            self.wait()
+            with contextlib.suppress(OrbitError):  # a mount that slews on loses nothing fetched
+                self.wait()
             text, entries = _read(content, source.words)
         except FetchError as error:
             return self._failed(source, kept, error, error.kind, now_utc_ns)

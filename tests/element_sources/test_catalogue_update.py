@@ -6,7 +6,7 @@ import json
 import os
 import stat
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -84,15 +84,19 @@ class Night:
         self.now_utc_ns = 1_800_000_000 * 10**9
 
     def update(self, *texts: str, deadline_s: float = 20.0) -> list[Updated]:
-        run = Update(
+        run = self.run(deadline_s=deadline_s)
+        return list(run.run([parse_source(text) for text in texts]))
+
+    def run(self, wait: Callable[[], None] = lambda: None, deadline_s: float = 20.0) -> Update:
+        return Update(
             store=self.store,
             celestrak_url=self.server.url,
             space_track_url=self.server.url,
             space_track_login=self.store.folder / "login",
             deadline_s=deadline_s,
+            wait=wait,
             now_utc_ns=lambda: self.now_utc_ns,
         )
-        return list(run.run([parse_source(text) for text in texts]))
 
     def one(self, behaviour: Behaviour, text: str = "celestrak:geo", **how: float) -> Updated:
         self.server.default = behaviour
@@ -143,6 +147,49 @@ def test_a_clock_that_was_in_the_future_blocks_no_source_for_years(night: Night)
     night.now_utc_ns -= 10_000 * HOUR_NS
     kept = night.store.kept()["celestrak:geo"]
     assert kept.due_utc_ns(night.now_utc_ns) == night.now_utc_ns + 2 * HOUR_NS
+
+
+def test_a_stamp_of_the_future_counts_as_asked_now_and_only_once(night: Night) -> None:
+    night.now_utc_ns += 10_000 * HOUR_NS
+    night.one(send(GOOD))
+    night.now_utc_ns -= 10_000 * HOUR_NS
+    assert not night.one(send(GOOD)).is_fetched
+    night.now_utc_ns += 2 * HOUR_NS
+    assert night.one(send(GOOD)).is_fetched
+
+
+def test_of_two_updates_that_wait_for_the_mount_one_asks(night: Night) -> None:
+    night.server.default = send(GOOD)
+    words: list[str] = []
+
+    def wait() -> None:
+        if not words:
+            words.append("the other")
+            night.update("celestrak:geo")
+
+    (updated,) = night.run(wait).run([parse_source("celestrak:geo")])
+    assert not updated.is_fetched
+    assert "once in two hours" in updated.words
+    assert len(night.server.asked) == 1
+
+
+def test_what_was_fetched_is_kept_though_the_mount_slews_on(night: Night) -> None:
+    night.server.default = send(GOOD)
+
+    def wait() -> None:
+        if night.server.asked:
+            raise OrbitError("the mount slews")
+
+    (updated,) = night.run(wait).run([parse_source("celestrak:geo")])
+    assert updated.is_fetched
+    assert updated.kept.objects == 2
+
+
+def test_a_gzip_of_several_members_is_read_to_its_end(night: Night) -> None:
+    text = json.dumps([omm(f"NO {n}", n) for n in range(40_000, 40_400)]).encode()
+    packed = gzip.compress(text[:900]) + gzip.compress(text[900:])
+    assert night.one(send(packed, Content_Encoding="gzip")).kept.objects == 400
+    assert night.one(send(packed), "supgp:intelsat").kept.objects == 400
 
 
 @pytest.mark.parametrize("code", [401, 403, 429, 451])
@@ -311,6 +358,34 @@ def test_a_damaged_index_loses_no_elements_and_is_written_again(night: Night) ->
     night.store.arrange([parse_source("celestrak:geo")])
     night.now_utc_ns += 3 * HOUR_NS
     assert night.one(send(GOOD)).is_fetched
+
+
+@pytest.mark.parametrize("damage", ["lost", "damaged"])
+def test_after_a_damaged_or_lost_index_an_update_keeps_every_file(
+    night: Night, damage: str
+) -> None:
+    night.server.default = send(GOOD)
+    night.update("celestrak:geo", "supgp:intelsat")
+    index = night.store.folder / "sources.json"
+    if damage == "lost":
+        index.unlink()
+    else:
+        index.write_text(index.read_text()[:100])
+    files = {path: path.read_bytes() for path in night.store.folder.glob("*.txt")}
+    night.store.arrange([parse_source(each) for each in ("supgp:intelsat", "celestrak:geo")])
+    assert {path: path.read_bytes() for path in night.store.folder.glob("*.txt")} == files
+    assert set(night.store.files()) == set(files)
+    assert len(files) == 2
+    for kept in night.store.kept().values():
+        assert kept.objects == 2
+        assert kept.asked_utc_ns is not None
+
+
+def test_a_file_of_a_recovered_index_is_one_row_when_it_is_fetched_again(night: Night) -> None:
+    night.one(send(GOOD))
+    (night.store.folder / "sources.json").unlink()
+    night.one(send(GOOD))
+    assert len(night.store.files()) == 1
 
 
 def test_an_index_that_somebody_wrote_leads_to_no_file_outside_the_cache(night: Night) -> None:
