@@ -256,7 +256,7 @@ def test_install_writes_the_unit_and_starts_nothing(home: Path, systemctl: Path)
         assert words in done.stdout
 
 
-def test_install_again_writes_the_unit_anew_but_never_over_anothers(
+def test_install_again_writes_the_unit_again_but_never_over_anothers(
     home: Path, systemctl: Path
 ) -> None:
     path = home / "config" / "systemd" / "user" / "rsoconsole.service"

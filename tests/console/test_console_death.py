@@ -161,7 +161,7 @@ def test_an_engine_at_another_place_is_asked_stopped_and_ended_by_its_socket(bes
     assert other.verbs == ["status", "stop", "stop", "shutdown"]
 
 
-def test_whoever_leaves_a_demo_beside_an_engine_is_told_commands_that_reach_it(
+def test_whichever_leaves_a_demo_beside_an_engine_is_told_commands_that_reach_it(
     beside, monkeypatch, capsys
 ):
     class LeftRunning:

@@ -175,7 +175,7 @@ def low_in_the_west(r: Rig) -> None:
     r.mount.pier_side = "east"
 
 
-def test_sidereal_tracking_into_a_limit_is_stopped_whoever_has_the_mount():
+def test_sidereal_tracking_into_a_limit_is_stopped_whichever_has_the_mount():
     """Nobody has armed anything: the watch alone keeps the telescope from setting."""
     r = rig(set())
     low_in_the_west(r)

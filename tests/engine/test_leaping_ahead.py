@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.hands import Hands
+from rsoconsole.engine.aim.hands import Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.aim.states import Held
+from rsoconsole.engine.control.slews import Slews
 from rsoconsole.engine.leaps.leap_times import LeapTimes
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.ports import MountReport
 from rsoconsole.judge.passes import leap_figures
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand
-from rsoconsole.sky.limits.limits import Limits, Refusal
 from tests import engine_rig
 from tests.engine_rig import Rig
 from tests.leap_rig import config_with, leap_rig, orbit_over
@@ -146,17 +148,61 @@ def test_every_slew_that_is_ordered_ahead_is_held_against_the_limits(monkeypatch
     r.engine.run(frames=20)
     before = len(r.mount.slews)
     assert waits_s(r)[-1] < 0.15
-    asked: list[int] = []
+    asked: list[SlewCommand] = []
 
-    def walled(_self, _start, *_to, t_aim_utc_ns: int, **_terms) -> Refusal:
-        asked.append(t_aim_utc_ns)
-        reason = SlewRefusal(kind="horizon", value_deg=20.0, bound_deg=50.0)
-        return Refusal(limit="horizon", value_deg=20.0, bound_deg=50.0, reason=reason)
+    def walled(_self, slew: SlewCommand, _t_until_utc_ns: int) -> SlewRefusal:
+        asked.append(slew)
+        return SlewRefusal(kind="horizon", value_deg=20.0, bound_deg=50.0)
 
-    monkeypatch.setattr(Limits, "refuse_slew", walled)
+    # Of the order alone: the choice of a place knows of no wall, so that it is asked for.
+    monkeypatch.setattr(Slews, "_refusal_of", walled)
     r.engine.run(frames=24)
-    assert asked
+    assert any(slew.reason.startswith("leap") for slew in asked)
     assert len(r.mount.slews) == before
+
+
+def test_a_hold_behind_an_order_at_the_close_teaches_no_pointing_offset() -> None:
+    """The mount arrives while the camera reads out; the next exposure is taken where it stands."""
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=20)
+    closed, held = r.engine.hands.on_closed, []
+
+    def hold_after() -> MountReport | None:
+        looked = closed()
+        if looked is not None and not held:
+            held.append(r.mount.slews[-1])
+            r.clock.wait_until(r.clock.now_utc_ns() + 20 * NS)  # it has arrived long since
+            r.engine.happen(Held(by="operator"))
+            raise Interrupted
+        return looked
+
+    r.engine.hands.on_closed = hold_after
+    r.engine.run(frames=23)
+    assert held
+    offset = r.engine.planner.pointing_offset
+    assert max(abs(offset.east_arcsec), abs(offset.north_arcsec)) < 60.0
+
+
+@pytest.mark.parametrize("error", [InstrumentError("it is silent"), StoppedElsewhere("by hand")])
+def test_an_exposure_whose_order_at_the_close_fails_is_given_up(error: Exception) -> None:
+    """Or its frame would come while the next one is exposed, and pass for that one's."""
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=20)
+    aborts: list[int] = []
+    r.camera.abort = lambda: aborts.append(1)
+    failing = [error]
+    closed = r.engine.hands.on_closed
+
+    def fails() -> MountReport | None:
+        if failing:
+            raise failing.pop()
+        return closed()
+
+    r.engine.hands.on_closed = fails
+    r.engine.run(frames=21)
+    assert aborts == [1]
 
 
 def test_a_look_at_the_middle_is_enough_for_the_order() -> None:

@@ -102,6 +102,24 @@ def test_a_process_made_again_knows_what_the_camera_was_found_as(observatory, tm
         assert take(instruments, 2).width_px == WIDTH_PX
 
 
+def test_what_an_engine_that_was_killed_has_left_is_not_taken_for_the_cameras_own(
+    observatory, tmp_path
+):
+    """The configured width says how many pixels are joined by the operator's own wish: none."""
+    wire = IndiWire(observatory.host, observatory.port)
+    wire.ask(observatory.camera_name, "CCD_BINNING")
+    assert wire.wait(lambda each: each.name == "CCD_BINNING", 5.0) is not None
+    left = {"HOR_BIN": "2", "VER_BIN": "2"}
+    wire.new("Number", observatory.camera_name, "CCD_BINNING", left)
+    assert wire.wait(lambda each: each.name == "CCD_BINNING", 5.0) is not None
+    wire.close()
+    with connected(observatory, tmp_path) as instruments:
+        instruments.camera.set_binning(2)
+        assert numbers(observatory, "CCD_BINNING")["HOR_BIN"] == 2.0
+        instruments.camera.set_binning(1)
+        assert numbers(observatory, "CCD_BINNING")["HOR_BIN"] == 1.0
+
+
 def test_what_a_camera_cannot_is_said_with_the_remedy(tmp_path):
     with (
         start_observatory("plain", 1, 0, stage=STUB) as plain,

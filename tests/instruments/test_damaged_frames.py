@@ -113,7 +113,7 @@ def test_a_bomb_is_refused_before_it_fills_the_memory(pack, monkeypatch):
         frame_from_bytes(pack(bytes(20_000_000)), 1, "bomb.fits")
 
 
-def test_a_decoder_that_was_ended_is_started_afresh():
+def test_a_decoder_that_was_ended_is_started_again():
     decoder = FrameDecoder()
     try:
         for _ in range(2):

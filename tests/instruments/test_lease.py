@@ -381,7 +381,7 @@ def test_it_leaves_the_mount_to_a_new_watch(children, observatory, clock):
     assert tracks(observatory)
 
 
-def test_it_leaves_the_mount_to_whoever_moves_it(children, observatory, clock):
+def test_it_leaves_the_mount_to_whichever_moves_it(children, observatory, clock):
     child = children()
     child.keep(clock, 60.0)
     child.lose_parent()

@@ -17,7 +17,7 @@ from rsoconsole.orbit.motion.known_orbit import KnownOrbit, known
 from rsoconsole.orbit.motion.prediction import predict
 from rsoconsole.orbit.motion.two_body import elements_of
 from rsoconsole.pipeline.cycle.absence import StarHistory
-from rsoconsole.pipeline.cycle.better_predictor import PredictionScore, Rivals
+from rsoconsole.pipeline.cycle.better_predictor import Rivals, Score
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
@@ -453,20 +453,20 @@ def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():
 
 
 def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
-    sharp, vague = PredictionScore(nis=2.0, log_size=0.0), PredictionScore(nis=0.1, log_size=8.0)
+    sharp, vague = Score(nis=2.0, log_size=0.0), Score(nis=0.1, log_size=8.0)
     rivals = Rivals()
     leads = []
     for _ in range(8):
         rivals.hear(sharp, vague)
         leads.append(rivals.is_orbit_ahead)
     assert leads == [False] * 4 + [True] * 4
-    wrong = PredictionScore(nis=40.0, log_size=-80.0)
+    wrong = Score(nis=40.0, log_size=-80.0)
     for _ in range(8):
         rivals.hear(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
     alike = Rivals()
     for _ in range(20):
-        alike.hear(sharp, PredictionScore(nis=2.2, log_size=0.0))
+        alike.hear(sharp, Score(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
 
 
@@ -477,8 +477,8 @@ def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float,
     rivals = Rivals()
     assert not rivals.is_close
     for _ in range(6):
-        by_filter = PredictionScore(nis=2.0, log_size=0.0)
-        rivals.hear(PredictionScore(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
+        by_filter = Score(nis=2.0, log_size=0.0)
+        rivals.hear(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
     assert rivals.is_close is is_close
     rivals.filter_failed(41.26, 11.83)
     assert not rivals.is_close

@@ -98,7 +98,7 @@ def test_the_paper_map_is_black_and_white_and_shows_less(processor: Reprocessor)
     assert pair.now.detection.confidence < pair.was.detection.confidence - 0.005
 
 
-def test_a_plate_found_anew_gives_the_same_place(recorded: RecordedFrame, frame: Frame):
+def test_a_plate_found_again_gives_the_same_place(recorded: RecordedFrame, frame: Frame):
     unsolved = NotSolved(frame_id=KEPT, reason="clouds", ms=1.0)
     without = replace(recorded, seen=replace(recorded.seen, solution=unsolved))
     processor = Reprocessor(without, frame)

@@ -346,7 +346,7 @@ def test_branches_are_listed_and_dropped(mine):
 # -- frames reduced again ----------------------------------------------------------------------
 
 
-def test_detector_and_solver_run_anew_over_what_was_kept_and_say_of_how_much(tmp_path):
+def test_detector_and_solver_run_again_over_what_was_kept_and_say_of_how_much(tmp_path):
     """The sample has kept one of its frames; with the recorded settings it shows the same."""
     seen: list[int] = []
     found = what_if_session(SCHEMA_1, detector=True, solver=True, on_frame=lambda: seen.append(1))

@@ -104,7 +104,7 @@ def test_what_the_operator_marks_has_an_id_of_its_own_each_time() -> None:
     assert all(frame.is_as_recorded for frame in replayed(r))
 
 
-def test_a_candidate_has_one_id_whoever_lets_it_in() -> None:
+def test_a_candidate_has_one_id_whichever_lets_it_in() -> None:
     """By the operator's choice, or by another tau: it is the same place in the same list."""
     r = night(set(range(1, 12)))
     r.engine.run(frames=8)

@@ -229,7 +229,7 @@ def test_the_motion_is_named_that_it_is() -> None:
         assert likeliest(name) in {"any orbit", "changing orbit"}
 
 
-def test_a_geostationary_satellite_is_as_predicted_no_worse_than_before() -> None:
+def test_a_geostationary_satellite_is_predicted_no_worse_than_before() -> None:
     """One step ahead, after the first ten frames; ``tuned`` is what it was before."""
     truth, errors = places_of("geostationary", (0.0,) * FRAMES), {"adaptive": [], "tuned": []}
     for seed in range(8):

@@ -176,7 +176,7 @@ def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float) ->
     assert took / there >= 0.95
 
 
-def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
+def test_a_track_begun_with_two_objects_is_begun_again_with_one() -> None:
     """In the first frame one of two neighbours is seen, in the second the other."""
     random = np.random.default_rng(1)
     following, told, taken, replaced = Following(), [], TracksTaken(), []

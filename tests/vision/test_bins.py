@@ -137,7 +137,7 @@ def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, blo
 
 @settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES)
-def test_what_is_handed_on_and_what_is_made_anew_agree_to_the_last_bit(height, width, dtype):
+def test_what_is_handed_on_and_what_is_made_again_agree_to_the_last_bit(height, width, dtype):
     pixels = sky(height, width, dtype)
     bins = bin_frame(pixels, (STAR_BLOCK_PX,), line_blocks=BLOCKS, workers=TWO_THREADS)
     with_bins = local_background(pixels, bins=bins, workers=TWO_THREADS)

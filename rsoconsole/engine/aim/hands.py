@@ -168,8 +168,8 @@ class Hands:
     def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
         """Open the shutter at the instant and bring the frame.
 
-        Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up)
-        and where the clock was set or nothing ran meanwhile: the frame's time is worth nothing.
+        Raises InstrumentError when no frame comes, Interrupted on STOP and where the clock was set
+        or nothing ran meanwhile: its time is worth nothing. An exposure under way is given up.
         """
         exposure = self._config.exposure
         camera = self.instruments.camera
@@ -182,7 +182,8 @@ class Hands:
             self.on_opened(frame_id, opened_ns)
             self.wait_until(opened_ns + math.ceil(length_s * NS))
             looked = self.on_closed()
-        except Interrupted:
+        except (Interrupted, InstrumentError, StoppedElsewhere):
+            # Or its frame would come while the next exposure is under way, and pass for that one's.
             with contextlib.suppress(InstrumentError):
                 camera.abort()
             raise

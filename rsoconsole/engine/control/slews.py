@@ -98,13 +98,16 @@ class Slews:
             slew, told = plan.slew, self._told
             to = told[1] if told is not None and told[0] == slew else self._planner.command(slew)
             report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns, settle_s=settle_s)
+            self._told = None
             return self._planner.arrived(slew, report, to)
         report = self._hands.mount_report()
-        if report.is_slewing:
-            # A hold came while the loop's own slew was under way, or somebody set the clock.
-            rested = self._hands.wait_for_rest()
+        if report.is_slewing or self._told is not None:
+            # A hold came while the loop's own slew was under way, or somebody set the clock. The
+            # mount may have arrived since, in a place that was never taken over.
+            rested = self._hands.wait_for_rest() if report.is_slewing else report
             if not is_held:
                 self._expect_mount_where_left(rested)
+            self._told = None
             self._planner.moved_by_hand(rested)
             return True
         self._expect_mount_where_left(report)

@@ -72,7 +72,7 @@ class LeapCamera:
         try:
             self.binning = self._camera.set_binning(1)
         except InstrumentError as error:
-            # STOP and disarming wait for no camera.
+            self._asked = was_asked  # the next time that leaps end it is tried again
             log.warning("the camera stays binned: %s", error)
             words = f"the camera stays binned {self.binning} x {self.binning}: {error}"
             self._chronicle.say("warning", words)

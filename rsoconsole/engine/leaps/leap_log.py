@@ -135,9 +135,9 @@ class LeapLog:
                 self._chronicle.say("info", line)
         self._record_pass(track, why, later)
 
-    def cut_off(self, track: LeapTrack) -> None:
-        """Autonomy has lost the mount in the middle of a pass."""
-        self._record_pass(track, "autonomy has lost the mount", None)
+    def cut_off(self, track: LeapTrack, why: str) -> None:
+        """Something else has ended a pass in its middle."""
+        self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
         self.record()

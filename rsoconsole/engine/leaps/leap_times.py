@@ -139,10 +139,14 @@ class LeapTimes:
         """From a mount's arrival until an exposure may be ordered.
 
         The shutter opens later: an exposure that is ordered while the mount still settles finds it
-        settled.
+        settled. By no more than ``exposure.start_latency_s``: a camera's clock that is ahead looks
+        like a late shutter.
         """
-        settle_s, latency = self._config().mount.settle_s, self._shutter_s()
-        return settle_s if latency is None else max(settle_s - max(latency[0], 0.0), 0.0)
+        config, latency = self._config(), self._shutter_s()
+        if latency is None:
+            return config.mount.settle_s
+        opens_s = min(max(latency[0], 0.0), config.exposure.start_latency_s)
+        return max(config.mount.settle_s - opens_s, 0.0)
 
     def terms(self, binning: int) -> LeapTerms:
         """What a leap needs beside its slew, as learned so far."""

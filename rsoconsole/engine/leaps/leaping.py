@@ -90,10 +90,10 @@ class Leaping:
         """Whether the telescope stares and leaps at all."""
         return self._control.config.leap.enabled
 
-    def forget(self) -> None:
-        """Autonomy has lost the mount: it stares where it then points, with its own exposure."""
+    def forget(self, why: str = "autonomy has lost the mount") -> None:
+        """Leaps end here, in words for the record; a later one begins from where it then points."""
         if self.track is not None:
-            self._log.cut_off(self.track)
+            self._log.cut_off(self.track, why)
         self.track = self._leap = None
         self.drop_early()
         self.times.forget_slew()
@@ -104,7 +104,7 @@ class Leaping:
 
     def forget_times(self) -> None:
         """Time has lost its meaning, and with it every orbit."""
-        self.forget()
+        self.forget("the clock was set")
         self.times.forget_camera()
         self._awaiting.forget_orbit()
 
@@ -120,7 +120,7 @@ class Leaping:
         self._camera.configured(before)
         self.times.configured(before)
         if before.leap.enabled and not after.leap.enabled:
-            self.forget()
+            self.forget("leaps were switched off")
 
     def telescope(self) -> Telescope:
         """What it can do, as learned so far."""

@@ -381,6 +381,7 @@ class Engine:
     def _end(self) -> None:
         if self._queue.is_shutdown:
             result = self.hands.instruments.mount.abort()
+            self.leaping.forget("the engine ends")
             with contextlib.suppress(Interrupted):
                 self.commands.heed_alarms()
             for request in self._queue.take_all():
@@ -401,6 +402,9 @@ class Engine:
         result = step(before, happening)
         if result.refusal is not None:
             raise ValueError(result.refusal)
+        if "abort" in result.actions:
+            # Before all else: what follows may wait for a camera.
+            self.hands.instruments.mount.abort()
         self._enter(result.charge, result.reason)
         if not isinstance(happening, Followed | Marked):
             self._forget_since(before)
@@ -414,16 +418,14 @@ class Engine:
         if not self.charge.is_autonomous:
             self.frames.end_autonomy()
         for action in result.actions:
-            if action == "abort":
-                self.hands.instruments.mount.abort()
-            elif action == "park":
+            if action == "park":
                 self._parking.want()
             elif action == "start search":
                 # Who set the clock has not turned the telescope: a cloud ends no night for that.
                 self.frames.begin_search(checks_pointing=not isinstance(happening, ClockSet))
             elif action == "search home":
                 self.planner.go_home()
-            else:
+            elif action != "abort":
                 self.cycle.forget_plate()
         return result
 

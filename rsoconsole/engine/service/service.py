@@ -154,6 +154,7 @@ def run_engine(
         if settings.is_armed:
             _arm(engine, settings, folder)
         engine.run(settings.frames)
+        engine.leaping.forget("the run is over")
     return folder
 
 

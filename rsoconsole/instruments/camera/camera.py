@@ -47,6 +47,7 @@ class IndiCamera:
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
+        self._width_px = optics.width_px
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
@@ -93,7 +94,11 @@ class IndiCamera:
     def set_binning(self, binning: int) -> int:
         """Join so many pixels on each axis of those that the driver was set to join before."""
         answer = self.process.request(
-            "bin", self._order_s, binning=binning, own=self._own_binning or 0
+            "bin",
+            self._order_s,
+            binning=binning,
+            own=self._own_binning or 0,
+            width_px=self._width_px,
         )
         self._own_binning, self._binning = int(answer["own"]), binning
         return self._binning

@@ -83,14 +83,15 @@ class CameraChild:
     def bin(self, order: dict[str, Any]) -> dict[str, Any]:
         """Join pixels: ``binning`` times as many on each axis as the driver's own setting.
 
-        ``own``: that setting, where it is known already; it is in the answer.
+        ``own``: that setting, where it is known already; it is in the answer. Else it follows from
+        the width that is configured: an engine that was killed has left the driver in another.
         """
         client = self._ready()
         vector = client.get(_BINNING)
         if vector is None:
             raise InstrumentError("the camera's driver cannot join pixels: set leap.binning to 1")
         now = int(vector.values["HOR_BIN"])
-        own = int(order["own"]) or now
+        own = int(order["own"]) or _own_binning(client.get("CCD_INFO"), order) or now
         wanted = own * int(order["binning"])
         if wanted == now:
             return {"own": own}
@@ -188,6 +189,16 @@ class CameraChild:
         if self._client is None:
             raise InstrumentError("the camera is not connected: start it first")
         return self._client
+
+
+def _own_binning(info: Vector | None, order: dict[str, Any]) -> int:
+    """As many pixels joined on each axis as give the configured width; 0 where none does."""
+    sensor_px = 0.0 if info is None else float(info.values.get("CCD_MAX_X", 0.0))
+    width_px = int(order.get("width_px", 0))
+    if sensor_px <= 0.0 or width_px <= 0:
+        return 0
+    own = round(sensor_px / width_px)
+    return own if own >= 1 and abs(sensor_px - own * width_px) < own else 0
 
 
 def main() -> None:

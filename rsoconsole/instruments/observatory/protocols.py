@@ -91,7 +91,7 @@ def _factory(group: str, kind: str, name: str) -> Callable[[Connection], Any]:
         if each.name == name:
             try:
                 factory: Callable[[Connection], Any] = each.load()
-            except (ImportError, AttributeError) as error:
+            except Exception as error:  # a vendor's library may fail in any way
                 raise InstrumentError(
                     f"the {kind} protocol {name!r} of {each.value} cannot be loaded: {error}"
                 ) from error

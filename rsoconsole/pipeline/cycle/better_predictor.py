@@ -33,7 +33,7 @@ def may_guide(config: Config) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PredictionScore:
+class Score:
     """What one of them said of one measurement."""
 
     nis: float
@@ -55,13 +55,13 @@ class Rivals:
     """The last answers of both."""
 
     def __init__(self) -> None:
-        self._told: deque[tuple[PredictionScore, PredictionScore]] = deque(maxlen=WINDOW)
+        self._told: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
         """Whether the orbit predicts better."""
         self._failed = ""
         """By how much the filter failed last; empty: not known."""
 
-    def hear(self, by_orbit: PredictionScore, by_filter: PredictionScore) -> None:
+    def hear(self, by_orbit: Score, by_filter: Score) -> None:
         """One measurement that both predicted."""
         self._told.append((by_orbit, by_filter))
         if len(self._told) >= _LEAST:
@@ -100,6 +100,6 @@ class Rivals:
         return bool(chdtr(2 * len(self._told), total) < _BELIEVED)
 
 
-def _fared(told: Sequence[PredictionScore]) -> str:
+def _fared(told: Sequence[Score]) -> str:
     width = fmean(each.width_arcsec for each in told)
     return f'±{width:.1f}", NIS {fmean(each.nis for each in told):.1f}'

@@ -23,14 +23,7 @@ from rsoconsole.orbit.determination import (
 )
 from rsoconsole.orbit.first import Sightings, State
 from rsoconsole.orbit.motion import elements_of, predict
-from rsoconsole.pipeline.cycle import (
-    PredictionScore,
-    Rivals,
-    Track,
-    TracksTaken,
-    Untaken,
-    may_guide,
-)
+from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
@@ -363,14 +356,14 @@ class OnlineOrbit:
         if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
             return None
         return _Told(
-            short=PredictionScore(
+            short=Score(
                 nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
             ),
             innovation_arcsec=(float(off[0]), float(off[1])),
             sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
         )
 
-    def _by_filter(self, track: Track) -> PredictionScore | None:
+    def _by_filter(self, track: Track) -> Score | None:
         """What the filter had said of the last measurement."""
         if track.last.nis is None or track.predicted is None:
             return None
@@ -379,7 +372,7 @@ class OnlineOrbit:
             log_size = estimator.log_det_innovation(track.predicted, measured, settings)
         except ValueError:
             return None
-        return PredictionScore(nis=track.last.nis, log_size=log_size)
+        return Score(nis=track.last.nis, log_size=log_size)
 
     def _estimate(
         self,
@@ -432,7 +425,7 @@ def _learnt(state: TrackState) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Told:
-    short: PredictionScore
+    short: Score
     innovation_arcsec: tuple[float, float]
     sigma_arcsec: tuple[float, float]
 

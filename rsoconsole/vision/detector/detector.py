@@ -174,7 +174,8 @@ class StreakDetector:
             others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
             told, doubted, shares = named_with_shares(working.frame, seen.sky, stars, told, doubted)
             rejected = doubted + others
-            told = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in told]
+            if not self._is_quick:
+                told = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in told]
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(

@@ -138,7 +138,7 @@ def _in_strip(
         return None
     a, b, found = settled
     offset = 0.5 * (a + b - first - last)
-    if found.misfit > _MOST_MISFIT or abs(offset) > _MOST_MOVED * sigma:
+    if not (found.misfit <= _MOST_MISFIT and abs(offset) <= _MOST_MOVED * sigma):
         return None
     # Faint stars count by where they are: one near an end pulls more than many in the middle.
     beside = np.array([found.weights @ each for each in _beside(strip, used, way, sigma)])
@@ -249,7 +249,7 @@ def _look(
     pushed = seen * away / sigma**2
     shape, weight = seen.sum(axis=1), error**-2.0
     flux = float((weight * light) @ shape) / float((weight * shape) @ shape)
-    if flux <= 0.0:
+    if not flux > 0.0:
         return None
     cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MOST_COSINES))
     wander = np.cos(np.pi * share[:, None] * np.arange(1, cosines + 1))
