@@ -7,7 +7,6 @@ IOD and UK lines, tables, and rows of EOObservation records join them.
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +17,8 @@ from rsoconsole.export.equinox import to_icrs
 from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, parse_iod
 from rsoconsole.export.observed_csv import ecsv_site, looks_like_table, read_table, stations_of
 from rsoconsole.export.observed_rows import ObservedRow
-from rsoconsole.export.tdm_reader import Tdm, TdmSegment, parse_tdm
+from rsoconsole.export.observed_tdm import rows_of_tdm
+from rsoconsole.export.tdm_reader import parse_tdm
 from rsoconsole.export.uk_reader import is_uk, parse_uk
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbit.first import sightings
@@ -46,7 +46,7 @@ class ReadAs:
     target: str | None = None
     """Which object of several, as the file calls it."""
     is_radians: bool | None = None
-    """Whether the file's angles are radians; None: nobody said."""
+    """Whether angles are radians where no name and no form says; None: nobody said."""
 
 
 def read_observations(
@@ -63,10 +63,7 @@ def read_observations(
     if rows is None:
         if ask.is_radians:
             raise OrbitError(f"{path} is JSON, whose angles are degrees: write them so")
-        observed = read_observed(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site)
-        if ask.is_radians is None:
-            _expect_degrees(path, observed[0].seen.ra_icrs_deg, observed[0].seen.dec_icrs_deg)
-        return (observed,)
+        return (read_observed(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site),)
     rows = _in_degrees(rows, path, ask)
     rows = _of_one(rows, path, ask.target)
     return tuple(_of_station(path, station, each, ask) for station, each in _stations(rows))
@@ -84,7 +81,7 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
     name = str(path)
     start = text.lstrip()
     if start.startswith(("CCSDS_TDM_VERS", "<")):
-        return _of_tdm(parse_tdm(text, name), name)
+        return rows_of_tdm(parse_tdm(text, name), name)
     if start.startswith("[") and '"obTime"' in start:
         return _of_udl(start, name)
     if looks_like_table(text):
@@ -96,63 +93,6 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
     if start.startswith(("{", "[")):
         return None
     return _of_lines(text, name)
-
-
-def _of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
-    found: list[ObservedRow] = []
-    for number, segment in enumerate(message.segments, start=1):
-        found.extend(_of_segment(segment, f"{name}, segment {number}"))
-    if not found:
-        raise ExportError(
-            f"{name} holds no pairs of angles (ANGLE_TYPE = RADEC): ranges and Doppler say nothing"
-            " here"
-        )
-    return tuple(found)
-
-
-def _of_segment(segment: TdmSegment, where: str) -> list[ObservedRow]:
-    if not segment.angles:
-        return []
-    kind = segment.metadata.get("ANGLE_TYPE", "none")
-    if kind.upper() != "RADEC":
-        raise ExportError(
-            f"{where}: angles of type {kind}: only right ascension and declination (RADEC) are read"
-        )
-    frame = segment.metadata.get("REFERENCE_FRAME", "EME2000").upper()
-    if frame not in {"EME2000", "ICRF", "GCRF", "J2000"}:
-        raise ExportError(f"{where}: directions in {frame}: only EME2000 and ICRF are read")
-    return [
-        ObservedRow(
-            where=where,
-            t_utc_ns=each.t_utc_ns,
-            ra_icrs_deg=each.angle_1_deg % 360.0,
-            dec_icrs_deg=each.angle_2_deg,
-            sigma_ra_arcsec=each.sigma_1_arcsec,
-            sigma_dec_arcsec=each.sigma_2_arcsec,
-            correlation=each.correlation or 0.0,
-            target=segment.metadata.get("PARTICIPANT_2"),
-            station=segment.metadata.get("PARTICIPANT_1"),
-            site=_site_of_comments(segment.comments),
-        )
-        for each in segment.angles
-    ]
-
-
-def _site_of_comments(comments: Sequence[str]) -> Site | None:
-    """As ``tdm`` writes it: TDM has no keyword for a place."""
-    for comment in comments:
-        words = comment.replace(",", " ").split()
-        if words[:2] != ["Site", "WGS84:"]:
-            continue
-        try:
-            return Site(
-                latitude_deg=float(words[words.index("latitude") + 1]),
-                longitude_deg=float(words[words.index("longitude") + 1]),
-                elevation_m=float(words[words.index("height") + 1]),
-            )
-        except (ValueError, IndexError):
-            return None
-    return None
 
 
 def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
@@ -251,7 +191,9 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
 
 def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple[ObservedRow, ...]:
     if ask.is_radians and any(each.is_degrees for each in rows):
-        raise OrbitError(f"{path}: IOD and UK lines are no radians: leave --radians out")
+        raise OrbitError(
+            f"{path} says its unit itself, by its form or its columns' names: leave --radians out"
+        )
     if ask.is_radians:
         rows = tuple(
             replace(
@@ -347,8 +289,8 @@ def _site(path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: R
 
 
 def _covariance(row: ObservedRow, sigma_arcsec: float) -> tuple[float, float, float]:
-    east = row.sigma_ra_arcsec or sigma_arcsec
-    north = row.sigma_dec_arcsec or row.sigma_ra_arcsec or sigma_arcsec
+    east = sigma_arcsec if row.sigma_ra_arcsec is None else row.sigma_ra_arcsec
+    north = east if row.sigma_dec_arcsec is None else row.sigma_dec_arcsec
     if east <= 0.0 or north <= 0.0 or abs(row.correlation) >= 1.0:
         raise ExportError(f"{row.where}: a sigma must be above 0, a correlation within 1")
     return east**2, row.correlation * east * north, north**2

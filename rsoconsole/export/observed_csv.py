@@ -20,8 +20,22 @@ from rsoconsole.sky import iso_to_utc_ns
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
 _RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")
 _DEC = ("dec_icrs_deg", "dec_deg", "dec", "dec_j2000_deg", "declination_deg", "declination")
+_BARE = {"ra", "right_ascension", "dec", "declination"}
+"""Names without a unit: what was meant may be asked."""
 _RADIANS = (("ra_rad", "ra_icrs_rad"), ("dec_rad", "dec_icrs_rad", "declination_rad"))
 _HOURS = ("ra_hours", "ra_h", "ra_hour")
+_RA_SCALES = {
+    **{name: 1.0 for name in _RA if name not in _BARE},
+    **dict.fromkeys(_RADIANS[0], math.degrees(1.0)),
+    **dict.fromkeys(_HOURS, 15.0),
+    **{name: 1.0 for name in _RA if name in _BARE},
+}
+"""What makes degrees of it, the one with precedence first: a name with its unit."""
+_DEC_SCALES = {
+    **{name: 1.0 for name in _DEC if name not in _BARE},
+    **dict.fromkeys(_RADIANS[1], math.degrees(1.0)),
+    **{name: 1.0 for name in _DEC if name in _BARE},
+}
 _SIGMA_RA = ("sigma_ra_arcsec", "ra_sigma_arcsec", "sigma_arcsec")
 _SIGMA_DEC = ("sigma_dec_arcsec", "dec_sigma_arcsec", "sigma_arcsec")
 _TARGET = ("object", "target", "norad_id", "norad", "norad_cat_id", "satno", "track_id", "track")
@@ -55,12 +69,21 @@ def looks_like_table(text: str) -> bool:
     for line in text.splitlines():
         if line.startswith("#") or not line.strip():
             continue
-        if line.lstrip().startswith("{"):
-            return '"ra' in line and line.rstrip().endswith("}")
-        names = {_plain(each) for each in re.split(r"[,;\t ]+", line)}
+        names = {_plain(each) for each in _first_names(line)}
         known = {*_RA, *_RADIANS[0], *_HOURS}
         return bool(names & known) and bool(names & {*_DEC, *_RADIANS[1]})
     return False
+
+
+def _first_names(line: str) -> Sequence[str]:
+    """Columns that a first line names, or keys of the object that it is."""
+    if not line.lstrip().startswith("{"):
+        return re.split(r"[,;\t ]+", line)
+    try:
+        values = json_of(line)
+    except ValueError:
+        return ()
+    return list(values) if isinstance(values, dict) else ()
 
 
 def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -140,7 +163,7 @@ class _Columns:
             found = text(wanted)
             return None if found is None else _number(found, f"{where}, {self.find(wanted)}")
 
-        ra, dec = self._direction(number, where)
+        ra, dec, is_degrees = self._direction(number, where)
         try:
             t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
         except ValueError as error:
@@ -167,23 +190,28 @@ class _Columns:
             target=text(_TARGET),
             station=text(_STATION),
             site=site,
+            is_degrees=is_degrees,
         )
 
     def _direction(
         self, number: Callable[[Sequence[str]], float | None], where: str
-    ) -> tuple[float, float]:
-        ra, dec = number(_RA), number(_DEC)
-        for_ra, for_dec = number(_RADIANS[0]), number(_RADIANS[1])
-        hours = number(_HOURS)
-        if ra is None and for_ra is not None:
-            ra = math.degrees(for_ra)
-        if ra is None and hours is not None:
-            ra = 15.0 * hours
-        if dec is None and for_dec is not None:
-            dec = math.degrees(for_dec)
-        if ra is None or dec is None:
+    ) -> tuple[float, float, bool]:
+        """Both angles in degrees, if they are what their names say; whether a name says a unit."""
+
+        def angle(scales: Mapping[str, float]) -> tuple[str, float]:
+            for name, scale in scales.items():
+                if (found := number((name,))) is not None:
+                    return name, scale * found
             raise ExportError(f"{where}: it has no direction")
-        return ra, dec
+
+        (ra_name, ra), (dec_name, dec) = angle(_RA_SCALES), angle(_DEC_SCALES)
+        bare = {ra_name, dec_name} & _BARE
+        if bare and {ra_name, dec_name} & {*_RADIANS[0], *_RADIANS[1]}:
+            raise ExportError(
+                f"{where}: one angle is in radians and {bare.pop()} has no unit in its name: call"
+                " it ra_rad or dec_rad, or ra_deg or dec_deg"
+            )
+        return ra, dec, len(bare) < 2
 
 
 def _number(text: str, where: str) -> float:

@@ -106,10 +106,12 @@ def _position_arcsec(code: int, field: str) -> float | None:
     if not field.strip():
         return None
     digits = field.rstrip()
+    if " " in digits.strip():
+        raise ExportError(f"its error of position {field!r} has a blank inside")
+    digits = digits.replace(" ", "0")
     wholes = {1: 3, 2: 2, 4: 3, 5: 2}.get(code, 1)
     scale = {1: 1.0, 2: 60.0, 4: 1.0, 5: 60.0}.get(code, 3600.0)
-    whole = digits[:wholes].strip() or "0"
-    return float(f"{whole}.{digits[wholes:].strip() or '0'}") * scale or None
+    return float(f"{digits[:wholes]}.{digits[wholes:] or '0'}") * scale or None
 
 
 def _angles(code: int, found: dict[str, str]) -> tuple[float, float]:

@@ -364,7 +364,7 @@ def test_cospar_and_long_numbers_go_into_elements(tmp_path: Path) -> None:
 
 def test_degrees_that_look_like_radians_are_taken_where_somebody_says_so(tmp_path: Path) -> None:
     lines = [f"{t},{ra / 10},{dec / 10}" for t, ra, dec in ROWS]
-    path = table(tmp_path, "\n".join(["time,ra_deg,dec_deg", *lines]))
+    path = table(tmp_path, "\n".join(["time,ra,dec", *lines]))
     with pytest.raises(OrbitError, match="--radians or --degrees"):
         read_observations(path, ASK)
     ((read,),) = read_observations(path, ReadAs(site=HERE, is_radians=False))
@@ -379,7 +379,7 @@ def test_lines_of_hours_and_minutes_are_never_taken_for_radians(tmp_path: Path) 
     path.write_text("\n".join(lines))
     ((read,),) = read_observations(path, ASK)
     assert read.seen.ra_icrs_deg.max() < 2.0 * math.pi
-    with pytest.raises(OrbitError, match="no radians"):
+    with pytest.raises(OrbitError, match="leave --radians out"):
         read_observations(path, ReadAs(site=HERE, is_radians=True))
 
 
@@ -390,14 +390,6 @@ def test_json_without_a_site_takes_the_one_that_is_said(tmp_path: Path) -> None:
         read_observations(path, ReadAs())
     ((read,),) = read_observations(path, ASK)
     assert read.site == HERE
-
-
-def test_json_in_radians_is_said(tmp_path: Path) -> None:
-    path = tmp_path / "radians.json"
-    rows = [[t, math.radians(ra), math.radians(dec)] for t, ra, dec in ROWS]
-    path.write_text(json.dumps({"obs": rows}))
-    with pytest.raises(OrbitError, match="as radians are"):
-        read_observations(path, ASK)
 
 
 def test_elements_are_read_by_ccsds_ndm_and_skyfield(tmp_path: Path) -> None:
