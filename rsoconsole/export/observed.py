@@ -7,13 +7,13 @@ IOD and UK lines, tables, and rows of EOObservation records join them.
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export.equinox import to_icrs
 from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, parse_iod
 from rsoconsole.export.observed_csv import ecsv_site, looks_like_table, read_table, stations_of
 from rsoconsole.export.observed_rows import ObservedRow
@@ -24,7 +24,7 @@ from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbit.first import sightings
 from rsoconsole.pipeline.orbits import Observed, read_observed
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_S, wrap_180
+from rsoconsole.sky import NS_PER_S, chart_to_icrs, wrap_180
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
@@ -97,7 +97,7 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
 
 def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
     """IOD and UK lines, also among other words of a mail."""
-    found: list[ObservedRow] = []
+    found: list[tuple[IodObservation, str, Site | None]] = []
     fault: str | None = None
     places: dict[str, Site] = {}
     for number, line in enumerate(text.splitlines(), start=1):
@@ -118,20 +118,35 @@ def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
             horizontal = "only right ascension and declination are read"
             fault = fault or f"{where}: azimuth and elevation: {horizontal}"
         elif each.first_deg is not None:
-            found.append(_of_line(each, where, places.get(each.station)))
+            found.append((each, where, places.get(each.station)))
     if not found:
         raise ExportError(
             fault
             or f"{name} holds no observations: TDM, IOD or UK lines, CSV with named columns, and"
             " JSON are read"
         )
-    return tuple(found)
+    ra, dec = _directions([each for each, _, _ in found])
+    return tuple(
+        _of_line(each, where, site, (float(ra[n]), float(dec[n])))
+        for n, (each, where, site) in enumerate(found)
+    )
 
 
-def _of_line(each: IodObservation, where: str, site: Site | None) -> ObservedRow:
-    assert each.first_deg is not None
-    assert each.second_deg is not None
-    ra, dec = to_icrs(each.first_deg, each.second_deg, each.epoch_year, each.t_utc_ns)
+def _directions(lines: Sequence[IodObservation]) -> tuple[FloatArray, FloatArray]:
+    """(N,) ICRS degrees of lines on charts of any equinox."""
+    ra = np.array([each.first_deg for each in lines], np.float64)
+    dec = np.array([each.second_deg for each in lines], np.float64)
+    t_utc_ns = np.array([each.t_utc_ns for each in lines], np.int64)
+    for year in {each.epoch_year for each in lines}:
+        of_it = np.array([each.epoch_year == year for each in lines])
+        ra[of_it], dec[of_it] = chart_to_icrs(ra[of_it], dec[of_it], year, t_utc_ns[of_it])
+    return ra, dec
+
+
+def _of_line(
+    each: IodObservation, where: str, site: Site | None, icrs_deg: tuple[float, float]
+) -> ObservedRow:
+    ra, dec = icrs_deg
     name = each.cospar if each.norad_id is None else str(each.norad_id)
     step_s = each.t_step_ns / NS_PER_S / math.sqrt(12.0)
     return ObservedRow(

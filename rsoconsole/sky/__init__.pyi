@@ -18,6 +18,7 @@ from .belt import belt_declination_deg as belt_declination_deg
 from .belt import slot_direction as slot_direction
 from .epoch import Epoch as Epoch
 from .epoch import epoch_at as epoch_at
+from .equinox import chart_to_icrs as chart_to_icrs
 from .frames import PierSide as PierSide
 from .frames import altaz_of_hour_angle as altaz_of_hour_angle
 from .frames import altaz_to_icrs as altaz_to_icrs

@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.errors import ExportError, OrbitError
 from rsoconsole.export import ExportOptions, Target, parse_tdm, read_night, render
-from rsoconsole.export.equinox import to_icrs
 from rsoconsole.export.observed import ReadAs, read_observations
 from rsoconsole.export.uk_reader import parse_uk
 from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Site
+from rsoconsole.sky.equinox import chart_to_icrs
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.samples import SCHEMA_1
 
@@ -342,10 +342,12 @@ def test_a_time_that_is_known_badly_is_known_badly_along_the_motion(tmp_path: Pa
 
 def test_old_star_charts_are_turned_to_icrs() -> None:
     """Truth: Polaris in B1950 and in J2000, SAO catalogue and Hipparcos, to a few arcsec."""
-    ra, dec = to_icrs(15.0 * (1 + 48 / 60 + 48.79 / 3600), 89 + 1 / 60 + 43.7 / 3600, 1950, 0)
+    polaris = np.full(2, 15.0 * (1 + 48 / 60 + 48.79 / 3600)), np.full(2, 89 + 1 / 60 + 43.7 / 3600)
+    instants = np.zeros(2, np.int64)
+    ra, dec = chart_to_icrs(*polaris, 1950, instants)
     assert dec == pytest.approx(89 + 15 / 60 + 51 / 3600, abs=5 / 3600)
     assert ra == pytest.approx(15.0 * (2 + 31 / 60 + 49 / 3600), abs=0.1)
-    assert to_icrs(10.0, 20.0, 2000, 0) == (10.0, 20.0)
+    assert chart_to_icrs(*polaris, 2000, instants) == polaris
 
 
 def test_cospar_and_long_numbers_go_into_elements(tmp_path: Path) -> None:
