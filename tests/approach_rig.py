@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.elements.elements import parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site

@@ -12,20 +12,20 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.orbit.elements.catalogue import (
+from rsoconsole.orbits.elements.catalogue import (
     CatalogueEntry,
     parse_catalogue,
     places_of,
     states_gcrs,
 )
-from rsoconsole.orbit.first.directions import Sightings, sightings
-from rsoconsole.orbit.identification.element_errors import (
+from rsoconsole.orbits.first.directions import Sightings, sightings
+from rsoconsole.orbits.identification.element_errors import (
     ElementErrors,
     Spread,
     manoeuvred_probability,
 )
-from rsoconsole.orbit.identification.element_rows import ElementRow, row_of
-from rsoconsole.orbit.identification.single import compared_with, identification_alone
+from rsoconsole.orbits.identification.element_rows import ElementRow, row_of
+from rsoconsole.orbits.identification.single import compared_with, identification_alone
 from rsoconsole.pipeline.calibrations.element_calibration import GATE_DEG
 from rsoconsole.pipeline.orbits.element_errors_of import wide_errors_of
 from rsoconsole.sky.places import site_gcrs

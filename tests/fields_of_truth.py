@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from sgp4.api import WGS72, Satrec
 
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbit.elements.sky_paths import Exposure, Lookout, array_of, drawn
-from rsoconsole.orbit.identification.element_errors import (
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements.sky_paths import Exposure, Lookout, array_of, drawn
+from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     UNDISTURBED,
     Spread,
@@ -21,8 +21,8 @@ from rsoconsole.orbit.identification.element_errors import (
     position_sigmas_km,
     regime_of,
 )
-from rsoconsole.orbit.identification.field_crossings import FieldOfView
-from rsoconsole.orbit.identification.field_match import Line
+from rsoconsole.orbits.identification.field_crossings import FieldOfView
+from rsoconsole.orbits.identification.field_match import Line
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 from rsoconsole.sky.places import site_gcrs, teme_to_gcrs_rotation

@@ -26,8 +26,8 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbit.elements.elements import parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.stars.proper_motion import julian_year
 from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbit.motion.ahead import SkyAhead, SkyPath, path_of
-from rsoconsole.orbit.motion.two_body import propagate
+from rsoconsole.orbits.motion.ahead import SkyAhead, SkyPath, path_of
+from rsoconsole.orbits.motion.two_body import propagate
 from rsoconsole.pipeline.leaps.leaps import Leap, LeapTerms, NoLeap, Telescope, next_leap
 from rsoconsole.pipeline.leaps.mount_motion import MountMotion
 from rsoconsole.sky.angles import unit_to_direction, wrap_180

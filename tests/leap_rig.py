@@ -6,8 +6,8 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.orbit.motion.known_orbit import KnownOrbit
-from rsoconsole.orbit.motion.zonal import Zonal
+from rsoconsole.orbits.motion.known_orbit import KnownOrbit
+from rsoconsole.orbits.motion.zonal import Zonal
 from rsoconsole.pipeline.frame.glance import Glance
 from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.reduce import Reduction

@@ -8,9 +8,9 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbit.elements.satellite import Satellite
-from rsoconsole.orbit.low.streak_ends import StreakEnds
-from rsoconsole.orbit.motion.ahead import SkyAhead
+from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits.low.streak_ends import StreakEnds
+from rsoconsole.orbits.motion.ahead import SkyAhead
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.frames import icrs_to_altaz

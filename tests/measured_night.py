@@ -18,7 +18,7 @@ from rsoconsole.sky import times
 from rsoconsole.sky.wcs import tan_wcs
 from rsoconsole.tracking.association.following import Following
 from tests.makers import straight_detection
-from tests.orbit.test_lqe_satellites import DAYTONA, geo
+from tests.orbits.test_lqe_satellites import DAYTONA, geo
 
 NS = times.NS_PER_S
 SIZE = (4656, 3520)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rsoconsole.orbit.first.gooding_iteration import Lines
+from rsoconsole.orbits.first.gooding_iteration import Lines
 from rsoconsole.records import FloatArray
 
 MU = 398600.4418

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from rsoconsole.orbit.first.directions import Sightings, sightings
+from rsoconsole.orbits.first.directions import Sightings, sightings
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import Places, astrometric_places
 from rsoconsole.sky.times import NS_PER_S, IntArray, jd_tt, jd_ut1

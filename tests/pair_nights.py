@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbit.elements.catalogue import (
+from rsoconsole.orbits.elements.catalogue import (
     CatalogueEntry,
     parse_catalogue,
     places_of,

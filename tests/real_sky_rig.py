@@ -24,9 +24,9 @@ from rsoconsole.config import Config, config_to_toml
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi.indi_wire import IndiWire
 from rsoconsole.instruments.mount.mount import IndiMount
-from rsoconsole.orbit.elements.elements import ElementSet
-from rsoconsole.orbit.elements.satellite import Satellite
-from rsoconsole.orbit.elements.sgp4_fit import TLE_STEP_NS, MeanElements
+from rsoconsole.orbits.elements.elements import ElementSet
+from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits.elements.sgp4_fit import TLE_STEP_NS, MeanElements
 from rsoconsole.records import Site
 from rsoconsole.simulator.sky.star_background import faint_stars
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle

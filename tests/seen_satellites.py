@@ -1,5 +1,5 @@
 """Directions of made-up satellites. Their places come by SGP4 and ``Satellite``, which agrees with
-skyfield (``tests/orbit/test_places.py``); nothing that fits or compares orbits has a part in
+skyfield (``tests/orbits/test_places.py``); nothing that fits or compares orbits has a part in
 them."""
 
 import math
@@ -9,9 +9,9 @@ import numpy as np
 from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
-from rsoconsole.orbit.elements.elements import ElementSet, parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
-from rsoconsole.orbit.first.directions import Sightings, sightings
+from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits.first.directions import Sightings, sightings
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray, gmst_deg
 

@@ -9,8 +9,8 @@ import numpy as np
 from astropy.io import fits
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry
-from rsoconsole.orbit.elements.sky_paths import Exposure, array_of, drawn
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry
+from rsoconsole.orbits.elements.sky_paths import Exposure, array_of, drawn
 from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.simulator.nights.scenarios import ScenarioSatellite, scenario_named
 from rsoconsole.simulator.scene.scene import Scene

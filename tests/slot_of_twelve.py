@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Measurement
 from rsoconsole.simulator.nights.scenarios import elements_path

@@ -22,7 +22,7 @@ from rsoconsole.simulator.stage import open_stage
 from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_to_jnow, jnow_to_icrs
-from tests.orbit.test_places import skyfield_site, skyfield_timescale
+from tests.orbits.test_places import skyfield_site, skyfield_timescale
 from tests.regimes import Sample
 
 INDEX = Path(__file__).resolve().parents[1] / ".cache/index/usr/share/astrometry"

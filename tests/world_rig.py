@@ -88,7 +88,7 @@ def expose(
     ra, dec = icrs_of_hour_angle(scenario.site, -41.0, scenario.start_declination_deg, t)
     if satellite_mag is not None:
         # Where it is at mid-exposure by UTC, so that it crosses the middle of a perfect frame.
-        from rsoconsole.orbit.elements.satellite import Satellite
+        from rsoconsole.orbits.elements.satellite import Satellite
 
         mid = np.array([t + round(exposure_s * NS / 2)])
         place = Satellite(target.element_set).astrometric_place(scenario.site, mid)

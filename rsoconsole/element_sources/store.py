@@ -19,7 +19,7 @@ from rsoconsole.durable_files import PART, write_durably
 from rsoconsole.element_sources.names import Source
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import json_of, read_foreign
-from rsoconsole.orbit.elements import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_S
 
 LEAST_NS = 2 * 3600 * NS_PER_S

@@ -12,7 +12,7 @@ from rsoconsole.element_sources.space_track import fetch_with_login, read_login
 from rsoconsole.element_sources.store import ElementStore, Kept
 from rsoconsole.element_sources.unpack import expect_elements_not_a_page, text_of
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import utc_ns_to_iso
 
 

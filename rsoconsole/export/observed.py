@@ -21,7 +21,7 @@ from rsoconsole.export.observed_tdm import rows_of_tdm
 from rsoconsole.export.tdm_reader import parse_tdm
 from rsoconsole.export.uk_reader import is_uk, parse_uk
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbit.first import sightings
+from rsoconsole.orbits.first import sightings
 from rsoconsole.pipeline.orbits import Observed, read_observed
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import NS_PER_S, chart_to_icrs, wrap_180

@@ -1,15 +1,15 @@
 """How far three geostationary satellites were from where older element sets had put them.
 
 Run: ``python -m tests.bench.bench_element_errors``. The table stands in
-``rsoconsole/orbit/identification/element_errors.py``.
+``rsoconsole/orbits/identification/element_errors.py``.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements.elements import ElementSet, parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY
 

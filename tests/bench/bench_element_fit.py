@@ -1,15 +1,15 @@
 """How well the factors on the assumed errors of elements are found, in worlds where they are known.
 
 Run: ``python -m tests.bench.bench_element_fit [WORLDS] [OBJECTS] [FACTOR]``; with FACTOR all three
-are that, else drawn. The figures stand in ``rsoconsole/orbit/README.md``.
+are that, else drawn. The figures stand in ``rsoconsole/orbits/README.md``.
 """
 
 import sys
 
 import numpy as np
 
-from rsoconsole.orbit.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
-from rsoconsole.orbit.identification.element_fit import fit_factors
+from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
+from rsoconsole.orbits.identification.element_fit import fit_factors
 from rsoconsole.records import FloatArray
 from tests.element_rows_of_truth import low_rows, times
 

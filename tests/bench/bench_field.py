@@ -12,10 +12,10 @@ from collections import Counter
 
 import numpy as np
 
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbit.elements.sky_paths import Lookout, array_of
-from rsoconsole.orbit.identification.field_crossings import FieldCatalogue
-from rsoconsole.orbit.identification.field_match import match_field
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
+from rsoconsole.orbits.elements.sky_paths import Lookout, array_of
+from rsoconsole.orbits.identification.field_crossings import FieldCatalogue
+from rsoconsole.orbits.identification.field_match import match_field
 from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue, states_gcrs
-from rsoconsole.orbit.first.directions import Sightings, sightings
-from rsoconsole.orbit.identification.element_errors import UNDISTURBED, covariance_rtn
-from rsoconsole.orbit.identification.single import Identification, identify
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue, states_gcrs
+from rsoconsole.orbits.first.directions import Sightings, sightings
+from rsoconsole.orbits.identification.element_errors import UNDISTURBED, covariance_rtn
+from rsoconsole.orbits.identification.single import Identification, identify
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import astrometric_places
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray

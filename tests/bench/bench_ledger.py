@@ -13,10 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsoconsole.orbit.determination.from_directions import determine
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbit.first.directions import Sightings
-from rsoconsole.orbit.identification.uncorrelated import (
+from rsoconsole.orbits.determination.from_directions import determine
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.identification.uncorrelated import (
     SeenBefore,
     attributable,
     log_density,

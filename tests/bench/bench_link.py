@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbit.determination.join import Alone, alone, join_probabilities
+from rsoconsole.orbits.determination.join import Alone, alone, join_probabilities
 from rsoconsole.tracking.initiation.link import link_points
 from tests.seen_satellites import geostationary, instants, seen
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links

@@ -25,12 +25,12 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.determination.fit import Prior
-from rsoconsole.orbit.determination.from_directions import Orbit, determine
-from rsoconsole.orbit.determination.regimes import REGIMES
-from rsoconsole.orbit.first.directions import Sightings
-from rsoconsole.orbit.motion.prediction import predict
-from rsoconsole.orbit.motion.two_body import elements_of
+from rsoconsole.orbits.determination.fit import Prior
+from rsoconsole.orbits.determination.from_directions import Orbit, determine
+from rsoconsole.orbits.determination.regimes import REGIMES
+from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.motion.prediction import predict
+from rsoconsole.orbits.motion.two_body import elements_of
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
 from rsoconsole.records import FloatArray, Measurement, Site, TrackState
 from rsoconsole.sky.places import Places
@@ -94,7 +94,7 @@ WORLDS = (
         inclinations_deg=(0.05,),
     ),
 )
-"""The last: as the catalogue has them (`rsoconsole/orbit/determination/regimes.py`)."""
+"""The last: as the catalogue has them (`rsoconsole/orbits/determination/regimes.py`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.records import LeapDone, LowPass, Site
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.nights.world_laws import random_world

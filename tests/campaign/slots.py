@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements.elements import parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.records import FloatArray, Measurement, Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.places import Places

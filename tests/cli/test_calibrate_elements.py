@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_to_toml, load_config
 from rsoconsole.errors import ConfigError, RsoconsoleError
-from rsoconsole.orbit.elements.elements import ElementSet
-from rsoconsole.orbit.identification.element_errors import ASSUMED
+from rsoconsole.orbits.elements.elements import ElementSet
+from rsoconsole.orbits.identification.element_errors import ASSUMED
 from rsoconsole.pipeline.orbits.element_errors_of import errors_of
 from rsoconsole.session.ledgers.element_ledger import (
     element_ledger_path,
@@ -24,7 +24,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_orbit import write_track
 from tests.json_page import expect_documented
-from tests.orbit.test_element_fit import row
+from tests.orbits.test_element_fit import row
 from tests.seen_satellites import geostationary, instants
 
 DAY_S = 86_400.0

@@ -13,8 +13,8 @@ from rsoconsole.cli.app import app, main
 from rsoconsole.cli.words.orbit_words import orbit_lines
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.orbit.elements.elements import ElementSet
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import ElementSet
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session.writing.writer import SessionWriter

@@ -9,8 +9,8 @@ import pytest
 from rsoconsole.judge.objects import VISIBLE_SNR
 from tests.cli.test_cli_frames import rsoconsole
 from tests.cli.test_demo import night
-from tests.orbit.test_places import earth
-from tests.orbit.test_target_places import HUNDREDTH_ARCSEC, TRANSCRIBED
+from tests.orbits.test_places import earth
+from tests.orbits.test_target_places import HUNDREDTH_ARCSEC, TRANSCRIBED
 from tests.regimes import EACH, REGIMES, TLES, samples
 from tests.simulator.test_target_plan import FIFTH_OF_THE_FIELD_DEG
 from tests.target_night import (

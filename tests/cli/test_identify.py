@@ -13,21 +13,21 @@ from sgp4.api import Satrec
 from sgp4.exporter import export_omm
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements.catalogue import (
+from rsoconsole.orbits.elements.catalogue import (
     CatalogueEntry,
     nearest_in_epoch_of_each,
     parse_catalogue,
     states_gcrs,
 )
-from rsoconsole.orbit.elements.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
-from rsoconsole.orbit.identification.element_errors import (
+from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     UNDISTURBED,
     covariance_rtn,
     manoeuvred_probability,
 )
-from rsoconsole.orbit.identification.single import Identification, identify
+from rsoconsole.orbits.identification.single import Identification, identify
 from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import load_config
-from rsoconsole.orbit.navigation.navigation import utc_ns_of_gps
+from rsoconsole.orbits.navigation.navigation import utc_ns_of_gps
 from rsoconsole.pipeline.calibrations.navigation_files import read_rinex
 from rsoconsole.records import CameraMode
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns

@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
-from rsoconsole.orbit.elements.catalogue import parse_catalogue
+from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.outlook.above_limit import up_now
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.console.test_console_actions import PREVIEW
@@ -30,7 +30,7 @@ LIMITS = LimitsConfig(min_altitude_deg=15.0)
 
 
 def with_checksums(text: str) -> str:
-    from rsoconsole.orbit.elements.elements import checksum
+    from rsoconsole.orbits.elements.elements import checksum
 
     return "\n".join(
         line[:68] + str(checksum(line)) if line[:2] in {"1 ", "2 "} else line

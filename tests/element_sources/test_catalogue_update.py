@@ -21,7 +21,7 @@ from rsoconsole.element_sources import ElementStore, default_folder, parse_sourc
 from rsoconsole.element_sources import fetch as fetching
 from rsoconsole.element_sources.update import Update, Updated
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements.catalogue import parse_catalogue
+from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from tests.bad_server import (
     BadServer,

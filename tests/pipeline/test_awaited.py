@@ -11,8 +11,8 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.motion.known_orbit import KnownOrbit
-from rsoconsole.orbit.motion.zonal import Zonal
+from rsoconsole.orbits.motion.known_orbit import KnownOrbit
+from rsoconsole.orbits.motion.zonal import Zonal
 from rsoconsole.pipeline.leaps.awaited import Awaited, awaited_on, came, expected_at, next_of
 from rsoconsole.records import Event, SlewCommand
 from rsoconsole.simulator.nights.scenarios import elements_path

@@ -236,7 +236,7 @@ OMM = """{"OBJECT_NAME": "SES-10", "NORAD_CAT_ID": 42432, "EPOCH": "2023-03-09T1
 
 def element_file(tmp_path, *names_and_numbers):
     """Made-up geostationary element sets with right checksums."""
-    from rsoconsole.orbit.elements.elements import checksum
+    from rsoconsole.orbits.elements.elements import checksum
 
     lines = []
     for name, number, anomaly in names_and_numbers:

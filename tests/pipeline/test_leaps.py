@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, LimitsConfig, MountConfig
-from rsoconsole.orbit.motion.ahead import SkyAhead, path_of
+from rsoconsole.orbits.motion.ahead import SkyAhead, path_of
 from rsoconsole.pipeline.leaps import mount_motion
 from rsoconsole.pipeline.leaps.leap_pass import PassPlan, Stare, duty, plan_pass
 from rsoconsole.pipeline.leaps.leaps import (

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.navigation.navigation import NavigationFile, gps_ns_of_utc, utc_ns_of_gps
-from rsoconsole.orbit.navigation.rinex_nav import parse_rinex_nav
-from rsoconsole.orbit.navigation.sp3 import parse_sp3
+from rsoconsole.orbits.navigation.navigation import NavigationFile, gps_ns_of_utc, utc_ns_of_gps
+from rsoconsole.orbits.navigation.rinex_nav import parse_rinex_nav
+from rsoconsole.orbits.navigation.sp3 import parse_sp3
 from rsoconsole.pipeline.calibrations.navigation_files import read_rinex, read_sp3
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbit.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.pipeline.outlook.passes import NightPass, night_passes
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns

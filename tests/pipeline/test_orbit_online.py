@@ -12,10 +12,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide, Way
-from rsoconsole.orbit.motion.forces import Forces
-from rsoconsole.orbit.motion.known_orbit import KnownOrbit, known
-from rsoconsole.orbit.motion.prediction import predict
-from rsoconsole.orbit.motion.two_body import elements_of
+from rsoconsole.orbits.motion.forces import Forces
+from rsoconsole.orbits.motion.known_orbit import KnownOrbit, known
+from rsoconsole.orbits.motion.prediction import predict
+from rsoconsole.orbits.motion.two_body import elements_of
 from rsoconsole.pipeline.cycle.absence import StarHistory
 from rsoconsole.pipeline.cycle.better_predictor import Rivals, Score
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
@@ -506,8 +506,8 @@ TLE = Path(__file__).parents[2] / "rsoconsole" / "simulator" / "data" / "belt_20
 
 
 def test_what_is_followed_is_named_on_record_and_asked_for_more_rarely_as_it_goes_on():
-    from rsoconsole.orbit.elements.elements import parse_elements
-    from rsoconsole.orbit.elements.satellite import Satellite
+    from rsoconsole.orbits.elements.elements import parse_elements
+    from rsoconsole.orbits.elements.satellite import Satellite
 
     elements = next(e for e in parse_elements(TLE.read_text(), "belt") if e.norad_id == 36_097)
     t0 = iso_to_utc_ns("2023-06-23T05:00:00Z")

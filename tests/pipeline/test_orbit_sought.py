@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbit.determination import from_directions as determining
+from rsoconsole.orbits.determination import from_directions as determining
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.sky.places import Places

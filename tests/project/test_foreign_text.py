@@ -17,8 +17,8 @@ from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ConfigError, ControlError, OrbitError, RsoconsoleError, SessionError
 from rsoconsole.export import read_tdm
 from rsoconsole.foreign_text import MOST_BYTES, read_foreign
-from rsoconsole.orbit.elements import catalogue
-from rsoconsole.orbit.elements.catalogue import parse_catalogue
+from rsoconsole.orbits.elements import catalogue
+from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Event, FrameTaken

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig, SearchConfig
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.simulator.nights.scenarios import (
     DAYTONA_BEACH,
     DEFAULT_SCENARIO,

@@ -300,7 +300,7 @@ def test_a_cloud_moves_with_the_wind_and_does_not_jump():
 
 
 def test_a_satellite_in_the_umbra_leaves_no_streak(monkeypatch):
-    from rsoconsole.orbit.elements import satellite
+    from rsoconsole.orbits.elements import satellite
     from rsoconsole.simulator.sky import passes
 
     def unlit(position_gcrs_km, t_utc_ns):
@@ -321,7 +321,7 @@ def test_a_satellite_in_the_umbra_leaves_no_streak(monkeypatch):
 
 def test_a_satellite_entering_the_shadow_fades_along_its_streak():
     """Near the March equinox a geostationary satellite crosses the penumbra within two minutes."""
-    from rsoconsole.orbit.elements.satellite import Satellite
+    from rsoconsole.orbits.elements.satellite import Satellite
     from rsoconsole.sky.sun import lit_fraction
     from rsoconsole.sky.times import iso_to_utc_ns
 

@@ -10,9 +10,9 @@ from rsoconsole.cli.demo.demo import demo_config
 from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config, site_of
 from rsoconsole.config import OpticsConfig
 from rsoconsole.errors import ConfigError, OrbitError, SolverError
-from rsoconsole.orbit.elements.catalogue import parse_catalogue
-from rsoconsole.orbit.elements.names import find_object
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.catalogue import parse_catalogue
+from rsoconsole.orbits.elements.names import find_object
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera.rendering import (
     FieldContent,
@@ -34,7 +34,7 @@ from rsoconsole.simulator.sky.passes import Sight, satellite_passes
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz
 from rsoconsole.sky.sun import lit_fraction, sun_altitude_deg
 from rsoconsole.sky.wcs import tan_wcs
-from tests.orbit.test_target_places import TRANSCRIBED
+from tests.orbits.test_target_places import TRANSCRIBED
 from tests.target_night import centre_offset_deg, first_exposure
 
 NS = 1_000_000_000

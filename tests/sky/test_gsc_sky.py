@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.stars.proper_motion import julian_year

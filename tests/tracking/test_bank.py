@@ -1,7 +1,7 @@
 """Motions weighed by their likelihood: what they follow, what they learn, what they promise.
 
-Truth is SGP4's, with places that agree with skyfield's (``tests/orbit/test_places.py``); no filter,
-fit or admissible region has a part in it. Noise is drawn here.
+Truth is SGP4's, with places that agree with skyfield's (``tests/orbits/test_places.py``); no
+filter, fit or admissible region has a part in it. Noise is drawn here.
 """
 
 import functools
@@ -16,9 +16,9 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.orbit.elements.elements import parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
-from rsoconsole.orbit.first.admissible import bending
+from rsoconsole.orbits.elements.elements import parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits.first.admissible import bending
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.sky.angles import direction_to_unit, separation_deg

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.orbit.elements.elements import parse_elements
-from rsoconsole.orbit.elements.satellite import Satellite
+from rsoconsole.orbits.elements.elements import parse_elements
+from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FoldRecord, Measurement, NotFollowed, TrackState
 from rsoconsole.simulator.nights.scenarios import elements_path

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbit.determination.join import alone, join_probabilities, log_odds
+from rsoconsole.orbits.determination.join import alone, join_probabilities, log_odds
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.initiation.link import Motion, best_disjoint, link_points
 from tests.seen_satellites import SHARED, geostationary, instants, seen

@@ -14,7 +14,7 @@ def draw_fits(config: Config) -> bytes:
     """One frame of the configured optics and exposure, its first satellite in the middle."""
     import numpy as np
 
-    from rsoconsole.orbit.elements import Satellite
+    from rsoconsole.orbits.elements import Satellite
     from rsoconsole.simulator.camera import Card, fits_bytes
     from rsoconsole.simulator.nights import DEFAULT_SCENARIO, scenario_named
     from rsoconsole.simulator.scene import Scene

@@ -44,7 +44,7 @@ def plan_targets(
     Raises OrbitError for names that are not clear, ConfigError where they cannot be seen or
     ``at`` is no time, SolverError where their sky has no stars.
     """
-    from rsoconsole.orbit.elements import find_object, nearest_in_epoch_of_each
+    from rsoconsole.orbits.elements import find_object, nearest_in_epoch_of_each
     from rsoconsole.pipeline.orbits import read_catalogue
     from rsoconsole.simulator.nights import choose_night, satellite_of
 

@@ -11,8 +11,8 @@ from rsoconsole.config import Config, default_config_path, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
 if TYPE_CHECKING:
-    from rsoconsole.orbit.elements import CatalogueEntry
-    from rsoconsole.orbit.identification import FittedFactors
+    from rsoconsole.orbits.elements import CatalogueEntry
+    from rsoconsole.orbits.identification import FittedFactors
     from rsoconsole.pipeline.calibrations import NightRows
     from rsoconsole.session.ledgers import ElementLedger
 
@@ -63,7 +63,7 @@ def calibrate_elements(
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
     from rsoconsole.cli.words import element_ledger_lines
-    from rsoconsole.orbit.identification import fit_factors
+    from rsoconsole.orbits.identification import fit_factors
     from rsoconsole.pipeline.calibrations import regime_report
     from rsoconsole.session.ledgers import element_ledger_path
 

@@ -11,8 +11,8 @@ from rsoconsole.config import default_config_path, load_config
 from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rsoconsole.orbit.elements import CatalogueEntry
-    from rsoconsole.orbit.navigation import NavigationFile
+    from rsoconsole.orbits.elements import CatalogueEntry
+    from rsoconsole.orbits.navigation import NavigationFile
     from rsoconsole.pipeline.calibrations import FoundTiming
 
 

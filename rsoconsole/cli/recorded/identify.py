@@ -121,7 +121,7 @@ def identify(
         raise typer.BadParameter("one session or file at a time; frames need --field")
     (path,) = paths
     from rsoconsole.cli.recorded.identify_ledger import SessionLedger
-    from rsoconsole.orbit.identification import identify_jointly
+    from rsoconsole.orbits.identification import identify_jointly
     from rsoconsole.pipeline.orbits import errors_of, errors_report, longest_arc, read_catalogue
     from rsoconsole.pipeline.words import identification_report, named_track_report
 

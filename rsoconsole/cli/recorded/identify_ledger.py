@@ -6,7 +6,7 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.orbit.identification import Identification
+from rsoconsole.orbits.identification import Identification
 from rsoconsole.pipeline.orbits import FEWEST, Observed, Past, keep, longest_arc
 from rsoconsole.records import LedgerName
 from rsoconsole.session.ledgers import damage_words, ledger_path, read_ledger

@@ -117,7 +117,7 @@ def orbit(
     """
     from rsoconsole.cli.words import form_of, write_elements
     from rsoconsole.export import Target, read_observations
-    from rsoconsole.orbit.elements import ANALYST_NUMBERS
+    from rsoconsole.orbits.elements import ANALYST_NUMBERS
     from rsoconsole.pipeline.orbits import (
         find_by_gooding,
         find_orbit,

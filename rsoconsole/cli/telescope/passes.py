@@ -12,7 +12,7 @@ from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 
 if TYPE_CHECKING:
-    from rsoconsole.orbit.elements import CatalogueEntry
+    from rsoconsole.orbits.elements import CatalogueEntry
     from rsoconsole.pipeline.outlook import NightPass
 
 _NAME_COLUMNS = 19

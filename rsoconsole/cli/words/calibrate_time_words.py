@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rsoconsole.orbit.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
+from rsoconsole.orbits.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
 from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
 
 _SOURCES = {

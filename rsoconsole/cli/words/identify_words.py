@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rsoconsole.cli.words.orbit_words import span_words
-from rsoconsole.orbit.identification import SURE_SAME
+from rsoconsole.orbits.identification import SURE_SAME
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:

@@ -9,7 +9,7 @@ import typer
 from rsoconsole.cli.words import output
 from rsoconsole.errors import OrbitError
 from rsoconsole.export import write_file
-from rsoconsole.orbit.elements import omm
+from rsoconsole.orbits.elements import omm
 from rsoconsole.pipeline.orbits import FittedElements
 
 Form = Literal["tle", "kvn", "xml", "json"]

@@ -14,7 +14,7 @@ from rsoconsole.records import Identified, OrbitEstimate
 from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
-    from rsoconsole.orbit.elements import CatalogueEntry
+    from rsoconsole.orbits.elements import CatalogueEntry
     from rsoconsole.pipeline.orbits import OrbitOutlook
 
 log = logging.getLogger(__name__)
@@ -58,7 +58,7 @@ def orbit_ahead(
 ) -> OrbitAhead:
     """Where it leads from that instant on, seen from the configured site; about half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
-    from rsoconsole.orbit.motion import known
+    from rsoconsole.orbits.motion import known
     from rsoconsole.pipeline.orbits import orbit_outlook
     from rsoconsole.pipeline.words import element_sigmas, elements_by_name
 

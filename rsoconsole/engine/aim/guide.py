@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import AimConfig, Config
-from rsoconsole.orbit.motion import KnownOrbit, predict
+from rsoconsole.orbits.motion import KnownOrbit, predict
 from rsoconsole.pipeline.aim import beside
 from rsoconsole.pipeline.cycle import may_guide
 from rsoconsole.pipeline.orbits import OnlineOrbit

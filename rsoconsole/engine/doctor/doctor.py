@@ -29,7 +29,7 @@ from rsoconsole.sky import NS_PER_DAY, separation_deg
 
 if TYPE_CHECKING:
     from rsoconsole.instruments.solver import IndexFile
-    from rsoconsole.orbit.elements import CatalogueEntry
+    from rsoconsole.orbits.elements import CatalogueEntry
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0

@@ -8,8 +8,8 @@ from rsoconsole.engine.leaps.leap_words import awaited_words
 from rsoconsole.engine.leaps.pass_entry import entry_of
 from rsoconsole.engine.operator import Parts
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import CatalogueEntry
-from rsoconsole.orbit.low import LowOrbit, passes_above
+from rsoconsole.orbits.elements import CatalogueEntry
+from rsoconsole.orbits.low import LowOrbit, passes_above
 from rsoconsole.pipeline.leaps import Awaited, awaited_on, next_of
 from rsoconsole.pipeline.orbits import errors_of
 

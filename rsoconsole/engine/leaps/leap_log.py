@@ -10,8 +10,8 @@ from rsoconsole.engine.leaps.awaiting import LeapControl
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leaps.leap_words import last_words, next_pass_of, orbit_words, pass_words
-from rsoconsole.orbit.low import ExpectedPass, LeapTrack, path_of_orbit
-from rsoconsole.orbit.motion import KnownOrbit, PointMass
+from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
+from rsoconsole.orbits.motion import KnownOrbit, PointMass
 from rsoconsole.pipeline.leaps import FrameStreak, Leap, Telescope, plan_pass
 from rsoconsole.records import LeapOrder, LeapResult
 from rsoconsole.sky.limits import Pose

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.engine.leaps.leap_times import LeapParts
-from rsoconsole.orbit.low import ExpectedPass, LeapTrack, LowOrbit, StreakEnds
-from rsoconsole.orbit.motion import elements_of
+from rsoconsole.orbits.low import ExpectedPass, LeapTrack, LowOrbit, StreakEnds
+from rsoconsole.orbits.motion import elements_of
 from rsoconsole.pipeline.leaps import Leap
 from rsoconsole.records import FloatArray, LeapDone, LeapOrder, LeapResult, LowPass
 from rsoconsole.sky import wrap_180

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from rsoconsole.engine.leaps.leap_times import LeapParts
-from rsoconsole.orbit.low import ExpectedPass, LeapTrack, LowOrbit, passes_above
-from rsoconsole.orbit.motion import elements_of
+from rsoconsole.orbits.low import ExpectedPass, LeapTrack, LowOrbit, passes_above
+from rsoconsole.orbits.motion import elements_of
 from rsoconsole.pipeline.leaps import Awaited, Came, FrameStreak, Leap, PassPlan
 from rsoconsole.records import Site
 from rsoconsole.sky import EARTH_RADIUS_KM, NS_PER_DAY, NS_PER_S, utc_ns_to_iso

@@ -21,7 +21,7 @@ from rsoconsole.engine.leaps.leap_words import begun_words, leap_words
 from rsoconsole.engine.leaps.staring import Staring
 from rsoconsole.engine.operator import Parts
 from rsoconsole.instruments import MountReport
-from rsoconsole.orbit.low import LeapTrack, Timing, begin, unseen, updated
+from rsoconsole.orbits.low import LeapTrack, Timing, begin, unseen, updated
 from rsoconsole.pipeline.frame import Glance, Reduction, shutter_mid_utc_ns
 from rsoconsole.pipeline.leaps import (
     FrameStreak,

@@ -2,7 +2,7 @@
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import CatalogueEntry
+from rsoconsole.orbits.elements import CatalogueEntry
 from rsoconsole.pipeline.orbits import read_catalogue
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbit.elements import CatalogueEntry
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.elements import CatalogueEntry
+from rsoconsole.orbits.identification import (
     ERROR_REGIMES,
     SURE_NAMED,
     ElementErrors,

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from rsoconsole.config import CatalogueConfig, MeasuredErrors
-from rsoconsole.orbit.identification import ElementRow, FittedFactors
+from rsoconsole.orbits.identification import ElementRow, FittedFactors
 from rsoconsole.sky import NS_PER_S, utc_ns_to_iso
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)

@@ -10,13 +10,13 @@ import numpy as np
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
-from rsoconsole.orbit.elements import (
+from rsoconsole.orbits.elements import (
     CatalogueEntry,
     Satellite,
     nearest_in_epoch_of_each,
     states_gcrs,
 )
-from rsoconsole.orbit.navigation import (
+from rsoconsole.orbits.navigation import (
     NavigationFile,
     NavigationSatellite,
     parse_rinex_nav,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.navigation import NavigationSatellite
+from rsoconsole.orbits.navigation import NavigationSatellite
 from rsoconsole.pipeline.frame import shutter_time
 from rsoconsole.records import (
     Detection,

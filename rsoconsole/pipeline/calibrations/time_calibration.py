@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import ExposureConfig
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.navigation import (
+from rsoconsole.orbits.navigation import (
     FEWEST,
     SIGMA_KM,
     Estimated,

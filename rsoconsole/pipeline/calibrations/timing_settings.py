@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rsoconsole.config import CalibratedTiming, ExposureConfig
-from rsoconsole.orbit.navigation import ShutterTiming
+from rsoconsole.orbits.navigation import ShutterTiming
 from rsoconsole.pipeline.calibrations.time_calibration import FoundTiming, Mode
 
 

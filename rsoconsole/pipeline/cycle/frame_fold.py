@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
-from rsoconsole.orbit.first import bending
-from rsoconsole.orbit.motion import known, predict_motion
+from rsoconsole.orbits.first import bending
+from rsoconsole.orbits.motion import known, predict_motion
 from rsoconsole.pipeline.cycle.absence import StarHistory, counted, explain_absence, stars_of
 from rsoconsole.pipeline.cycle.better_predictor import may_guide
 from rsoconsole.pipeline.frame import (

@@ -11,7 +11,7 @@ from itertools import chain
 
 import numpy as np
 
-from rsoconsole.orbit.motion import KnownOrbit, predict
+from rsoconsole.orbits.motion import KnownOrbit, predict
 from rsoconsole.records import (
     FloatArray,
     FollowedAgain,

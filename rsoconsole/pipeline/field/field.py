@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.elements import CatalogueEntry
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.elements import CatalogueEntry
+from rsoconsole.orbits.identification import (
     Candidate,
     FieldCatalogue,
     FieldMatch,

@@ -11,7 +11,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError, SolverError
 from rsoconsole.instruments.solver import PlateSolver
-from rsoconsole.orbit.identification import FieldOfView, Line
+from rsoconsole.orbits.identification import FieldOfView, Line
 from rsoconsole.pipeline.field.field_points import Points, points_of
 from rsoconsole.pipeline.frame import (
     Calibration,

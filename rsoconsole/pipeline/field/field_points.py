@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.identification import Line
+from rsoconsole.orbits.identification import Line
 from rsoconsole.pipeline.frame import AIR_ARCSEC_ROOT_S, shutter_time
 from rsoconsole.records import Detection, FloatArray, Frame, Solution
 from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, direction_to_unit, pixel_to_sky, unit_to_direction

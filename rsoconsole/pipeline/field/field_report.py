@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbit.identification import OLDEST_DAYS, Candidate, Choice, Matched, regime_of
+from rsoconsole.orbits.identification import OLDEST_DAYS, Candidate, Choice, Matched, regime_of
 from rsoconsole.pipeline.field.field import TAKEN, FrameAnswer, MoverAnswer
 from rsoconsole.pipeline.field.field_frame import FieldFrame
 from rsoconsole.pipeline.words import detection_report

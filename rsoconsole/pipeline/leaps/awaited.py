@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.elements import CatalogueEntry, Satellite
-from rsoconsole.orbit.identification import ASSUMED, ElementErrors
-from rsoconsole.orbit.low import StreakEnds
-from rsoconsole.orbit.motion import KnownOrbit, SkyAhead
+from rsoconsole.orbits.elements import CatalogueEntry, Satellite
+from rsoconsole.orbits.identification import ASSUMED, ElementErrors
+from rsoconsole.orbits.low import StreakEnds
+from rsoconsole.orbits.motion import KnownOrbit, SkyAhead
 from rsoconsole.pipeline.leaps.leap_pass import Stare
 from rsoconsole.pipeline.outlook import night_passes
 from rsoconsole.records import FloatArray, Site

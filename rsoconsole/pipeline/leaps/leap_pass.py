@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbit.motion import SkyPath
+from rsoconsole.orbits.motion import SkyPath
 from rsoconsole.pipeline.leaps.leaps import Leap, NoLeap, Telescope, next_leap
 from rsoconsole.records import Site
 from rsoconsole.sky import NS_PER_S, site_gcrs, unit_to_direction

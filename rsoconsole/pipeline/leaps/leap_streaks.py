@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.orbit.low import UNSEEN_ARCSEC, StreakEnds, Timing
+from rsoconsole.orbits.low import UNSEEN_ARCSEC, StreakEnds, Timing
 from rsoconsole.pipeline.frame import AIR_ARCSEC_ROOT_S, shutter_mid_utc_ns, shutter_time
 from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
 from rsoconsole.sky import NS_PER_S, pixel_to_sky

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.motion import SkyAhead, SkyPath
+from rsoconsole.orbits.motion import SkyAhead, SkyPath
 from rsoconsole.pipeline.leaps.mount_motion import MountMotion
 from rsoconsole.sky import NS_PER_S, PierSide
 from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal

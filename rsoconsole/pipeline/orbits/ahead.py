@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.motion import KnownOrbit, predict
+from rsoconsole.orbits.motion import KnownOrbit, predict
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import NS_PER_S, IntArray, astrometric_places, icrs_to_altaz, lit_fraction
 from rsoconsole.sky.limits import horizon_altitude_deg

@@ -9,7 +9,7 @@ from pathlib import Path
 from rsoconsole.element_sources import ElementStore, is_store
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
-from rsoconsole.orbit.elements import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_DAY
 
 YIELDS_AFTER_NS = 3 * NS_PER_DAY

@@ -3,7 +3,7 @@
 from typing import Any
 
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.identification import (
     ASSUMED,
     ERROR_REGIMES,
     ElementErrors,

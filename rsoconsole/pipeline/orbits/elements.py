@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import MeanElements, mean_elements
+from rsoconsole.orbits.elements import MeanElements, mean_elements
 from rsoconsole.pipeline.orbits.orbit_of import Found
 
 WORTH_WRITING = ("free", "constrained by prior")

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.elements import (
+from rsoconsole.orbits.elements import (
     CatalogueEntry,
     nearest_in_epoch_of_each,
     places_of,
     states_gcrs,
 )
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.identification import (
     ASSUMED,
     ElementErrors,
     covariance_rtn,

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import CatalogueEntry
-from rsoconsole.orbit.first import Sightings
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.elements import CatalogueEntry
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.identification import (
     ASSUMED,
     Compared,
     ElementErrors,

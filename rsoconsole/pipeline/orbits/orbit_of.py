@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.determination import (
+from rsoconsole.orbits.determination import (
     LEAST_SIGHTINGS,
     Alone,
     Orbit,
@@ -21,7 +21,7 @@ from rsoconsole.orbit.determination import (
     through,
     together,
 )
-from rsoconsole.orbit.first import (
+from rsoconsole.orbits.first import (
     GoodingOrbit,
     Sightings,
     at_epoch,
@@ -29,7 +29,7 @@ from rsoconsole.orbit.first import (
     is_plausible,
     three_lines,
 )
-from rsoconsole.orbit.motion import propagate
+from rsoconsole.orbits.motion import propagate
 from rsoconsole.pipeline.orbits.sightings_of import Observed, arcs
 from rsoconsole.sky import NS_PER_S
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbit.determination import (
+from rsoconsole.orbits.determination import (
     Alone,
     Orbit,
     alone,
@@ -21,8 +21,8 @@ from rsoconsole.orbit.determination import (
     probability_of,
     together,
 )
-from rsoconsole.orbit.first import Sightings, State
-from rsoconsole.orbit.motion import elements_of, predict
+from rsoconsole.orbits.first import Sightings, State
+from rsoconsole.orbits.motion import elements_of, predict
 from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of

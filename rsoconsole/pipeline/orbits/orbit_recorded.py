@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rsoconsole.config import OrbitConfig
-from rsoconsole.orbit.elements import CatalogueEntry
+from rsoconsole.orbits.elements import CatalogueEntry
 from rsoconsole.pipeline.cycle import TracksTaken
 from rsoconsole.pipeline.orbits.element_errors_of import errors_of
 from rsoconsole.pipeline.orbits.naming import identified

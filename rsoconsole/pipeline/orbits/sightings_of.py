@@ -11,8 +11,8 @@ import numpy as np
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbit.determination import together
-from rsoconsole.orbit.first import Sightings, sightings
+from rsoconsole.orbits.determination import together
+from rsoconsole.orbits.first import Sightings, sightings
 from rsoconsole.pipeline.cycle import Track, TracksTaken
 from rsoconsole.records import Measurement, Site
 from rsoconsole.session.reading import SessionReader

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.errors import SessionError
-from rsoconsole.orbit.determination import Orbit, common_error_arcsec, determine, together
-from rsoconsole.orbit.first import Sightings, sightings
-from rsoconsole.orbit.identification import (
+from rsoconsole.orbits.determination import Orbit, common_error_arcsec, determine, together
+from rsoconsole.orbits.first import Sightings, sightings
+from rsoconsole.orbits.identification import (
     SURE_SAME,
     Recognised,
     SeenBefore,
     attributable,
     recognise,
 )
-from rsoconsole.orbit.motion import Forces, KnownOrbit, elements_of
+from rsoconsole.orbits.motion import Forces, KnownOrbit, elements_of
 from rsoconsole.pipeline.orbits.sightings_of import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session.ledgers import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.elements import CatalogueEntry, nearest_in_epoch_of_each
+from rsoconsole.orbits.elements import CatalogueEntry, nearest_in_epoch_of_each
 from rsoconsole.pipeline.outlook.standing import standing
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import LIT_SHARE, NS_PER_S, lit_fraction, separation_deg, unit_to_direction

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.elements import CatalogueEntry, array_of, nearest_in_epoch_of_each
-from rsoconsole.orbit.identification import ASSUMED, ElementErrors, position_sigmas_km, regime_of
+from rsoconsole.orbits.elements import CatalogueEntry, array_of, nearest_in_epoch_of_each
+from rsoconsole.orbits.identification import ASSUMED, ElementErrors, position_sigmas_km, regime_of
 from rsoconsole.pipeline.outlook.standing import Axes, axes_of, directions, margin_deg
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.elements import CatalogueEntry, states_gcrs
+from rsoconsole.orbits.elements import CatalogueEntry, states_gcrs
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, site_gcrs, zenith_gcrs
 from rsoconsole.sky.limits import horizon_altitude_deg

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbit.elements import CatalogueEntry, nearest_in_epoch_of_each, places_of
+from rsoconsole.orbits.elements import CatalogueEntry, nearest_in_epoch_of_each, places_of
 from rsoconsole.pipeline.orbits import read_catalogue
 from rsoconsole.pipeline.words.written_angles import (
     WrittenAngle,

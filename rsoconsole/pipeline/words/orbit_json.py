@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbit.determination import Orbit
-from rsoconsole.orbit.first import Sightings
-from rsoconsole.orbit.identification import SURE, Identification, Match
-from rsoconsole.orbit.motion import KnownOrbit, elements_of, period_s
+from rsoconsole.orbits.determination import Orbit
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.identification import SURE, Identification, Match
+from rsoconsole.orbits.motion import KnownOrbit, elements_of, period_s
 from rsoconsole.pipeline.orbits import Ahead, Found, OrbitOutlook, Part
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import NS_PER_S, utc_ns_to_iso, wrap_180

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from rsoconsole.config import state_dir
-from rsoconsole.orbit.identification import ElementRow, Regime
+from rsoconsole.orbits.identification import ElementRow, Regime
 from rsoconsole.session.log import LineFile, Lines, frozen, objects_of
 
 FORMAT = 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
-from rsoconsole.orbit.elements import CatalogueEntry, Satellite
+from rsoconsole.orbits.elements import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount import MountTraits, systematic_error_deg
 from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbit.elements import (
+from rsoconsole.orbits.elements import (
     CatalogueEntry,
     Satellite,
     nearest_in_epoch_of_each,

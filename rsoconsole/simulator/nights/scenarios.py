@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbit.elements import CatalogueEntry, ElementSet, parse_elements
+from rsoconsole.orbits.elements import CatalogueEntry, ElementSet, parse_elements
 from rsoconsole.records import Site
 from rsoconsole.resources import resource
 from rsoconsole.simulator.sky import BrightnessHistory, CloudDeck, Turning

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig, OpticsConfig
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbit.elements import Satellite
+from rsoconsole.orbits.elements import Satellite
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera import WINGS, SensorModel
 from rsoconsole.simulator.nights.night_plan import STREAK_PX, USUAL_EXPOSURE_S, cadence_for

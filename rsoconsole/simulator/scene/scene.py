@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbit.elements import Satellite
+from rsoconsole.orbits.elements import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.camera import (
     SHUTTER_SIGMA_S,

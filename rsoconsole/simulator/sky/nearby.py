@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from sgp4.api import SatrecArray
 
-from rsoconsole.orbit.elements import Satellite
+from rsoconsole.orbits.elements import Satellite
 from rsoconsole.records import Site
 from rsoconsole.sky import direction_to_unit, jd_utc, site_gcrs, teme_to_gcrs_rotation
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.orbit.elements import Satellite
+from rsoconsole.orbits.elements import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.camera import (
     FWHM_PER_SIGMA,

@@ -1,0 +1,248 @@
+"""From directions to an orbit that says how much of it is known. Pure.
+
+A short arc tells a direction and its rates, hardly the range: a free fit then follows the noise.
+What is known of a regime (geostationary orbits are nearly circular) may be stated as a prior, and
+the answer says so. Labels: ``free`` where the directions alone give the semi-major axis to 100 km,
+and no prior would halve that; ``constrained by prior`` where a stated prior gives it to 3 %;
+``weak geometry`` where there is an orbit but not that well, or nothing to check it with; ``not
+observable`` where the directions do not tell one range from another.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.orbits.determination.fit import Fit, Prior, fit, formal_covariances
+from rsoconsole.orbits.determination.labels import (
+    FREE_SIGMA_A_KM,
+    Label,
+    is_of_its_regime,
+    label_of,
+    sigma_of_a_km,
+    sigma_of_e,
+    widened_covariance,
+)
+from rsoconsole.orbits.determination.passes import is_as_predicted, passes, starts_towards
+from rsoconsole.orbits.determination.regimes import AUTOMATIC, REGIMES, PriorName, Regime
+from rsoconsole.orbits.first import INWARD, Sightings, State, is_plausible, seeds
+from rsoconsole.orbits.motion import Forces, KnownOrbit, Motion, axis_and_inclination
+
+LEAST_SIGHTINGS = 3
+POINT_MASS_S = 900.0
+"""Up to so long an arc the Earth is a point: 0.02 arcsec at a geostationary satellite."""
+_RIVAL = 9.0
+"""Two orbits whose sums of squares differ by less are told apart by nothing."""
+_HELPED = 2.0
+"""Where a prior narrows axis or eccentricity by more, the orbit is not left to the directions."""
+_MOST_STARTS = 4
+_NEAR_A_REGIME = 1.4
+"""Starts whose semi-major axes miss a regime by this factor do not belong to it."""
+_ASTRAY = 9.0
+"""A mean square residual from which on a start has led nowhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Orbit(KnownOrbit):
+    """An orbit that was determined, and how well it is known."""
+
+    label: Label
+    prior: PriorName
+    """The one in use: none for a free orbit."""
+    reason: str
+    """Why it is labelled so, in words."""
+    sigma_a_km: float
+    rms_arcsec: float
+    """Of the used directions, per axis."""
+    observations: int
+    outliers: int
+    fit: Fit
+    rivals: int
+    """Other orbits that fit as well."""
+    is_astray: bool = False
+    """Its directions lie so far off it that no start leads to an orbit through them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """The best fit of several, and how many others are as good."""
+
+    fit: Fit
+    rivals: int
+    prior: PriorName
+
+    @property
+    def state(self) -> State:
+        return self.fit.r_km, self.fit.v_km_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Asked:
+    """How an orbit is to be found."""
+
+    prior: PriorName
+    forces: Motion
+    regimes: Mapping[str, Regime]
+
+    def belief(self, name: PriorName) -> Prior:
+        return self.regimes[name].prior if name in self.regimes else Prior()
+
+
+def determine(
+    seen: Sightings,
+    *,
+    prior: PriorName = "auto",
+    start: State | None = None,
+    forces: Motion | None = None,
+    regimes: Mapping[str, Regime] = REGIMES,
+    tries_seeds: bool = True,
+) -> Orbit | None:
+    """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
+
+    ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
+    (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
+    seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: what the
+    start leads to is then all there is. ``auto`` takes no prior where none is needed, else that of
+    the regime in which the orbit lies. ``forces``: `Forces` unless told otherwise.
+    """
+    if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
+        return None
+    forces = forces or Forces(epoch_utc_ns=seen.epoch_utc_ns)
+    asked = _Asked(prior=prior, forces=forces, regimes=regimes)
+    found = None
+    if start is not None:
+        found = _settled(seen, (start,), asked)
+    if tries_seeds and (found is None or _is_astray(found)):
+        found = _from_nothing(seen, asked)
+    return None if found is None else _labelled(seen, found, asked)
+
+
+def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
+    """From the longest pass to all of them, the nearest in time first."""
+    known, *others = passes(seen)
+    found = _first_pass(seen.of(known), asked)
+    while others and found is not None:
+        covariance = widened_covariance(found.fit)
+        added = [each for each in others if is_as_predicted(found.state, covariance, seen.of(each))]
+        starts: tuple[State, ...] = (found.state,)
+        if not added:
+            added = others[:1]
+            starts = starts_towards(found.state, covariance, seen.of(others[0]))
+        known = np.sort(np.concatenate([known, *added]))
+        others = [each for each in others if not any(each is one for one in added)]
+        starts = _sifted(seen.of(known), starts, asked.belief(found.prior))
+        found = _settled(seen.of(known), starts, asked)
+    return found
+
+
+def _sifted(seen: Sightings, starts: tuple[State, ...], prior: Prior) -> tuple[State, ...]:
+    """The few of many starts that are worth the forces' price."""
+    if len(starts) <= _MOST_STARTS:
+        return starts
+    fits = sorted((fit(seen, each, prior=prior) for each in starts), key=lambda each: each.cost)
+    sifted: list[Fit] = []
+    for each in fits:
+        if is_plausible(each.r_km, each.v_km_s) and _is_apart(each, sifted):
+            sifted.append(each)
+    return tuple((each.r_km, each.v_km_s) for each in sifted[:_MOST_STARTS])
+
+
+def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
+    """Whether it is another orbit than any of those."""
+    size = 0.05 * float(np.linalg.norm(found.r_km))
+    return all(float(np.linalg.norm(found.r_km - each.r_km)) > size for each in others)
+
+
+def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
+    """From seeds through other directions where those of the ends lead astray."""
+    best: _Found | None = None
+    for inward in INWARD:
+        found = _settled(seen, seeds(seen, inward), asked)
+        if found is not None and (best is None or found.fit.cost < best.fit.cost):
+            best = found
+        if best is not None and not _is_astray(best):
+            break
+    return best
+
+
+def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
+    """With a prior where it is asked for or needed, without where the directions suffice."""
+    if asked.prior in asked.regimes:
+        return _best(seen, starts, asked.prior, asked)
+    is_refining = len(starts) == 1
+    if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0], asked)):
+        return _best(seen, starts, "none", asked)
+    for name in (each for each in AUTOMATIC if each in asked.regimes):
+        if not _is_near(asked.regimes[name], starts):
+            continue
+        constrained = _best(seen, starts, name, asked)
+        if constrained is None or not is_of_its_regime(constrained.fit, asked.regimes[name]):
+            continue
+        # Of an orbit that is refined that was asked where it began.
+        if is_refining or not _needs_no_prior(seen, constrained.state, asked):
+            return constrained
+        return _best(seen, (constrained.state, *starts), "none", asked) or constrained
+    return _best(seen, starts, "none", asked)
+
+
+def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
+    axes_km = [axis_and_inclination(*state)[0] for state in starts]
+    low, high = regime.lowest_a_km / _NEAR_A_REGIME, regime.highest_a_km * _NEAR_A_REGIME
+    return any(low <= each <= high for each in axes_km)
+
+
+def _needs_no_prior(seen: Sightings, state: State, asked: _Asked) -> bool:
+    """Whether the directions alone give axis and eccentricity, and hardly worse than a prior."""
+    near = [each.prior for each in asked.regimes.values() if each.holds(state)]
+    constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
+    sigma_a_km, sigma_e = sigma_of_a_km(state, free), sigma_of_e(state, free)
+    return sigma_a_km <= min(
+        FREE_SIGMA_A_KM, _HELPED * sigma_of_a_km(state, constrained)
+    ) and sigma_e <= _HELPED * sigma_of_e(state, constrained)
+
+
+def _is_astray(found: _Found) -> bool:
+    used, chi2 = found.fit.is_used, found.fit.chi2
+    return bool(np.mean(used) < 0.7 or chi2 > _ASTRAY * max(found.fit.degrees_of_freedom, 1))
+
+
+def _best(
+    seen: Sightings, starts: Iterable[State], name: PriorName, asked: _Asked
+) -> _Found | None:
+    """The cheapest fit from any start, and how many others are as good."""
+    motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
+    fits = [fit(seen, each, prior=asked.belief(name), motion=motion) for each in starts]
+    sound = [each for each in fits if each.is_converged and is_plausible(each.r_km, each.v_km_s)]
+    if not sound:
+        return None
+    best = min(sound, key=lambda each: each.cost)
+    rivals: list[Fit] = []
+    for each in sorted(sound, key=lambda each: each.cost):
+        if each.cost < best.cost + _RIVAL and _is_apart(each, (best, *rivals)):
+            rivals.append(each)
+    return _Found(fit=best, rivals=len(rivals), prior=name)
+
+
+def _labelled(seen: Sightings, found: _Found, asked: _Asked) -> Orbit:
+    best = found.fit
+    covariance = widened_covariance(best)
+    sigma_a = sigma_of_a_km(found.state, covariance)
+    label, reason = label_of(seen, best, found.prior, found.rivals, asked.regimes)
+    used = best.residuals_arcsec[best.is_used]
+    return Orbit(
+        label=label,
+        prior=found.prior,
+        reason=reason,
+        epoch_utc_ns=seen.epoch_utc_ns,
+        r_km=best.r_km,
+        v_km_s=best.v_km_s,
+        covariance=covariance,
+        sigma_a_km=sigma_a,
+        rms_arcsec=float(np.sqrt(np.mean(used**2))),
+        observations=len(seen),
+        outliers=len(seen) - int(np.sum(best.is_used)),
+        fit=best,
+        rivals=found.rivals,
+        is_astray=_is_astray(found),
+        forces=asked.forces,
+    )

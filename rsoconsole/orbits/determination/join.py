@@ -1,0 +1,287 @@
+"""Are two tracklets of one object? One orbit through both, against two of their own. Pure.
+
+The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
+Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
+against two orbits drawn from the population (``population``). Unmodelled forces and the stars' own
+errors move whole tracklets: each has an offset of unknown size, solved for and integrated out.
+Where several tracklets of one night face several of another, all ways of pairing them are weighed,
+so that neighbours in one slot share what is certain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache
+
+import numpy as np
+
+from rsoconsole.orbits.determination.from_directions import determine
+from rsoconsole.orbits.determination.regimes import PriorName
+from rsoconsole.orbits.first import Population, Sightings, State, log_prior_density, population_of
+from rsoconsole.orbits.motion import MU_EARTH_KM3_S2, Forces, propagate
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import NS_PER_S
+
+STARS_ARCSEC = 0.3
+"""Common error of a tracklet's plate solutions."""
+FORCES_ARCSEC_A_DAY = 4.0
+"""What an area to mass off by all of the usual one does to a geostationary satellite (2.4), and
+what else is left out; SGP4 and these forces part by as much."""
+_STEPS = 8
+_SETTLED = 1e-3
+_STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])
+"""km and km/s, for the slopes."""
+_HOPELESS = 2000.0
+"""Excess of the sum of squares from which on no further step is worth its time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Alone:
+    """What a tracklet tells by itself."""
+
+    seen: Sightings
+    state: State
+    """At the epoch of ``seen``."""
+    population: Population
+    log_evidence: float
+    chi2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joined:
+    """What one orbit makes of several tracklets."""
+
+    state: State
+    """At ``epoch_utc_ns``."""
+    covariance: FloatArray
+    """(6, 6) km and km/s, with the common errors of whole tracklets in it."""
+    epoch_utc_ns: int
+    log_evidence: float
+    chi2: float
+
+
+def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
+    """A tracklet by itself; None where no orbit passes through it."""
+    orbit = determine(seen, prior=prior)
+    if orbit is None:
+        return None
+    population = population_of(orbit.r_km, orbit.v_km_s, orbit.prior)
+    found = through((seen,), (orbit.r_km, orbit.v_km_s), seen.epoch_utc_ns, population)
+    return (
+        None
+        if found is None
+        else Alone(
+            seen=seen,
+            state=found.state,
+            population=population,
+            log_evidence=found.log_evidence,
+            chi2=found.chi2,
+        )
+    )
+
+
+def join(first: Alone, second: Alone) -> Joined | None:
+    """One orbit through both, begun from the longer; None where none comes near."""
+    longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
+    return through(
+        (longer.seen, shorter.seen),
+        longer.state,
+        longer.seen.epoch_utc_ns,
+        longer.population,
+        worst_chi2=first.chi2 + second.chi2 + _HOPELESS,
+    )
+
+
+def log_odds(first: Alone, second: Alone) -> float:
+    """That both are of one object, against a chance meeting; minus infinity where none fits."""
+    return _log_odds(first.population, join(first, second), first.log_evidence, second)
+
+
+def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> float:
+    """That ``more`` is of the object of ``start`` and of what was joined to it already."""
+    if not used:
+        return log_odds(start, more)
+    parts = (start.seen, *used)
+    epoch = start.seen.epoch_utc_ns
+    before = through(parts, start.state, epoch, start.population)
+    if before is None:
+        return -float("inf")
+    both = through(
+        (*parts, more.seen),
+        before.state,
+        before.epoch_utc_ns,
+        start.population,
+        worst_chi2=before.chi2 + more.chi2 + _HOPELESS,
+    )
+    return _log_odds(start.population, both, before.log_evidence, more)
+
+
+def _log_odds(
+    population: Population, both: Joined | None, log_evidence: float, more: Alone
+) -> float:
+    if both is None:
+        return -float("inf")
+    ratio = both.log_evidence - log_evidence - more.log_evidence
+    return ratio - float(np.log(population.objects))
+
+
+def probability_of(log_odds: float) -> float:
+    """Of the same; 0 where nothing could be computed."""
+    from scipy.special import expit
+
+    return float(np.nan_to_num(expit(log_odds)))
+
+
+def join_probabilities(first: Sequence[Alone], second: Sequence[Alone]) -> FloatArray:
+    """(M, N) that tracklet m of one night and n of another are of one object.
+
+    No two tracklets of one night are of one object: all pairings are weighed against each other.
+    """
+    odds = np.array([[log_odds(a, b) for b in second] for a in first]).reshape(
+        len(first), len(second)
+    )
+    total = _all_pairings(odds)
+    found = np.zeros_like(odds)
+    for m, n in zip(*np.nonzero(odds > -50.0), strict=True):
+        rest = np.delete(np.delete(odds, m, axis=0), n, axis=1)
+        found[m, n] = np.exp(min(odds[m, n] + _all_pairings(rest) - total, 0.0))
+    return found
+
+
+def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
+    """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
+    which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
+    t = np.concatenate([each.t_utc_ns for each in parts])
+    order = np.argsort(t, kind="stable")
+    t = t[order]
+    epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))])
+    arrays = {
+        each.name: np.concatenate([getattr(part, each.name) for part in parts])[order]
+        for each in fields(Sightings)
+        if each.name not in {"epoch_utc_ns", "t_utc_ns", "t_s"}
+    }
+    whole = replace(parts[0], t_utc_ns=t, t_s=(t - epoch) / NS_PER_S, epoch_utc_ns=epoch, **arrays)
+    return whole, which[order]
+
+
+def common_error_arcsec(seen: Sightings) -> float:
+    """By how much all directions of one tracklet may be off together, by the span of all."""
+    return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
+
+
+def _span_s(seen: Sightings) -> float:
+    return float(seen.t_s[-1] - seen.t_s[0])
+
+
+def _all_pairings(odds: FloatArray) -> float:
+    """Logarithm of the summed odds of every way to pair rows with columns, or to leave single."""
+    rows, columns = odds.shape
+    weights = np.exp(np.clip(odds, -700.0, 300.0))
+
+    @cache
+    def ways(row: int, used: int) -> float:
+        if row == rows:
+            return 1.0
+        total = ways(row + 1, used)
+        for column in range(columns):
+            if not used >> column & 1 and odds[row, column] > -50.0:
+                total += weights[row, column] * ways(row + 1, used | 1 << column)
+        return total
+
+    return float(np.log(ways(0, 0)))
+
+
+def through(
+    parts: Sequence[Sightings],
+    start: State,
+    epoch_utc_ns: int,
+    population: Population,
+    worst_chi2: float = float("inf"),
+) -> Joined | None:
+    """One orbit through all parts, from ``start``, a state at ``epoch_utc_ns``; with its evidence.
+
+    Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
+    """
+    seen, which = together(parts)
+    forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
+    state = np.concatenate(carried(start, epoch_utc_ns, seen.epoch_utc_ns))
+    offset_arcsec = common_error_arcsec(seen)
+    last = float("inf")
+    for step in range(_STEPS):
+        values, rows = _rows(seen, which, forces, state, population.sigma_e)
+        if not np.all(np.isfinite(values)):
+            return None
+        values = np.concatenate([values, np.zeros(2 * len(parts))])
+        rows = np.concatenate([rows, np.eye(rows.shape[1])[6:] / offset_arcsec])
+        scale = 1.0 / np.linalg.norm(rows, axis=0)
+        scaled = rows * scale
+        solved, *_ = np.linalg.lstsq(scaled, -values, rcond=None)
+        chi2 = float(np.sum((values + scaled @ solved) ** 2))
+        if step and chi2 > worst_chi2:
+            return None
+        state = state + (scale * solved)[:6]
+        if abs(chi2 - last) < _SETTLED * (1.0 + chi2):
+            break
+        last = chi2
+    normal = scaled.T @ scaled
+    sign, log_size = np.linalg.slogdet(normal)
+    if sign <= 0.0:
+        return None
+    covariance = np.linalg.inv(normal)[:6, :6] * np.outer(scale[:6], scale[:6])
+    # The offsets' own 2 pi go with those of their prior.
+    log_volume = 3.0 * np.log(2.0 * np.pi) - log_size / 2.0 + np.sum(np.log(scale))
+    log_volume -= 2.0 * len(parts) * np.log(offset_arcsec)
+    log_prior = log_prior_density(population, state, covariance)
+    return Joined(
+        state=(state[:3], state[3:]),
+        covariance=covariance,
+        epoch_utc_ns=seen.epoch_utc_ns,
+        log_evidence=float(-chi2 / 2.0 + log_volume + log_prior),
+        chi2=chi2,
+    )
+
+
+def carried(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
+    """A state at another instant."""
+    since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
+    r, v = Forces(epoch_utc_ns=from_utc_ns).states(*start, since_s)
+    return r[0], v[0]
+
+
+def _rows(
+    seen: Sightings,
+    which: FloatArray,
+    forces: Forces,
+    state: FloatArray,
+    sigma_e: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Whitened residuals with the belief in a small eccentricity, and their slopes.
+
+    By the state at the epoch and by an offset of each part, east and north in arcsec.
+    """
+    parts = int(which.max()) + 1
+    around = state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
+    r, v = around[:, None, :3], around[:, None, 3:]
+    at = seen.t_s - seen.light_times_s(propagate(state[:3], state[3:], seen.t_s)[0])
+    true, _ = forces.states(state[:3], state[3:], at)
+    places = propagate(r, v, at)[0]
+    value = seen.whitened(seen.residuals_arcsec(true)).reshape(-1)
+    white = seen.whitened(seen.residuals_arcsec(places)).reshape(12, -1)
+    slopes = (white[:6] - white[6:]).T / (2.0 * _STEP)
+    shifts = np.zeros((len(seen), 2, 2 * parts))
+    for part in range(parts):
+        shifts[which == part, :, 2 * part : 2 * part + 2] = -seen.whitening[which == part]
+    slopes = np.concatenate([slopes, shifts.reshape(-1, 2 * parts)], axis=1)
+    belief = _eccentricity(np.concatenate([state[None], around])) / sigma_e
+    by_state = (belief[1:7] - belief[7:]).T / (2.0 * _STEP)
+    by_state = np.concatenate([by_state, np.zeros((3, 2 * parts))], axis=1)
+    return np.concatenate([value, belief[0]]), np.concatenate([slopes, by_state])
+
+
+def _eccentricity(states: FloatArray) -> FloatArray:
+    """(K, 3) vectors towards perigee."""
+    r, v = states[:, :3], states[:, 3:]
+    radius = np.linalg.norm(r, axis=-1, keepdims=True)
+    speed_2 = np.sum(v * v, axis=-1, keepdims=True)
+    along = np.sum(r * v, axis=-1, keepdims=True)
+    mu = MU_EARTH_KM3_S2
+    return np.asarray(((speed_2 - mu / radius) * r - along * v) / mu)

@@ -1,0 +1,289 @@
+"""SGP4 elements of an orbit that was seen: what catalogues and other programs read. Pure.
+
+Two-line elements are no orbit at an instant but the constants of a theory, so they are fitted as
+such: to the directions, so that what SGP4 leaves out is spread over the nights that were seen, and
+lightly to the orbit found from them over one revolution at least, which holds the elements where
+directions do not reach (two short passes at one hour of the night tell little of the eccentricity).
+Drag is fitted where the directions tell it. Source: Vallado & Crawford 2008, SGP4 orbit
+determination, AIAA 2008-6770; equinoctial elements, which no circle and no equator spoils.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbits.determination import Orbit
+from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.motion import elements_of, period_s
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import NS_PER_DAY, NS_PER_S, IntArray, jd_utc, teme_to_gcrs_rotation
+
+ANALYST_NUMBERS = range(80_000, 90_000)
+"""Catalogue numbers that the catalogue itself leaves to objects without a name."""
+TLE_STEP_NS = 864_000
+"""A hundred millionth of a day, as fine as two lines tell an epoch: an OMM tells it exactly too."""
+MU_WGS72_KM3_S2 = 398_600.8
+_SGP4_EPOCH_DAYS = 7_306
+"""From 1949-12-31 to 1970-01-01."""
+_SAMPLES = 145
+_HOLD = float(np.sqrt(6 / (3 * _SAMPLES)) / 5.0)
+"""The orbit counts as six measurements to 5 arcsec, which is what SGP4 is good to."""
+_DRAG_PERIOD_S = 225.0 * 60.0
+"""Longer ones are deep space to SGP4, where it knows no drag."""
+_DRAG_SPAN_S = 43_200.0
+_DRAG_UNIT = 1e-4
+_HUBER = 3.0
+_KNOWN_DRAG = 3.0
+"""So many sigmas make it known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeanElements:
+    """Constants of SGP4 (TEME, WGS-72); degrees, revolutions a day."""
+
+    name: str
+    norad_id: int
+    epoch_utc_ns: int
+    revolutions_a_day: float
+    e: float
+    i_deg: float
+    raan_deg: float
+    argp_deg: float
+    m_deg: float
+    bstar: float
+    """Per Earth radius; 0 where nothing is known of it."""
+    rms_arcsec: float
+    """Of the used directions, per axis."""
+    cospar: str = ""
+    """International designator, as ``2009-064A``; empty where nobody knows it."""
+
+    def record(self) -> Any:
+        """For SGP4. Raises OrbitError where SGP4 refuses."""
+        from sgp4.api import WGS72, Satrec
+
+        record = Satrec()
+        record.sgp4init(
+            *(WGS72, "i", self.norad_id),
+            self.epoch_utc_ns / NS_PER_DAY + _SGP4_EPOCH_DAYS,
+            *(self.bstar, 0.0, 0.0, self.e),
+            *(np.radians(each) for each in (self.argp_deg, self.i_deg, self.m_deg)),
+            self.revolutions_a_day * 2.0 * np.pi / 1440.0,
+            np.radians(self.raan_deg),
+        )
+        if record.error:
+            raise OrbitError(f"SGP4 refuses the elements fitted (error {record.error})")
+        return record
+
+    def rounded(self) -> "MeanElements":
+        """As two lines can tell them; what the angles lose the anomaly makes good."""
+        raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
+        anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
+        return replace(
+            self,
+            raan_deg=raan,
+            argp_deg=argp,
+            m_deg=round(anomaly % 360.0, 4) % 360.0,
+            e=round(self.e, 7),
+            i_deg=round(self.i_deg, 4),
+            revolutions_a_day=round(self.revolutions_a_day, 8),
+        )
+
+    def element_set(self) -> ElementSet:
+        """The two lines, and the name above them.
+
+        Raises OrbitError for a catalogue number that they have no room for.
+        """
+        from sgp4.exporter import export_tle
+
+        number = _five_columns(self.norad_id)
+        record = self.rounded().record()
+        if self.cospar:
+            record.intldesg = self.cospar[2:4] + self.cospar[5:]
+        lines = [each[:2] + number + each[7:68] for each in export_tle(record)]
+        text = "\n".join((self.name, *(each + str(checksum(each + "0")) for each in lines)))
+        return parse_elements(text, "elements fitted")[0]
+
+
+def mean_elements(
+    orbit: Orbit,
+    seen: Sightings,
+    *,
+    norad_id: int = ANALYST_NUMBERS.start,
+    name: str = "UNKNOWN",
+) -> MeanElements:
+    """Elements of an orbit and the directions that it was found from, at the last of these.
+
+    ``norad_id``: of an object without a name one of `ANALYST_NUMBERS`. Raises OrbitError where
+    SGP4 knows no such orbit (unbound, or come down).
+    """
+    epoch = int(seen.t_utc_ns[-1]) // TLE_STEP_NS * TLE_STEP_NS
+    with np.errstate(all="ignore"):
+        frame = _Frame.of(orbit, epoch)
+        to_orbit, to_directions = _to_orbit(orbit, seen, frame), _to_directions(seen, frame)
+
+        def both(unknowns: FloatArray) -> FloatArray:
+            whitened = seen.whitened(to_directions(unknowns).reshape(-1, 2)).ravel()
+            return np.concatenate([whitened, to_orbit(unknowns) * _HOLD])
+
+        found = _solved(to_orbit, frame.start)
+        found = None if found is None else _solved(both, found, is_robust=True)
+        if found is None:
+            raise OrbitError("SGP4 follows no such orbit: no elements can be fitted to it")
+        if _may_show_drag(seen, frame):
+            dragged = _solved(both, np.append(found, 0.0), is_robust=True, known=_KNOWN_DRAG)
+            found = found if dragged is None else dragged
+        off = to_directions(found).reshape(-1, 2)[orbit.fit.is_used]
+        elements = frame.elements(found)
+    rms = float(np.sqrt(np.mean(off**2)))
+    return replace(elements, name=name, norad_id=norad_id, rms_arcsec=rms)
+
+
+def _five_columns(norad_id: int) -> str:
+    """A catalogue number as Space-Track writes it: from 100,000 on the first digit is a letter."""
+    tens_of_thousands, rest = divmod(norad_id, 10_000)
+    if tens_of_thousands < 10:
+        return f"{norad_id:05d}"
+    letters = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+    if tens_of_thousands - 10 >= len(letters):
+        raise OrbitError(f"two lines have no room for catalogue number {norad_id}: write an OMM")
+    return f"{letters[tens_of_thousands - 10]}{rest:04d}"
+
+
+Residuals = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Frame:
+    """Unknowns about which the problem is well scaled.
+
+    Relative change of the mean motion; e cos and e sin of the perigee's longitude; tan i/2 by cos
+    and sin of the node; mean longitude (rad); drag in 1e-4 where it is asked for.
+    """
+
+    epoch_utc_ns: int
+    revolutions_a_day: float
+    start: FloatArray
+
+    @classmethod
+    def of(cls, orbit: Orbit, epoch_utc_ns: int) -> "_Frame":
+        at = np.array([epoch_utc_ns])
+        r, v = (each[0] for each in orbit.states(at))
+        back = teme_to_gcrs_rotation(at)[0].T
+        now = elements_of(back @ r, back @ v, MU_WGS72_KM3_S2)
+        if not (now.a_km > 0.0 and np.isfinite(now.m_deg)):
+            raise OrbitError("the orbit is not bound at the last direction: it has no elements")
+        node, argp, mean = np.radians([now.raan_deg, now.argp_deg, now.m_deg])
+        tilt = np.tan(np.radians(now.i_deg) / 2.0)
+        perigee = node + argp
+        return cls(
+            epoch_utc_ns=epoch_utc_ns,
+            revolutions_a_day=86_400.0 / period_s(now.a_km, MU_WGS72_KM3_S2),
+            start=np.array(
+                [
+                    *(0.0, now.e * np.cos(perigee), now.e * np.sin(perigee)),
+                    *(tilt * np.cos(node), tilt * np.sin(node), perigee + mean),
+                ]
+            ),
+        )
+
+    def elements(self, unknowns: FloatArray) -> MeanElements:
+        change, k, h, q, p, longitude, *drag = (float(each) for each in unknowns)
+        perigee, node = np.arctan2(h, k), np.arctan2(p, q)
+        return MeanElements(
+            name="",
+            norad_id=ANALYST_NUMBERS.start,
+            epoch_utc_ns=self.epoch_utc_ns,
+            revolutions_a_day=self.revolutions_a_day * (1.0 + change),
+            e=float(np.hypot(k, h)),
+            i_deg=float(np.degrees(2.0 * np.arctan(np.hypot(p, q)))),
+            raan_deg=float(np.degrees(node) % 360.0),
+            argp_deg=float(np.degrees(perigee - node) % 360.0),
+            m_deg=float(np.degrees(longitude - perigee) % 360.0),
+            bstar=drag[0] * _DRAG_UNIT if drag else 0.0,
+            rms_arcsec=0.0,
+        )
+
+    def states(
+        self, unknowns: FloatArray, t_utc_ns: IntArray, to_gcrs: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """GCRS positions and velocities (N, 3); far away where SGP4 fails."""
+        far = np.full((len(t_utc_ns), 3), 1e9)
+        try:
+            record = self.elements(unknowns).record()
+        except OrbitError:
+            return far, np.zeros_like(far)
+        failed, r, v = record.sgp4_array(*(np.ascontiguousarray(x) for x in jd_utc(t_utc_ns)))
+        turned = (np.einsum("nij,nj->ni", to_gcrs, each) for each in (r, v))
+        is_good = (failed == 0)[:, None]
+        r_gcrs, v_gcrs = (np.where(is_good, each, 1e9) for each in turned)
+        return r_gcrs, v_gcrs
+
+
+def _to_orbit(orbit: Orbit, seen: Sightings, frame: _Frame) -> Residuals:
+    """Arcsec from the Earth's centre, (3 N,)."""
+    first, last = int(seen.t_utc_ns[0]), int(seen.t_utc_ns[-1])
+    around_ns = int(86_400 / frame.revolutions_a_day * NS_PER_S)
+    t = np.linspace(first, max(last, first + around_ns), _SAMPLES).astype(np.int64)
+    truth, _ = orbit.states(t)
+    t, truth = t[np.isfinite(truth[:, 0])], truth[np.isfinite(truth[:, 0])]
+    to_gcrs = teme_to_gcrs_rotation(t)
+    scale = np.degrees(1.0 / np.linalg.norm(truth, axis=1, keepdims=True)) * 3600.0
+
+    def residuals(unknowns: FloatArray) -> FloatArray:
+        return np.ravel((frame.states(unknowns, t, to_gcrs)[0] - truth) * scale)
+
+    return residuals
+
+
+def _to_directions(seen: Sightings, frame: _Frame) -> Residuals:
+    """Arcsec, (2 N,)."""
+    to_gcrs = teme_to_gcrs_rotation(seen.t_utc_ns)
+
+    def residuals(unknowns: FloatArray) -> FloatArray:
+        r, v = frame.states(unknowns, seen.t_utc_ns, to_gcrs)
+        tau_s = seen.light_times_s(r - v * seen.light_times_s(r)[:, None])
+        return seen.residuals_arcsec(r - v * tau_s[:, None]).ravel()
+
+    return residuals
+
+
+def _may_show_drag(seen: Sightings, frame: _Frame) -> bool:
+    period = 86_400.0 / frame.revolutions_a_day
+    return period < _DRAG_PERIOD_S and float(seen.t_s[-1] - seen.t_s[0]) > _DRAG_SPAN_S
+
+
+def _solved(
+    residuals: Residuals,
+    start: FloatArray,
+    *,
+    is_robust: bool = False,
+    known: float | None = None,
+) -> FloatArray | None:
+    """Least squares; ``known``: by so many sigmas the last unknown must differ from 0."""
+    from scipy.optimize import least_squares
+
+    if not np.all(np.isfinite(residuals(start))):
+        return None
+    solved = least_squares(
+        residuals,
+        start,
+        x_scale="jac",
+        loss="huber" if is_robust else "linear",
+        f_scale=_HUBER,
+        xtol=1e-12,
+        ftol=1e-10,
+        max_nfev=60,
+    )
+    if not solved.success or not np.all(np.isfinite(solved.x)):
+        return None
+    if known is not None:
+        normal = solved.jac.T @ solved.jac
+        scatter = 2.0 * solved.cost / max(len(solved.fun) - len(start), 1)
+        sigma = float(np.sqrt(np.linalg.pinv(normal)[-1, -1] * max(scatter, 1.0)))
+        if not abs(float(solved.x[-1])) > known * sigma:
+            return None
+    return np.asarray(solved.x)

@@ -1,0 +1,137 @@
+"""What orbits there are: how likely a given one is before it is seen. Pure.
+
+Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of
+two in any of them moves a probability of 0.9 to 0.95.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.orbits.motion import MU_EARTH_KM3_S2
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import wrap_180
+
+_STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Population:
+    """A regime, as mixtures of normal distributions."""
+
+    a_km: tuple[tuple[float, float, float], ...]
+    """(share, mean, sigma)"""
+    sigma_e: float
+    """Of each component of the eccentricity vector."""
+    inclination_deg: tuple[tuple[float, float], ...]
+    """(share, sigma of each component of the inclination vector)"""
+    visible_rad: float
+    """Of mean longitude, from one site."""
+    objects: float
+    """Above the horizon of one site."""
+
+
+POPULATIONS: dict[str, Population] = {
+    "geo": Population(
+        a_km=((0.25, 42_165.9, 1.5), (0.4, 42_165.5, 10.0), (0.35, 42_165.0, 150.0)),
+        sigma_e=2e-3,
+        inclination_deg=((0.35, 0.1), (0.65, 6.0)),
+        visible_rad=2.2,
+        objects=500.0,
+    ),
+    "meo": Population(
+        a_km=((0.7, 26_560.0, 60.0), (0.3, 26_500.0, 2_000.0)),
+        sigma_e=2e-2,
+        inclination_deg=((1.0, 40.0),),
+        visible_rad=2.2,
+        objects=60.0,
+    ),
+    "any": Population(
+        a_km=((0.7, 7_200.0, 500.0), (0.3, 20_000.0, 10_000.0)),
+        sigma_e=0.2,
+        inclination_deg=((1.0, 60.0),),
+        visible_rad=2.2,
+        objects=1_000.0,
+    ),
+}
+_GEO_KM = (40_164.0, 44_164.0)
+_MEO_KM = (18_000.0, 34_000.0)
+
+
+def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Population:
+    """By the prior under which an orbit was found, else by its size."""
+    if prior in POPULATIONS:
+        return POPULATIONS[prior]
+    a, k, h, *_ = equinoctial(np.concatenate([r_km, v_km_s]))
+    e = float(np.hypot(k, h))
+    if _GEO_KM[0] < a < _GEO_KM[1] and e < 0.02:
+        return POPULATIONS["geo"]
+    return POPULATIONS["meo" if _MEO_KM[0] < a < _MEO_KM[1] and e < 0.1 else "any"]
+
+
+def log_prior_density(population: Population, state: FloatArray, covariance: FloatArray) -> float:
+    """Logarithm of the density of orbits at a state (6,), per km^3 and (km/s)^3.
+
+    The belief in a small eccentricity itself is left to the fit; only its size is in here.
+    The semi-major axis may be less certain than the population is wide: it is averaged over
+    ``covariance``.
+    """
+    slopes = _slopes(state)
+    a, _, _, q, p, _ = equinoctial(state)
+    sigma_a_2 = float(slopes[0] @ covariance @ slopes[0])
+    log_a = np.log(
+        sum(
+            share
+            * np.exp(-((a - mean) ** 2) / (2.0 * (sigma**2 + sigma_a_2)))
+            / np.sqrt(2.0 * np.pi * (sigma**2 + sigma_a_2))
+            for share, mean, sigma in population.a_km
+        )
+        + 1e-300
+    )
+    half_2 = np.hypot(p, q) ** 2
+    log_tilt = np.log(
+        sum(
+            share * np.exp(-half_2 / (2.0 * half**2)) / (2.0 * np.pi * half**2)
+            for share, sigma in population.inclination_deg
+            for half in (np.radians(sigma) / 2.0,)
+        )
+        + 1e-300
+    )
+    log_e = -np.log(2.0 * np.pi * population.sigma_e**2)
+    _, log_scale = np.linalg.slogdet(slopes)
+    return float(log_a + log_tilt + log_e - np.log(population.visible_rad) + log_scale)
+
+
+def equinoctial(state: FloatArray) -> FloatArray:
+    """Elements (..., 6) of states (..., 6), regular for circular orbits in the equator.
+
+    a in km; e times cosine and sine of the perigee's longitude; tan i/2 times cosine and sine of
+    the node's; mean longitude in rad. Source: Broucke & Cefola 1972, Celestial Mechanics 5, 303.
+    """
+    r, v = state[..., :3], state[..., 3:]
+    mu = MU_EARTH_KM3_S2
+    radius = np.linalg.norm(r, axis=-1)
+    a = 1.0 / (2.0 / radius - np.sum(v * v, axis=-1) / mu)
+    turn = np.cross(r, v)
+    pole = turn / np.linalg.norm(turn, axis=-1, keepdims=True)
+    p, q = pole[..., 0] / (1.0 + pole[..., 2]), -pole[..., 1] / (1.0 + pole[..., 2])
+    size = 1.0 + p * p + q * q
+    f = np.stack([1.0 - p * p + q * q, 2.0 * p * q, -2.0 * p], axis=-1) / size[..., None]
+    g = np.cross(pole, f)
+    towards = np.cross(v, turn) / mu - r / radius[..., None]
+    k, h = np.sum(towards * f, axis=-1), np.sum(towards * g, axis=-1)
+    x, y = np.sum(r * f, axis=-1), np.sum(r * g, axis=-1)
+    root = np.sqrt(1.0 - h * h - k * k)
+    beta = 1.0 / (1.0 + root)
+    cos_f = k + ((1.0 - k * k * beta) * x - h * k * beta * y) / (a * root)
+    sin_f = h + ((1.0 - h * h * beta) * y - h * k * beta * x) / (a * root)
+    longitude = np.arctan2(sin_f, cos_f) + h * cos_f - k * sin_f
+    return np.asarray(np.stack([a, k, h, q, p, longitude], axis=-1))
+
+
+def _slopes(state: FloatArray) -> FloatArray:
+    """(6, 6) of the elements by the state."""
+    around = equinoctial(state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)]))
+    change = around[:6] - around[6:]
+    change[:, 5] = np.radians([wrap_180(float(np.degrees(each))) for each in change[:, 5]])
+    return np.asarray(change.T / (2.0 * _STEP))

@@ -1,0 +1,131 @@
+"""What elements were off: observed minus computed of tracks that are surely named. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.orbits.elements import states_gcrs
+from rsoconsole.orbits.identification.element_errors import Regime, regime_of
+from rsoconsole.orbits.identification.single import Compared, Identification
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S
+
+SURE_NAMED = 0.95
+"""Probability from which on a name counts."""
+_NIGHT_NS = 8 * 3600 * NS_PER_S
+"""A longer silence of one object begins another night."""
+_LEAST_SEEN = 0.1
+"""What is seen along its line of sight shows too little of where along its orbit it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElementRow:
+    """One track of one night against the elements of its object."""
+
+    session: str
+    """Or frame."""
+    track: str
+    norad_id: int
+    name: str
+    t_utc_ns: int
+    """Of its middle."""
+    tle_epoch_utc_ns: int
+    age_days: float
+    """Negative: the elements are younger."""
+    regime: Regime
+    along_s: float
+    """Observed minus computed, as time in its orbit; positive: ahead of its elements."""
+    sigma_along_s: float
+    """Of the measurement, as the others."""
+    along_km: float
+    """Along the orbit."""
+    sigma_along_km: float
+    across_arcsec: float
+    """Positive: north of a motion to the east."""
+    sigma_across_arcsec: float
+    across_km: float
+    """As seen, at the object's distance."""
+    sigma_across_km: float
+    along_by: tuple[float, float, float]
+    """What a kilometre off (radial, along, across the orbit) does to ``along_km``."""
+    across_by: tuple[float, float, float]
+    """And to ``across_km``."""
+    observations: int
+    probability: float
+    """Of its name."""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What it is a row of: kept again, it takes its own place."""
+        return (self.session, self.track)
+
+
+def row_of(
+    session: str, track: str, compared: Compared, found: Identification
+) -> ElementRow | None:
+    """None where the track is not surely named, and where it is seen along its line of sight."""
+    if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:
+        return None
+    match, with_all = found.matches[0], compared.found
+    n = next(i for i, each in enumerate(with_all.entries) if each.norad_id == match.norad_id)
+    scale = float(with_all.range_km[n]) * ARCSEC_RAD
+    along_by, across_by = with_all.by_errors[n][:2, :3] * scale
+    if along_by[1] < _LEAST_SEEN:
+        return None
+    sigma_along, sigma_across = np.sqrt(np.diag(with_all.covariance[n])[:2]).tolist()
+    per_arcsec = scale / float(along_by[1])
+    entry = with_all.entries[n]
+    _, (v,) = states_gcrs((entry,), np.array([found.t_utc_ns], np.int64))
+    speed_km_s = float(np.linalg.norm(v))
+    along_km, sigma_along_km = match.along_track_arcsec * per_arcsec, sigma_along * per_arcsec
+    return ElementRow(
+        session=session,
+        track=track,
+        norad_id=match.norad_id,
+        name=match.name,
+        t_utc_ns=found.t_utc_ns,
+        tle_epoch_utc_ns=match.tle_epoch_utc_ns,
+        age_days=match.tle_age_days,
+        regime=regime_of(entry.revolutions_a_day, entry.eccentricity),
+        along_s=along_km / speed_km_s,
+        sigma_along_s=sigma_along_km / speed_km_s,
+        along_km=along_km,
+        sigma_along_km=sigma_along_km,
+        across_arcsec=match.cross_track_arcsec,
+        sigma_across_arcsec=sigma_across,
+        across_km=match.cross_track_arcsec * scale,
+        sigma_across_km=sigma_across * scale,
+        along_by=_three(along_by / float(along_by[1])),
+        across_by=_three(across_by),
+        observations=len(compared.seen),
+        probability=match.probability,
+    )
+
+
+def _three(values: FloatArray) -> tuple[float, float, float]:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+def groups_of(rows: Sequence[ElementRow]) -> list[list[int]]:
+    """Places of rows that share an error: of one object, in one night or by the same elements."""
+    order = sorted(range(len(rows)), key=lambda n: (rows[n].norad_id, rows[n].t_utc_ns))
+    groups: list[list[int]] = []
+    by_elements: dict[tuple[int, int], list[int]] = {}
+    last: ElementRow | None = None
+    of_last: list[int] = []
+    for n in order:
+        row = rows[n]
+        is_same_night = (
+            last is not None
+            and last.norad_id == row.norad_id
+            and row.t_utc_ns - last.t_utc_ns <= _NIGHT_NS
+        )
+        elements = (row.norad_id, row.tle_epoch_utc_ns)
+        group = by_elements.get(elements) or (of_last if is_same_night else [])
+        if not group:
+            groups.append(group)
+        group.append(n)
+        by_elements[elements] = group
+        last, of_last = row, group
+    return groups

@@ -1,0 +1,299 @@
+"""Which catalogued objects can have crossed a field during an exposure. Pure.
+
+An object is a candidate where its path, within the exposure and the seconds by which it may be
+ahead of its elements or behind them, comes into the field or as near it as it may be off across its
+path. Three sieves, each finer and dearer: how far it can be from where it is now; its path at steps
+of its lead; its drawn path in the frame.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from sgp4.api import SatrecArray
+
+from rsoconsole.orbits.elements import (
+    CatalogueEntry,
+    Exposure,
+    Seen,
+    array_of,
+    drawn,
+    nearest_in_epoch_of_each,
+)
+from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors, regime_numbers
+from rsoconsole.orbits.identification.element_gates import (
+    GATE_SIGMAS,
+    OLDEST_DAYS,
+    ElementSpread,
+    element_spread,
+)
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import NS_PER_DAY
+
+_STEP_S = 10.0
+_LEADS = (41, 801)
+"""Of the window in which a candidate is near the field, fewest and most."""
+_PARTS = (5, 81)
+"""Of an exposure's path, likewise."""
+_FINE = 0.4
+"""Of the field's radius: steps along a path are shorter."""
+_SAME_SETS_NS = NS_PER_DAY // 4
+"""For so long the sets nearest in epoch are the same."""
+_ACROSS_NODES = ((-np.sqrt(3.0), 1.0 / 6.0), (0.0, 2.0 / 3.0), (np.sqrt(3.0), 1.0 / 6.0))
+"""Of a normal distribution, in sigma, with their weights (Gauss and Hermite)."""
+_ONE_ROW = np.zeros(1, np.intp)
+IndexArray = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldOfView:
+    """What a frame looks at."""
+
+    site: Site
+    t_mid_utc_ns: int
+    exposure_s: float
+    centre: FloatArray
+    """(3,) unit vector."""
+    radius_rad: float
+    """From the centre to the farthest corner."""
+    area_rad2: float
+    contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
+    """Unit vectors (..., 3) -> (...,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidate:
+    """A catalogued object that can have crossed a field."""
+
+    entry: CatalogueEntry
+    satellite: SatrecArray
+    """Of it alone."""
+    spread: ElementSpread
+    """Of it alone."""
+    age_days: float
+    """Of its elements; below 0 where their epoch is later."""
+    gate_s: float
+    """So far ahead or behind it is sought."""
+    gate_across_rad: float
+    """So far off its path, where it is nearest to the field."""
+    chance: float
+    """That any of it was in the frame during the exposure."""
+    lead_s: FloatArray
+    """(L,) leads at which it is near the field."""
+    u: FloatArray
+    """(L, 3) where it is at the middle of the exposure."""
+    nominal: FloatArray
+    """(3, 3): opening, middle and closing by the elements as they are."""
+    r_km: FloatArray
+    """(3,) at the middle by the elements as they are, GCRS."""
+    range_km: float
+    rate: FloatArray
+    """(3,) change of its direction in a second, rad/s, likewise."""
+
+
+class FieldCatalogue:
+    """Element sets ready to be asked of one frame after another."""
+
+    def __init__(self, entries: Sequence[CatalogueEntry], errors: ElementErrors = ASSUMED) -> None:
+        """``errors``: how far elements may be off."""
+        self._entries = entries
+        self._errors = errors
+        self._at_utc_ns: int | None = None
+        self._sets: tuple[CatalogueEntry, ...] = ()
+        self._too_old = 0
+
+    @property
+    def compared(self) -> int:
+        """Objects of the last frame that were compared."""
+        return len(self._sets)
+
+    @property
+    def too_old(self) -> int:
+        """Objects whose elements were too old, likewise."""
+        return self._too_old
+
+    def _choose(self, t_utc_ns: int) -> None:
+        if self._at_utc_ns is not None and abs(t_utc_ns - self._at_utc_ns) < _SAME_SETS_NS:
+            return
+        nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
+        most_ns = OLDEST_DAYS * NS_PER_DAY
+        self._sets = tuple(e for e in nearest if abs(t_utc_ns - e.epoch_utc_ns) <= most_ns)
+        self._too_old = len(nearest) - len(self._sets)
+        self._at_utc_ns = t_utc_ns
+        self._satellites = array_of([each.record for each in self._sets])
+        self._epoch_ns = np.array([each.epoch_utc_ns for each in self._sets], np.int64)
+        self._regimes = regime_numbers(
+            np.array([each.revolutions_a_day for each in self._sets]),
+            np.array([each.eccentricity for each in self._sets]),
+        )
+
+    def candidates(self, view: FieldOfView) -> tuple[Candidate, ...]:
+        """Those that can have crossed a field, in order of catalogue number."""
+        self._choose(view.t_mid_utc_ns)
+        if not self._sets:
+            return ()
+        exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
+        near, spread = self._reachable(view, exposure)
+        found: list[Candidate] = []
+        for rows, windows in self._windows(view, exposure, near, spread):
+            found.extend(
+                candidate
+                for row, window in zip(rows, windows, strict=True)
+                if (candidate := self._candidate(view, exposure, (near, spread), row, window))
+            )
+        return tuple(sorted(found, key=lambda each: each.entry.norad_id))
+
+    def _reachable(self, view: FieldOfView, exposure: Exposure) -> tuple[IndexArray, ElementSpread]:
+        """Places in the sets of those that a ball about where they are now lets come near."""
+        seen = exposure.middle.seen(self._satellites, np.zeros(1))
+        speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
+        is_there = np.isfinite(speed)
+        age_days = (view.t_mid_utc_ns - self._epoch_ns) / NS_PER_DAY
+        speed_known = np.where(is_there, speed, 1.0)
+        spread = element_spread(self._regimes, age_days, speed_known, self._errors)
+        across = GATE_SIGMAS * np.hypot(spread.across_km[:, 1], spread.radial_km[:, 1])
+        ball_km = spread.gate_along_km + across + speed * view.exposure_s
+        with np.errstate(invalid="ignore"):
+            off = np.arccos(np.clip(seen.u[:, 0] @ view.centre, -1.0, 1.0))
+            size = np.arcsin(np.clip(ball_km / seen.range_km[:, 0], 0.0, 1.0))
+            is_near = off <= size + view.radius_rad
+        is_near |= ball_km >= seen.range_km[:, 0]
+        near = np.flatnonzero(is_near & is_there)
+        return near, spread.of(near)
+
+    def _windows(
+        self, view: FieldOfView, exposure: Exposure, near: IndexArray, spread: ElementSpread
+    ) -> list[tuple[IndexArray, list[tuple[float, float]]]]:
+        """Rows of ``near`` and the leads from and to which each is near the field."""
+        if not len(near):
+            return []
+        satellites = array_of([self._sets[n].record for n in near])
+        now = exposure.middle.seen(satellites, np.zeros(1))
+        gate_s = spread.gate_along_km / np.linalg.norm(now.v_km_s[:, 0], axis=-1)
+        found = []
+        low = 0.0
+        for high in (60.0, 200.0, np.inf):
+            rows = np.flatnonzero((gate_s > low) & (gate_s <= high))
+            low = high
+            if not len(rows):
+                continue
+            most_s = float(np.max(gate_s[rows]))
+            steps = max(3, int(np.ceil(most_s / _STEP_S)))
+            leads = np.linspace(-most_s, most_s, 2 * steps + 1)
+            chosen = array_of([self._sets[near[n]].record for n in rows])
+            seen = exposure.middle.seen(chosen, leads)
+            across = GATE_SIGMAS * np.max(
+                np.hypot(spread.across_km[rows, :2], spread.radial_km[rows, :2]), axis=-1
+            )
+            reach = view.radius_rad + across[:, None] / seen.range_km[:, :-1]
+            rate = np.linalg.norm(seen.by_time, axis=-1)
+            reach = reach + np.maximum(rate[:, :-1], rate[:, 1:]) * view.exposure_s / 2.0
+            off = _nearest_rad(seen.u[:, :-1], seen.u[:, 1:], view.centre)
+            is_near = off <= reach
+            kept = np.flatnonzero(is_near.any(axis=1))
+            windows = []
+            for row in kept:
+                steps_in = np.flatnonzero(is_near[row])
+                gate = float(gate_s[rows[row]])
+                first, last = leads[steps_in[0]], leads[steps_in[-1] + 1]
+                windows.append((max(float(first), -gate), min(float(last), gate)))
+            inside = [n for n, (first, last) in enumerate(windows) if last > first]
+            found.append((rows[kept[inside]], [windows[n] for n in inside]))
+        return found
+
+    def _candidate(
+        self,
+        view: FieldOfView,
+        exposure: Exposure,
+        of: tuple[IndexArray, ElementSpread],
+        row: int,
+        window: tuple[float, float],
+    ) -> Candidate | None:
+        near, spreads = of
+        entry, spread = self._sets[near[row]], spreads.of(np.array([row]))
+        satellite = array_of([entry.record])
+        leads = _leads(view, exposure, satellite, window)
+        opening, middle, closing = exposure.three(satellite, np.append(leads, 0.0))
+        if not np.all(np.isfinite(middle.u)):
+            return None
+        speed = float(np.linalg.norm(middle.v_km_s[0, -1]))
+        across, sigma_across = across_of(spread, middle)
+        ends = opening.u[0, :-1], closing.u[0, :-1]
+        longest = float(np.linalg.norm(ends[1] - ends[0], axis=-1).max())
+        parts = int(np.clip(np.ceil(longest / (_FINE * view.radius_rad)) + 1, *_PARTS))
+        paths = drawn(ends[0], middle.u[0, :-1], ends[1], parts)
+        nodes = np.array([sigmas for sigmas, _ in _ACROSS_NODES])
+        off = np.einsum("lc,lk,n->clnk", sigma_across[0, :-1], across[0, :-1], nodes)
+        # (cases, L, nodes)
+        is_in = view.contains(paths[None, :, None] + off[:, :, :, None]).any(axis=-1)
+        if not is_in.any():
+            return None
+        along_s = spread.along_km[0] / speed
+        density = np.exp(-0.5 * (leads / along_s[:, None]) ** 2) / (
+            along_s[:, None] * np.sqrt(2.0 * np.pi)
+        )
+        inside = is_in @ np.array([weight for _, weight in _ACROSS_NODES])
+        chances = np.trapezoid(density * inside, leads, axis=-1)
+        # A window much wider than what the case allows is not resolved by its leads.
+        step = leads[1] - leads[0]
+        at_zero = float(np.interp(0.0, leads, inside[0])) if leads[0] <= 0.0 <= leads[-1] else 0.0
+        chances = np.where(along_s < step, at_zero, np.minimum(chances, 1.0))
+        nearest = int(np.argmax(middle.u[0, :-1] @ view.centre))
+        known = np.max(sigma_across[0, nearest, :2])
+        return Candidate(
+            entry=entry,
+            satellite=satellite,
+            spread=spread,
+            age_days=(view.t_mid_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY,
+            gate_s=float(spread.gate_along_km[0]) / speed,
+            gate_across_rad=GATE_SIGMAS * float(known),
+            chance=float(chances @ spread.share[0]),
+            lead_s=leads,
+            u=middle.u[0, :-1],
+            nominal=np.stack([each.u[0, -1] for each in (opening, middle, closing)]),
+            r_km=middle.r_km[0, -1],
+            range_km=float(middle.range_km[0, -1]),
+            rate=middle.by_time[0, -1],
+        )
+
+
+def _leads(
+    view: FieldOfView, exposure: Exposure, satellite: SatrecArray, window: tuple[float, float]
+) -> FloatArray:
+    """So close together that none steps over the field."""
+    seen = exposure.middle.seen(satellite, np.linspace(*window, 5))
+    pace = float(np.nan_to_num(np.linalg.norm(seen.by_lead[0], axis=-1)).max())
+    path = pace * (window[1] - window[0])
+    count = int(np.clip(np.ceil(path / (_FINE * view.radius_rad)) + 1, *_LEADS))
+    return np.linspace(*window, count)
+
+
+def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
+    across, radial, pole = across_parts(seen)
+    by_radial = radial[..., None] * spread.radial_km[:, None, :]
+    by_pole = pole[..., None] * spread.across_km[:, None, :]
+    return across, np.hypot(by_radial, by_pole) / seen.range_km[..., None]
+
+
+def across_parts(seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit vectors (M, L, 3) across paths, and their parts (M, L) along the radius and the pole of
+    the orbit."""
+    r, v = seen.r_km, seen.v_km_s
+    across = np.cross(seen.u, seen.by_lead)
+    across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
+    radial = r / np.linalg.norm(r, axis=-1, keepdims=True)
+    pole = np.cross(r, v)
+    pole = pole / np.linalg.norm(pole, axis=-1, keepdims=True)
+    return across, np.sum(across * radial, axis=-1), np.sum(across * pole, axis=-1)
+
+
+def _nearest_rad(a: FloatArray, b: FloatArray, to: FloatArray) -> FloatArray:
+    """How near (...,) the arcs between unit vectors (..., 3) come to one (3,); NaN as infinity."""
+    along = b - a
+    size = np.maximum(np.sum(along * along, axis=-1), 1e-30)
+    at = np.clip(np.sum((to - a) * along, axis=-1) / size, 0.0, 1.0)
+    foot = a + at[..., None] * along
+    cosine = foot @ to / np.linalg.norm(foot, axis=-1)
+    return np.asarray(np.where(np.isfinite(cosine), np.arccos(np.clip(cosine, -1, 1)), np.inf))

@@ -1,0 +1,376 @@
+"""Which of the objects that can have crossed a field drew which of its lines. Pure.
+
+A line fits an object where it lies near the object's path, runs along it and is as long as rate and
+exposure make it; how far along it lies is the object's lead in seconds. Every fit is a likelihood
+ratio against a line that no catalogue knows; the assignments of all lines to objects, one to one,
+are weighed against each other (``assignments``), and what else a line may be with a share of
+one twentieth or more makes it ambiguous.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtr
+
+from rsoconsole.orbits.elements import Exposure, Seen
+from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification.element_gates import GATE_SIGMAS
+from rsoconsole.orbits.identification.field_crossings import (
+    Candidate,
+    FieldOfView,
+    across_of,
+    across_parts,
+)
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import ARCSEC_RAD
+
+SURE = 20.0 / 21.0
+"""From this probability on: another choice is less than one twentieth as likely."""
+WORTH_SAYING = 0.05
+_MOST_ASSIGNMENTS = 60
+_SEEN = 0.8
+"""Of the objects that cross a frame, those that are bright enough, roughly."""
+_LOG_LENGTHS = 4.0
+"""Range of the logarithm of lengths that those may have."""
+_DIRECTION_DEG, _LENGTH_SHARE = 0.1, 0.01
+"""What the path and its rate differ by from the elements', beside what the line's errors are."""
+_FADED, _FADED_LOG = 0.05, 2.5
+"""Share of the lines that do not shine, or are not seen, all along, and how much shorter they may
+be, as a logarithm."""
+_MOST_LENGTH_SIGMAS = 5.0
+Shape = Literal["placed", "faded", "open"]
+"""An end or both tell where it was and when; a part of it is missing; the rim cuts both ends."""
+_TOO_LONG = 1.05
+_MOST_TURN_SIGMAS = 5.0
+_NEWTON = 3
+_WIDER = 1.1
+"""A lead as measured may be beyond the gate by so much."""
+_LEAST_ROOM_S = 0.1
+_LEAST_PACE = 1e-3 * ARCSEC_RAD
+"""rad/s: what comes straight at the telescope has no path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Line:
+    """What was seen in an exposure."""
+
+    a: FloatArray
+    """(3,) unit vector of one end."""
+    b: FloatArray
+    middle: FloatArray
+    """(3,) where it was at the middle of the exposure, if both ends are in the frame."""
+    is_end_a: bool
+    """Whether the object was there when the shutter moved; else the frame's rim cut it there."""
+    is_end_b: bool
+    is_ordered: bool
+    """Whether it is known to have gone from a to b."""
+    after_s: float
+    """Its row was exposed so much after the frame's first."""
+    cov_sky_rad2: tuple[float, float, float]
+    """Of its middle: east-east, east-north, north-north."""
+    sigma_direction_rad: float
+    sigma_length_rad: float
+    strangers: float = 0.3
+    """Lines like it in a frame that are in no catalogue, on average."""
+
+    @property
+    def length_rad(self) -> float:
+        """Between its ends."""
+        return _angle_rad(self.a, self.b)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """How a line lies to a candidate's path."""
+
+    along_s: float
+    """How far ahead of its elements the object was; below 0: behind."""
+    sigma_along_s: float
+    """As measured."""
+    across_rad: float
+    """North of eastward."""
+    sigma_across_rad: float
+    """As measured."""
+    range_km: float
+    speed_km_s: float
+    across_by: tuple[float, float]
+    """What a kilometre off along the radius, and off the plane, moves it across its path, km."""
+    direction_deg: float
+    """Measured minus predicted."""
+    length_ratio: float | None
+    """Measured over predicted; None where an end is outside the frame."""
+    log_ratio: float
+    """Logarithm of the likelihood over that of a line in no catalogue."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What a line may be: a place among the candidates, or None for no catalogue."""
+
+    candidate: int | None
+    probability: float
+    fit: Fit | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matched:
+    """One line's answer."""
+
+    verdict: Literal["identified", "ambiguous", "unknown"]
+    choices: tuple[Choice, ...]
+    """From a probability of 5 % on, the likeliest first; at least one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldMatch:
+    """All lines of an exposure and all candidates."""
+
+    lines: tuple[Matched, ...]
+    taken: tuple[float, ...]
+    """Of each candidate, the probability that one of the lines is it."""
+
+
+def match_field(
+    view: FieldOfView, candidates: Sequence[Candidate], lines: Sequence[Line]
+) -> FieldMatch:
+    """One line is one object and one object one line."""
+    if not lines:
+        return FieldMatch(lines=(), taken=(0.0,) * len(candidates))
+    exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
+    fits = [[_fitted(view, exposure, each, line) for each in candidates] for line in lines]
+    scores = np.zeros((len(lines), len(candidates) + 1))
+    for row, of_line in enumerate(fits):
+        scores[row, :-1] = [-np.inf if each is None else each.log_ratio for each in of_line]
+    shares = _shares(scores)
+    return FieldMatch(
+        lines=tuple(_matched(shares[row], fits[row]) for row in range(len(lines))),
+        taken=tuple(np.minimum(shares[:, :-1].sum(axis=0), 1.0).tolist()),
+    )
+
+
+def _shares(scores: FloatArray) -> FloatArray:
+    """(T, N + 1) probabilities over the best assignments."""
+    used = np.flatnonzero(np.isfinite(scores).any(axis=0))
+    small = scores[:, used]
+    rivals = np.ones((len(scores), len(scores)), bool)
+    best = best_assignments(small, rivals, _MOST_ASSIGNMENTS)
+    rows = np.arange(len(scores))
+    totals = np.array([small[rows, list(each)].sum() for each in best])
+    weights = np.exp(totals - totals.max())
+    weights /= weights.sum()
+    found = np.zeros_like(scores)
+    for each, weight in zip(best, weights, strict=True):
+        found[rows, used[list(each)]] += weight
+    return found
+
+
+def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
+    order = np.argsort(-shares, kind="stable")
+    none = len(shares) - 1
+    choices = tuple(
+        Choice(
+            candidate=None if n == none else int(n),
+            probability=float(shares[n]),
+            fit=None if n == none else fits[n],
+        )
+        for place, n in enumerate(order)
+        if place == 0 or shares[n] >= WORTH_SAYING
+    )
+    best = choices[0]
+    if best.probability < SURE and len(choices) > 1:
+        verdict: Literal["identified", "ambiguous", "unknown"] = "ambiguous"
+    else:
+        verdict = "unknown" if best.candidate is None else "identified"
+    return Matched(verdict=verdict, choices=choices)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Place:
+    """What of a line is at a known instant, and when."""
+
+    at: FloatArray
+    when: int
+    """-1: the shutter's opening, 0: the middle, 1: its closing."""
+
+
+def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
+    """None where it lies outside the gates."""
+    met = _met(view, exposure, candidate, line)
+    if met is None:
+        return None
+    opening, middle, closing = met.three
+    predicted = _angle_rad(opening, closing)
+    direction = _direction_rad(line, middle.by_time[0, 0], met.seen.u[0, 0])
+    sigma_direction = np.hypot(line.sigma_direction_rad, np.radians(_DIRECTION_DEG))
+    shapes = _log_lengths(line, predicted)
+    if abs(direction) > _MOST_TURN_SIGMAS * sigma_direction or not shapes:
+        return None
+    log_direction = -0.5 * (direction / sigma_direction) ** 2 - np.log(
+        sigma_direction * np.sqrt(2.0 * np.pi) / np.pi
+    )
+    speed_km_s = float(np.linalg.norm(met.seen.v_km_s[0, 0]))
+    along_sigmas = np.hypot(candidate.spread.along_km[0] / speed_km_s, met.sigma_along_s)
+    room_s = max((predicted - line.length_rad) / 2.0 / met.pace, _LEAST_ROOM_S)
+    scores = {
+        shape: log_length + _log_place(candidate, met, along_sigmas, (shape, room_s), view)
+        for shape, log_length in shapes.items()
+    }
+    likeliest = max(scores, key=lambda shape: scores[shape])
+    spare_s = 0.0 if likeliest == "placed" else room_s / np.sqrt(3.0)
+    missed = np.log(max(1.0 - _SEEN * candidate.chance, 1e-3))
+    prior = np.log(_SEEN) - missed - np.log(line.strangers)
+    is_whole = line.is_end_a and line.is_end_b
+    return Fit(
+        along_s=met.lead_s,
+        sigma_along_s=float(np.hypot(met.sigma_along_s, spare_s)),
+        across_rad=met.across_rad,
+        sigma_across_rad=met.sigma_across_rad,
+        range_km=float(met.seen.range_km[0, 0]),
+        speed_km_s=speed_km_s,
+        across_by=met.across_by,
+        direction_deg=float(np.degrees(direction)),
+        length_ratio=line.length_rad / max(predicted, 1e-12) if is_whole else None,
+        log_ratio=float(prior + log_direction + np.logaddexp.reduce(list(scores.values()))),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Met:
+    """A path at the lead that brings it nearest to a line."""
+
+    three: tuple[FloatArray, Seen, FloatArray]
+    """Unit vectors at opening and closing, and all of the middle."""
+    seen: Seen
+    """At the instant at which a place of the line is known."""
+    lead_s: float
+    sigma_along_s: float
+    pace: float
+    """By a second of lead, rad."""
+    across_rad: float
+    sigma_across_rad: float
+    across_by: tuple[float, float]
+    across_sigmas: FloatArray
+    """By case, the line's own error in them."""
+
+
+def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> _Met | None:
+    """None where the line is outside the gates along and across."""
+    start = int(np.argmax(candidate.u @ line.middle))
+    if candidate.u[start] @ line.middle < np.cos(4.0 * view.radius_rad + candidate.gate_across_rad):
+        return None
+    place: _Place | None = None
+    lead_s = float(candidate.lead_s[start])
+    for turn in range(_NEWTON + 1):
+        three = exposure.three(candidate.satellite, np.array([lead_s]))
+        if place is None:
+            place = _known_place(line, three[1].by_time[0, 0])
+        seen = three[1 + place.when]
+        off = place.at - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
+        along = seen.by_lead[0, 0]
+        pace = max(float(np.linalg.norm(along)), _LEAST_PACE)
+        if not np.isfinite(pace) or not np.all(np.isfinite(off)):
+            return None
+        if turn < _NEWTON:
+            lead_s += float(off @ along) / pace**2
+    across, sigmas = across_of(candidate.spread, seen)
+    own = _sigma_towards(line, seen.u[0, 0], across[0, 0])
+    _, by_radial, by_pole = across_parts(seen)
+    across_rad = float(off @ across[0, 0])
+    across_sigmas = np.hypot(sigmas[0, 0], own)
+    is_off = abs(across_rad) > GATE_SIGMAS * float(across_sigmas.max())
+    if is_off or abs(lead_s) > _WIDER * candidate.gate_s:
+        return None
+    return _Met(
+        three=(three[0].u[0, 0], three[1], three[2].u[0, 0]),
+        seen=seen,
+        lead_s=lead_s,
+        sigma_along_s=_sigma_towards(line, seen.u[0, 0], along / pace) / pace,
+        pace=pace,
+        across_rad=across_rad,
+        sigma_across_rad=own,
+        across_by=(float(by_radial[0, 0]), float(by_pole[0, 0])),
+        across_sigmas=across_sigmas,
+    )
+
+
+def _known_place(line: Line, by_time: FloatArray) -> _Place:
+    """The end in the frame of a line that the rim cuts, by which way the object goes."""
+    if line.is_end_a == line.is_end_b:
+        return _Place(at=line.middle, when=0)
+    inner, outer = (line.a, line.b) if line.is_end_a else (line.b, line.a)
+    return _Place(at=inner, when=-1 if (outer - inner) @ by_time > 0.0 else 1)
+
+
+def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
+    """Measured minus predicted, north of eastward; of a line of unknown sense the smaller one."""
+    way = line.b - line.a
+    side = np.cross(u, by_time)
+    angle = float(np.arctan2(way @ side, way @ by_time))
+    if line.is_ordered:
+        return angle
+    return (angle + np.pi / 2.0) % np.pi - np.pi / 2.0
+
+
+def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
+    """Logarithms of the densities of its length over that of a line in no catalogue, by how it may
+    have come about; empty where its length does not fit."""
+    length = max(line.length_rad, 1e-12)
+    if not (line.is_end_a and line.is_end_b):
+        if length > predicted_rad * _TOO_LONG + 5.0 * line.sigma_length_rad:
+            return {}
+        return {"placed" if line.is_end_a or line.is_end_b else "open": 0.0}
+    ratio = np.log(length / max(predicted_rad, 1e-12))
+    sigma = float(np.hypot(line.sigma_length_rad / max(predicted_rad, 1e-12), _LENGTH_SHARE))
+    found: dict[Shape, float] = {}
+    if abs(ratio) < _MOST_LENGTH_SIGMAS * sigma:
+        log_normal = -0.5 * (ratio / sigma) ** 2 - np.log(sigma * np.sqrt(2.0 * np.pi))
+        found["placed"] = float(np.log((1.0 - _FADED) * _LOG_LENGTHS) + log_normal)
+    if -_FADED_LOG < ratio < 0.0:
+        found["faded"] = float(np.log(_FADED / _FADED_LOG * _LOG_LENGTHS))
+    return found
+
+
+def _log_place(
+    candidate: Candidate,
+    met: _Met,
+    along_sigmas: FloatArray,
+    shape_and_room_s: tuple[Shape, float],
+    view: FieldOfView,
+) -> float:
+    """Logarithm of the density of its place over that of a line that lies anywhere in the frame.
+
+    ``shape_and_room_s``: how far either way the lead may be without being seen to be, where the
+    line is not placed along the path.
+    """
+    shape, room_s = shape_and_room_s
+    off = met.across_rad / met.across_sigmas
+    aside = np.exp(-0.5 * off**2) / met.across_sigmas / np.sqrt(2.0 * np.pi)
+    lead_s = met.lead_s
+    anyhow = 1.0 / view.area_rad2
+    if shape == "placed":
+        ahead = np.exp(-0.5 * (lead_s / along_sigmas) ** 2) / along_sigmas / np.sqrt(2.0 * np.pi)
+        ahead = ahead / met.pace
+    else:
+        ahead = ndtr((lead_s + room_s) / along_sigmas) - ndtr((lead_s - room_s) / along_sigmas)
+        if shape == "open":
+            anyhow = np.sqrt(anyhow)
+        else:
+            ahead = ahead / (2.0 * room_s * met.pace)
+    density = float(candidate.spread.share[0] @ (aside * ahead))
+    return float(np.log(max(density, 1e-300) / anyhow))
+
+
+def _angle_rad(a: FloatArray, b: FloatArray) -> float:
+    """Between unit vectors, small ones too."""
+    return float(2.0 * np.arcsin(min(float(np.linalg.norm(a - b)) / 2.0, 1.0)))
+
+
+def _sigma_towards(line: Line, u: FloatArray, direction: FloatArray) -> float:
+    """One sigma of its middle along a unit vector, rad."""
+    east = np.array([-u[1], u[0], 0.0]) / max(float(np.hypot(u[0], u[1])), 1e-12)
+    north = np.cross(u, east)
+    a, b = float(direction @ east), float(direction @ north)
+    ee, en, nn = line.cov_sky_rad2
+    return float(np.sqrt(max(a * a * ee + 2.0 * a * b * en + b * b * nn, 0.0)))

@@ -1,0 +1,359 @@
+"""Which catalogued object was seen: directions against where element sets put everything. Pure.
+
+Each object's offset from the directions is split along and across its own predicted motion, with
+the rates at which the offset grows, and weighed with the covariance of the measurement and of
+elements of that age (``element_errors``), once for an object that has kept to its orbit and once
+for one that has been moved. An answer is given only where it leaves no second.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.orbits.elements import CatalogueEntry, nearest_in_epoch_of_each, states_gcrs
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.identification.against import Comparison, compare
+from rsoconsole.orbits.identification.element_errors import (
+    ASSUMED,
+    ElementErrors,
+    Regime,
+    covariance_rtn,
+    manoeuvred_probability,
+    regime_of,
+)
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import NS_PER_DAY, utc_ns_to_iso
+
+Verdict = Literal["identified", "ambiguous", "unknown"]
+
+GATE_DEG = 0.2
+"""Further off no object is taken for the one that was seen, unless its elements are that vague."""
+SURE = 0.95
+"""Probability from which on an object is called identified."""
+_CREDIBLE = 23.5
+"""Squared Mahalanobis distance, 4 degrees of freedom: one in ten thousand lies beyond."""
+_OFF_ELEMENTS = 16.0
+"""Squared Mahalanobis distance from which on elements no longer describe an undisturbed object."""
+_WIDE_DEG = 2.0
+"""As far along its track a lone object may be suspected to have been moved."""
+_CLOSE_LOOK_DEG = 3.0
+_AT_LEAST = 24
+"""So many of the nearest are compared in full, however far: there is always a runner-up."""
+UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
+"""Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
+4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Match:
+    """One catalogued object against the directions at their middle; measured minus predicted."""
+
+    norad_id: int
+    name: str
+    regime: Regime
+    separation_arcsec: float
+    along_track_arcsec: float
+    """Positive: ahead of its elements."""
+    cross_track_arcsec: float
+    """Positive: north of a motion to the east."""
+    along_track_s: float
+    """How long its apparent motion takes for that; positive: early."""
+    rate_difference_percent: float | None
+    """None where one direction alone tells no rate."""
+    rate_direction_deg: float | None
+    """By how much the motion is turned, positive as ``cross_track_arcsec``."""
+    tle_epoch_utc_ns: int
+    tle_age_days: float
+    """Negative: the elements are younger than the directions."""
+    score: float
+    """How many sigma off: Mahalanobis distance, raised where the elements are so vague that much
+    would fit. Smaller is better, and matches are ranked by it."""
+    probability: float
+    """That it is this one, among all that was compared and what no catalogue knows."""
+    is_within_gate: bool
+    sigma_along_arcsec: float
+    """Of the elements, for an undisturbed object of that age."""
+    sigma_cross_arcsec: float
+    undisturbed_sigma: float
+    """Mahalanobis distance if it was not moved."""
+    manoeuvred_sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identification:
+    """The verdict and what it rests on."""
+
+    verdict: Verdict
+    reason: str
+    hint: str
+    """Of a manoeuvre; empty as a rule."""
+    matches: tuple[Match, ...]
+    """Best first; the second is the runner-up, within the gate or not."""
+    t_utc_ns: int
+    gate_deg: float
+    catalogued: int
+    """Objects looked at."""
+    failed: int
+    """Objects that SGP4 could not carry to that instant."""
+    not_catalogued: float = 0.0
+    """Probability that no catalogue knows it."""
+    named_with: int = 0
+    """Other tracks that it was named together with (``identify_jointly``)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Compared:
+    """One track beside the catalogued objects that stand near it."""
+
+    seen: Sightings
+    found: Comparison
+    scored: tuple[Match, ...]
+    """Best first; their probabilities are weights as yet."""
+    unknown_weight: float
+    """Of what no catalogue knows, in the same unit."""
+    catalogued: int
+    failed: int
+
+
+def identify(
+    seen: Sightings,
+    site: Site,
+    entries: Sequence[CatalogueEntry],
+    *,
+    gate_deg: float = GATE_DEG,
+    most_matches: int = 5,
+    errors: ElementErrors = ASSUMED,
+) -> Identification:
+    """Name the object of ``seen``, one arc of one night, from any number of element sets.
+
+    Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
+    """
+    compared = compared_with(seen, site, entries, gate_deg=gate_deg, errors=errors)
+    return identification_alone(compared, gate_deg, most_matches=most_matches)
+
+
+def compared_with(
+    seen: Sightings,
+    site: Site,
+    entries: Sequence[CatalogueEntry],
+    *,
+    gate_deg: float = GATE_DEG,
+    errors: ElementErrors = ASSUMED,
+) -> Compared:
+    """``seen`` beside every object, as ``identify`` weighs them."""
+    nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
+    close, failed = _close_by(seen, nearest)
+    found = compare(seen, site, close, errors)
+    scored = sorted(_scored(seen, found, gate_deg), key=lambda each: each.score)
+    return Compared(
+        seen=seen,
+        found=found,
+        scored=tuple(scored),
+        unknown_weight=_unknown_weight(found, scored),
+        catalogued=len(nearest),
+        failed=failed,
+    )
+
+
+def identification_alone(
+    compared: Compared, gate_deg: float, *, most_matches: int = 5
+) -> Identification:
+    """The answer for one track by itself."""
+    total = sum(each.probability for each in compared.scored) + compared.unknown_weight
+    shares = tuple(_shared(each, total) for each in compared.scored)
+    unknown = compared.unknown_weight / total if total > 0.0 else 1.0
+    return identification(compared, shares, unknown, gate_deg, most_matches=most_matches)
+
+
+def identification(
+    compared: Compared,
+    matches: tuple[Match, ...],
+    not_catalogued: float,
+    gate_deg: float,
+    *,
+    most_matches: int = 5,
+) -> Identification:
+    """The verdict on matches, best first, that have their probabilities."""
+    verdict, reason = _verdict(matches, gate_deg)
+    return Identification(
+        verdict=verdict,
+        reason=reason,
+        hint=_hint(matches, verdict, gate_deg),
+        matches=matches[:most_matches],
+        t_utc_ns=compared.seen.epoch_utc_ns,
+        gate_deg=gate_deg,
+        catalogued=compared.catalogued,
+        failed=compared.failed,
+        not_catalogued=not_catalogued,
+    )
+
+
+def _close_by(
+    seen: Sightings, entries: Sequence[CatalogueEntry]
+) -> tuple[list[CatalogueEntry], int]:
+    """Those worth a closer look, and how many have no place at all at the middlemost direction."""
+    middle = int(np.argmin(np.abs(seen.t_s)))
+    r, _ = states_gcrs(entries, seen.t_utc_ns[middle : middle + 1])
+    u = r[:, 0] - seen.sites_km[middle]
+    cosine = u @ seen.towards[middle] / np.linalg.norm(u, axis=-1)
+    away_deg = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    has_place = np.isfinite(away_deg)
+    order = np.argsort(np.where(has_place, away_deg, np.inf), kind="stable")
+    count = max(int(np.sum(away_deg < _CLOSE_LOOK_DEG)), min(_AT_LEAST, int(np.sum(has_place))))
+    return [entries[n] for n in order[:count]], int(np.sum(~has_place))
+
+
+def _scored(seen: Sightings, found: Comparison, gate_deg: float) -> list[Match]:
+    return [_match(seen, found, n, gate_deg) for n in range(len(found.entries))]
+
+
+def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match:
+    """``probability`` is a weight as yet."""
+    entry, offset = found.entries[n], found.offsets[n]
+    age_days = (seen.epoch_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
+    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    undisturbed = _covariance(found, n, age_days, is_moved=False)
+    moved = _covariance(found, n, age_days, is_moved=True)
+    fresh = _covariance(found, n, 0.0, is_moved=False)
+    squared = [float(offset @ np.linalg.solve(each, offset)) for each in (undisturbed, moved)]
+    share = manoeuvred_probability(regime, age_days)
+    log_density = np.logaddexp(
+        np.log1p(-share) - squared[0] / 2.0 - _log_size(undisturbed),
+        np.log(max(share, 1e-300)) - squared[1] / 2.0 - _log_size(moved),
+    )
+    score_2 = max(-2.0 * (float(log_density) + _log_size(fresh)), 0.0)
+    rate = float(found.rate_arcsec_s[n])
+    sigma = np.sqrt(np.diag(undisturbed)[:2])
+    has_rate = len(offset) == 4
+    along, across = float(offset[0]), float(offset[1])
+    gate_along = max(gate_deg * 3600.0, 3.0 * float(sigma[0]))
+    is_near = abs(along) <= gate_along and abs(across) <= gate_deg * 3600.0
+    return Match(
+        norad_id=entry.norad_id,
+        name=entry.name,
+        regime=regime,
+        separation_arcsec=float(np.hypot(along, across)),
+        along_track_arcsec=along,
+        cross_track_arcsec=across,
+        along_track_s=along / rate,
+        rate_difference_percent=100.0 * float(offset[2]) / rate if has_rate else None,
+        rate_direction_deg=(
+            float(np.degrees(np.arctan2(offset[3], rate + offset[2]))) if has_rate else None
+        ),
+        tle_epoch_utc_ns=entry.epoch_utc_ns,
+        tle_age_days=age_days,
+        score=float(np.sqrt(score_2)),
+        probability=float(np.exp(-score_2 / 2.0)),
+        is_within_gate=is_near and min(squared) <= _CREDIBLE,
+        sigma_along_arcsec=float(sigma[0]),
+        sigma_cross_arcsec=float(sigma[1]),
+        undisturbed_sigma=float(np.sqrt(squared[0])),
+        manoeuvred_sigma=float(np.sqrt(squared[1])),
+    )
+
+
+def _covariance(found: Comparison, n: int, age_days: float, *, is_moved: bool) -> FloatArray:
+    """(D, D) of the offsets of one object: measurement and elements."""
+    entry = found.entries[n]
+    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    spread = found.errors.of(regime, is_moved=is_moved)
+    errors = covariance_rtn(spread, age_days, float(found.mean_motion_rad_s[n]))
+    slopes = found.by_errors[n]
+    return np.asarray(found.covariance[n] + slopes @ errors @ slopes.T)
+
+
+def _log_size(covariance: FloatArray) -> float:
+    """Minus the logarithm of a normal density at its middle."""
+    return float(np.linalg.slogdet(2.0 * np.pi * covariance)[1]) / 2.0
+
+
+def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
+    """Of what no catalogue knows, in the unit of the matches' weights."""
+    if not scored:
+        return 1.0
+    n = next(i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id)
+    fresh = _covariance(found, n, 0.0, is_moved=False)
+    return UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
+
+
+def _shared(match: Match, total: float) -> Match:
+    return replace(match, probability=match.probability / total if total > 0.0 else 0.0)
+
+
+def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:
+    near = [each for each in matches if each.is_within_gate]
+    if not near:
+        return "unknown", _unknown_words(matches, gate_deg)
+    best = near[0]
+    rivals = [each for each in matches if each is not best and each.probability > 1.0 - SURE]
+    if best is matches[0] and best.probability >= SURE:
+        return "identified", f"{called(best)} {_off_words(best)}, {_next_words(matches)}"
+    if best is matches[0] and not rivals:
+        return "ambiguous", (
+            f"{called(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
+        )
+    names = " and ".join(called(each) for each in (best, *rivals)[:3])
+    return "ambiguous", f"{names} fit alike: a longer arc or fresher elements may tell"
+
+
+def _unknown_words(matches: Sequence[Match], gate_deg: float) -> str:
+    words = f"no catalogued object within {gate_deg:g} deg moves like this"
+    if not matches:
+        return words
+    nearest = min(matches, key=lambda each: each.separation_arcsec)
+    return f"{words}; the nearest, {called(nearest)}, {_off_words(nearest)}"
+
+
+def _next_words(matches: Sequence[Match]) -> str:
+    if len(matches) < 2:
+        return "and the catalogue has no other"
+    return f"the runner-up {called(matches[1])} {_off_words(matches[1])}"
+
+
+def called(match: Match) -> str:
+    return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
+
+
+def _off_words(match: Match) -> str:
+    off = match.separation_arcsec
+    words = (
+        f'is {off:.{0 if off >= 10.0 else 1}f}"' if off < 600.0 else f"is {off / 3600.0:.2f} deg"
+    )
+    rate = match.rate_difference_percent
+    if rate is not None and (abs(rate) >= 1.0 or abs(match.rate_direction_deg or 0.0) >= 1.0):
+        return f"{words} off and its motion {_motion_words(match)}"
+    return f"{words} off"
+
+
+def _motion_words(match: Match) -> str:
+    turned = abs(match.rate_direction_deg or 0.0)
+    return f"by {abs(match.rate_difference_percent or 0.0):.0f} % and {turned:.0f} deg"
+
+
+def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
+    """Of a manoeuvre: a known object, the right motion, off its elements, nothing else near."""
+    if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
+        return _moved_words(matches[0])
+    if verdict != "unknown":
+        return ""
+    suspects = [
+        each
+        for each in matches
+        if each.manoeuvred_sigma**2 <= _CREDIBLE
+        and abs(each.cross_track_arcsec) <= gate_deg * 3600.0
+        and abs(each.along_track_arcsec) <= _WIDE_DEG * 3600.0
+    ]
+    return f"perhaps {_moved_words(suspects[0])}" if len(suspects) == 1 else ""
+
+
+def _moved_words(match: Match) -> str:
+    epoch = utc_ns_to_iso(match.tle_epoch_utc_ns, 0)[:16].replace("T", " ")
+    way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
+    between = "since" if match.tle_age_days >= 0.0 else "before"
+    return (
+        f'{called(match)} has the right motion, {abs(match.along_track_arcsec):.0f}" '
+        f"({abs(match.along_track_s):.0f} s) {way} its elements and "
+        f'{abs(match.cross_track_arcsec):.0f}" across: manoeuvred {between} their epoch {epoch}'
+    )

@@ -1,0 +1,195 @@
+"""Names for all tracks of a field together: one catalogued object is one of them. Pure.
+
+Tracks that were seen at the same time are different objects, so that what fits two of them is one
+of the two. The assignments of all tracks to objects, or to what no catalogue knows, are weighed
+against each other (``assignments``), each with the error that its elements may have in common
+(``shared_errors``): where a whole slot is off its elements, where its members stand to each other
+tells them apart. A track's probabilities are sums over the assignments.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.orbits.elements import CatalogueEntry
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.identification.assignments import Assignment, best_assignments
+from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
+from rsoconsole.orbits.identification.shared_errors import CASES, Pair, SharedErrors, pair_of
+from rsoconsole.orbits.identification.single import (
+    GATE_DEG,
+    SURE,
+    UNCATALOGUED,
+    Compared,
+    Identification,
+    Match,
+    called,
+    compared_with,
+    identification,
+    identification_alone,
+    identify,
+)
+from rsoconsole.records import FloatArray, Site
+
+_CREDIBLE = 36.0
+"""Squared Mahalanobis distance up to which an object is one that a track could be of."""
+_MOST_OBJECTS = 12
+"""Of those, so many for each track, the nearest first."""
+_ANCHORS = 2
+"""So many tracks, those with the most directions, say what the elements may be off together."""
+_EACH = 12
+"""Assignments of each such guess that are weighed."""
+_WITHIN = 30.0
+"""Less likely than the best of a guess by that power of e, one is worth it by another guess or by
+none."""
+_LIKELIEST = 3
+"""Of those weighed, so many say once more what the elements are off together."""
+
+
+def identify_jointly(
+    tracks: Sequence[Sightings],
+    site: Site,
+    entries: Sequence[CatalogueEntry],
+    *,
+    gate_deg: float = GATE_DEG,
+    most_matches: int = 5,
+    errors: ElementErrors = ASSUMED,
+) -> tuple[Identification, ...]:
+    """One answer for each track, in their order; with one track that of ``identify``."""
+    if len(tracks) == 1:
+        (only,) = tracks
+        alone = identify(
+            only, site, entries, gate_deg=gate_deg, most_matches=most_matches, errors=errors
+        )
+        return (alone,)
+    compared = [
+        compared_with(each, site, entries, gate_deg=gate_deg, errors=errors) for each in tracks
+    ]
+    return name_together(compared, gate_deg=gate_deg, most_matches=most_matches)
+
+
+def name_together(
+    compared: Sequence[Compared], *, gate_deg: float = GATE_DEG, most_matches: int = 5
+) -> tuple[Identification, ...]:
+    """The same, of tracks that were compared with the catalogue before."""
+    found: dict[int, Identification] = {}
+    for group in _groups(compared):
+        members = [compared[n] for n in group]
+        answers = _named(members, gate_deg, most_matches)
+        found.update(zip(group, answers, strict=True))
+    return tuple(found[n] for n in range(len(compared)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Weighed:
+    """Assignments with their probabilities, the likeliest first."""
+
+    assignments: tuple[Assignment, ...]
+    probabilities: FloatArray
+
+
+def _groups(compared: Sequence[Compared]) -> list[list[int]]:
+    """Tracks that compete for an object, directly or by others; a track alone is a group."""
+    candidates = [{each.norad_id for each in _candidates(one)} for one in compared]
+    groups: list[tuple[set[int], list[int]]] = []
+    for n, own in enumerate(candidates):
+        joined, members = set(own), [n]
+        rest = []
+        for objects, others in groups:
+            if objects & joined:
+                joined |= objects
+                members = [*others, *members]
+            else:
+                rest.append((objects, others))
+        groups = [*rest, (joined, members)]
+    return [sorted(members) for _, members in groups]
+
+
+def _candidates(compared: Compared) -> list[Match]:
+    near = [
+        each
+        for each in compared.scored
+        if min(each.undisturbed_sigma, each.manoeuvred_sigma) ** 2 <= _CREDIBLE
+    ]
+    return near[:_MOST_OBJECTS]
+
+
+def _named(members: Sequence[Compared], gate_deg: float, most_matches: int) -> list[Identification]:
+    if len(members) == 1:
+        return [identification_alone(members[0], gate_deg, most_matches=most_matches)]
+    objects = sorted({each.norad_id for one in members for each in _candidates(one)})
+    weighed = _weighed(members, objects)
+    marginals = np.zeros((len(members), len(objects) + 1))
+    for assignment, share in zip(weighed.assignments, weighed.probabilities, strict=True):
+        marginals[np.arange(len(members)), list(assignment)] += share
+    best = weighed.assignments[0]
+    answers = []
+    for t, one in enumerate(members):
+        shares = dict(zip(objects, marginals[t], strict=False))
+        matches = tuple(
+            sorted(
+                (replace(m, probability=shares.get(m.norad_id, 0.0)) for m in one.scored),
+                key=lambda each: (-round(each.probability, 6), each.score),
+            )
+        )
+        answer = identification(
+            one, matches, float(marginals[t, -1]), gate_deg, most_matches=most_matches
+        )
+        answer = replace(answer, named_with=len(members) - 1)
+        if answer.not_catalogued >= SURE and best[t] == len(objects):
+            answer = _taken_by_others(answer)
+        answers.append(answer)
+    return answers
+
+
+def _taken_by_others(answer: Identification) -> Identification:
+    """What is near is another track's."""
+    if answer.verdict == "unknown":
+        return answer
+    near = min(answer.matches, key=lambda each: each.score)
+    reason = f"no catalogued object is left for it: {called(near)}, the nearest, is another track's"
+    return replace(answer, verdict="unknown", reason=reason)
+
+
+def _weighed(members: Sequence[Compared], objects: Sequence[int]) -> _Weighed:
+    """All assignments worth it, by every case of shared errors."""
+    pairs = [_pairs(one, objects) for one in members]
+    unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
+    rivals = _rivals(members)
+    anchors = sorted(range(len(members)), key=lambda t: -len(members[t].seen))[:_ANCHORS]
+    cases = [SharedErrors(case, pairs, unknown) for case in CASES]
+    proposed: set[Assignment] = set()
+    for case in cases:
+        for common in case.proposals(anchors):
+            proposed.update(best_assignments(case.scores(common), rivals, _EACH, _WITHIN))
+    for case in cases:
+        known = sorted(proposed)
+        heights, places = case.log_evidence(known)
+        for k in np.argsort(-heights)[:_LIKELIEST]:
+            proposed.update(best_assignments(case.scores(places[k]), rivals, _EACH, _WITHIN))
+    known = sorted(proposed)
+    total = np.logaddexp.reduce([case.log_evidence(known)[0] for case in cases])
+    shares = np.exp(total - np.max(total))
+    order = np.argsort(-shares, kind="stable")
+    return _Weighed(
+        assignments=tuple(known[k] for k in order),
+        probabilities=shares[order] / np.sum(shares),
+    )
+
+
+def _pairs(one: Compared, objects: Sequence[int]) -> list[Pair | None]:
+    near = {each.norad_id for each in _candidates(one)}
+    place = {entry.norad_id: n for n, entry in enumerate(one.found.entries)}
+    return [
+        pair_of(one.found, place[number], one.seen.epoch_utc_ns) if number in near else None
+        for number in objects
+    ]
+
+
+def _rivals(members: Sequence[Compared]) -> npt.NDArray[np.bool_]:
+    """(T, T) seen at the same time, so that they are of different objects."""
+    first = np.array([one.seen.t_utc_ns[0] for one in members])
+    last = np.array([one.seen.t_utc_ns[-1] for one in members])
+    return np.asarray(first[:, None] <= last[None, :]) & (first[None, :] <= last[:, None])

@@ -1,0 +1,432 @@
+"""Is a track of an object that was seen before and that no catalogue knows? Pure.
+
+What was seen before says where the object should be, and how it should move, with an error that
+grows with time. Of an orbit that keeps to itself that is its own covariance and what its forces
+leave out; of one that was moved meanwhile, what manoeuvres do to elements of that age. What stays
+over its place, as a geostationary satellite held in its slot does, is expected where it was at the
+same sidereal time, whatever a short arc made of its orbit's size: so is a track without an orbit.
+The answer is a probability against another uncatalogued object's being there by chance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification.element_errors import (
+    MANOEUVRED,
+    manoeuvred_probability,
+    regime_of,
+)
+from rsoconsole.orbits.motion import (
+    MU_EARTH_KM3_S2,
+    KnownOrbit,
+    SkyMotion,
+    elements_of,
+    predict,
+    predict_motion,
+    propagate,
+)
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import (
+    ARCSEC_RAD,
+    NS_PER_DAY,
+    NS_PER_S,
+    IntArray,
+    site_gcrs,
+    unit_to_direction,
+    wrap_180,
+)
+
+SURE_SAME = 0.95
+"""Probability from which on a track is of an object that was seen before."""
+_CREDIBLE = 23.5
+"""Squared Mahalanobis distance, 4 degrees of freedom: one in ten thousand lies beyond."""
+_SIDEREAL_ARCSEC_S = 15.04107
+_TURN_RAD_S = 7.2921e-5
+BELT_ARCSEC_S = 0.3
+"""What moves slower above the ground stays over its place: a swing of 1.1 degrees."""
+_BOX_ARCSEC = 220.0
+"""One sigma of where in its slot a satellite stands: slots are 0.1 deg to either side."""
+_SWING_ARCSEC, _SWING_ARCSEC_A_DAY = 60.0, 8.0
+"""One sigma of how its daily swings about that place change: inclination and eccentricity."""
+_SIDEREAL_DAY_NS = round(86_164.0905 * NS_PER_S)
+_STRANGERS = {True: 1.4e-5, False: 3.6e-10}
+"""Density of objects that no public catalogue knows, a square arcsec and square arcsec/s: in the
+belt, where a fifth of 500 objects stand in 360 by 0.2 deg with rates within 0.05 arcsec/s, and
+elsewhere (``identify.UNCATALOGUED``)."""
+_FORCES_KM_A_DAY = 0.7
+"""What the forces of an undisturbed orbit leave out: 4 arcsec a day in the belt."""
+_VAGUE_ARCSEC = 5400.0
+"""Predictions with a larger sigma say nothing."""
+_FAR_DEG = 4.0
+_MOST_DIRECTIONS = 24
+_MIDDLE_S = 900.0
+"""So far to either side of its middle a track is compared."""
+_GATE_DEG, _GATE_DEG_A_DAY = 4.0, 0.2
+"""How far off the two-body motion may be for a closer look."""
+_THERE_DEG, _ELSEWHERE_DEG = 3.0, 20.0
+"""The same above the ground, from the same site and by the parallax of another."""
+_EACH = 24
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SeenBefore:
+    """What one earlier track says of its object."""
+
+    number: int
+    """Of the object."""
+    site: Site
+    t_utc_ns: int
+    """Of the direction, the middle of its track."""
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    rate_arcsec_s: tuple[float, float]
+    """East and north, against the stars."""
+    orbit: KnownOrbit | None
+    """None where the track hardly told one."""
+    is_held: bool = False
+    """Its orbit rests on the belief that it is held in its slot."""
+
+    @property
+    def is_in_belt(self) -> bool:
+        """Whether it stayed over its place on the ground while it was seen."""
+        return _over_ground(self.rate_arcsec_s, self.dec_icrs_deg) < BELT_ARCSEC_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recognised:
+    """An answer for one track."""
+
+    number: int | None
+    """Of the object that it is of; None: of none that was seen before, or not surely of one."""
+    probability: float
+    """Of that object, or of the likeliest."""
+    separation_arcsec: float | None
+    """Measured minus predicted, of the likeliest."""
+    candidates: tuple[tuple[int, float], ...]
+    """Objects with their probabilities, where above 5 %, the likeliest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Offset:
+    """Measured minus predicted at the middle: east, its rate, north, its rate; arcsec, arcsec/s."""
+
+    values: FloatArray
+    covariance: FloatArray
+
+
+def recognise(
+    tracks: Sequence[Sightings], site: Site, before: Sequence[SeenBefore]
+) -> tuple[Recognised, ...]:
+    """Which objects the tracks of one night are of; two seen at once are of two objects.
+
+    ``before`` may hold several tracks of one object: the likeliest of them counts.
+    """
+    numbers = sorted({each.number for each in before})
+    scores = np.full((len(tracks), len(numbers) + 1), -np.inf)
+    off = np.full((len(tracks), len(numbers)), np.nan)
+    for t, track in enumerate(tracks):
+        scores[t, -1] = np.log(_STRANGERS[_is_over_its_place(track)])
+        for each in before:
+            n = numbers.index(each.number)
+            found = log_density(each, track, site)
+            if found is not None and found[0] > scores[t, n]:
+                scores[t, n], off[t, n] = found
+    assignments = best_assignments(scores, _at_once(tracks), _EACH)
+    rows = np.arange(len(tracks))
+    sums = np.array([np.sum(scores[rows, list(each)]) for each in assignments])
+    shares = np.exp(sums - np.max(sums))
+    shares /= np.sum(shares)
+    marginals = np.zeros_like(scores)
+    for assignment, share in zip(assignments, shares, strict=True):
+        marginals[rows, list(assignment)] += share
+    return tuple(_answer(numbers, marginals[t, :-1], off[t]) for t in rows)
+
+
+def log_density(before: SeenBefore, seen: Sightings, site: Site) -> tuple[float, float] | None:
+    """Logarithm of the density of a track's offset, and how far off it is in arcsec.
+
+    None where it is beyond the gate, or where what was seen before says nothing of that instant.
+    """
+    track = _middle_of(seen)
+    days = abs(track.epoch_utc_ns - before.t_utc_ns) / NS_PER_DAY
+    cases: list[tuple[float, _Offset]] = []
+    share = _moved_share(before, days)
+    if before.orbit is not None and _is_near(before.orbit, track):
+        cases += _by_orbit(before, track, site, days, share)
+    is_there = before.is_in_belt and _is_over_there(before, track, site)
+    if is_there and before.orbit is None:
+        cases.append((1.0, _over_its_place(before, track, site)))
+    elif is_there:
+        cases += [(share / 2.0, each) for each in _held(before, track, site, days)]
+    whole, nearest = -np.inf, None
+    for weight, case in cases:
+        chi2 = float(case.values @ np.linalg.solve(case.covariance, case.values))
+        if chi2 > _CREDIBLE or weight <= 0.0:
+            continue
+        size = float(np.linalg.slogdet(2.0 * np.pi * case.covariance)[1])
+        density = np.log(weight) - chi2 / 2.0 - size / 2.0
+        if nearest is None or density > nearest[0]:
+            nearest = (density, float(np.hypot(case.values[0], case.values[2])))
+        whole = float(np.logaddexp(whole, density))
+    return None if nearest is None else (whole, nearest[1])
+
+
+def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float], FloatArray]:
+    """Direction and rates of a track about its middle.
+
+    Instant, right ascension and declination, rates (east, north) in arcsec/s, and the covariance
+    (4, 4) of east, its rate, north, its rate in arcsec and arcsec/s.
+    """
+    track = _middle_of(seen)
+    middle = int(np.argmin(np.abs(track.t_s)))
+    ra, dec = float(track.ra_icrs_deg[middle]), float(track.dec_icrs_deg[middle])
+    rate = _SIDEREAL_ARCSEC_S if _is_slow(track) else 0.0
+    moving = ra + rate * track.t_s / 3600.0
+    offset = _fitted(track, moving, np.full(len(track), dec), np.cos(np.radians(dec)))
+    east, east_rate, north, north_rate = offset.values
+    cos_dec = float(np.cos(np.radians(dec)))
+    return (
+        track.epoch_utc_ns,
+        (ra + east / 3600.0 / cos_dec) % 360.0,
+        dec + north / 3600.0,
+        (float(east_rate + rate * cos_dec), float(north_rate)),
+        offset.covariance,
+    )
+
+
+def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Recognised:
+    order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE_SAME]
+    best = order[0] if order else None
+    probability = 0.0 if best is None else float(shares[best])
+    return Recognised(
+        number=numbers[best] if best is not None and probability >= SURE_SAME else None,
+        probability=probability,
+        separation_arcsec=None if best is None else float(off[best]),
+        candidates=tuple((numbers[n], float(shares[n])) for n in order),
+    )
+
+
+def _at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
+    """(T, T) seen at the same time."""
+    first = np.array([each.t_utc_ns[0] for each in tracks])
+    last = np.array([each.t_utc_ns[-1] for each in tracks])
+    return np.asarray((first[:, None] <= last[None, :]) & (first[None, :] <= last[:, None]))
+
+
+def _middle_of(seen: Sightings) -> Sightings:
+    """A few directions about its middle, evenly chosen."""
+    near = np.flatnonzero(np.abs(seen.t_s) <= _MIDDLE_S)
+    step = max(1, -(-len(near) // _MOST_DIRECTIONS))
+    return seen.of(near[::step])
+
+
+def _over_ground(rate_arcsec_s: tuple[float, float], dec_deg: float) -> float:
+    """arcsec/s against what stands still above the ground."""
+    return float(
+        np.hypot(
+            rate_arcsec_s[0] - _SIDEREAL_ARCSEC_S * np.cos(np.radians(dec_deg)), rate_arcsec_s[1]
+        )
+    )
+
+
+def _is_slow(track: Sightings) -> bool:
+    """Whether its rate is nearer to that of the ground than to that of the stars."""
+    span_s = float(track.t_s[-1] - track.t_s[0])
+    if span_s <= 0.0:
+        return False
+    rate = 3600.0 * float(wrap_180(track.ra_icrs_deg[-1] - track.ra_icrs_deg[0])) / span_s
+    return abs(rate - _SIDEREAL_ARCSEC_S) < _SIDEREAL_ARCSEC_S / 2.0
+
+
+def _is_over_its_place(seen: Sightings) -> bool:
+    _, _, dec, rate, _ = attributable(seen)
+    return _over_ground(rate, dec) < BELT_ARCSEC_S
+
+
+def _moved_share(before: SeenBefore, days: float) -> float:
+    """Probability that it has been moved since."""
+    if before.is_held or (before.orbit is None and before.is_in_belt):
+        return 0.9 * (1.0 - float(np.exp(-days / 5.0)))
+    if before.orbit is None:
+        return 0.0
+    elements = elements_of(before.orbit.r_km, before.orbit.v_km_s)
+    return manoeuvred_probability(regime_of(_revolutions(elements.a_km), elements.e), days)
+
+
+def _revolutions(a_km: float) -> float:
+    """A day."""
+    return float(np.sqrt(MU_EARTH_KM3_S2 / a_km**3) * 86_400.0 / (2.0 * np.pi))
+
+
+def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
+    """By the two-body motion, which costs nothing."""
+    middle = int(np.argmin(np.abs(track.t_s)))
+    since_s = np.array([(int(track.t_utc_ns[middle]) - orbit.epoch_utc_ns) / NS_PER_S])
+    r, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
+    u = r[0] - track.sites_km[middle]
+    cosine = float(u @ track.towards[middle] / np.linalg.norm(u))
+    gate = _GATE_DEG + _GATE_DEG_A_DAY * abs(float(since_s[0])) / 86_400.0
+    return bool(np.isfinite(cosine)) and cosine > float(np.cos(np.radians(min(gate, 90.0))))
+
+
+def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
+    """Whether it is about where that stood above the ground, which costs nothing to ask."""
+    middle = int(np.argmin(np.abs(track.t_s)))
+    instant = track.t_utc_ns[middle : middle + 1]
+    ra = np.radians(before.ra_icrs_deg + _sidereal_deg(before.t_utc_ns, instant)[0])
+    dec = np.radians(before.dec_icrs_deg)
+    line = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    gate = _THERE_DEG if site == before.site else _ELSEWHERE_DEG
+    return float(line @ track.towards[middle]) > float(np.cos(np.radians(gate)))
+
+
+def _by_orbit(
+    before: SeenBefore, track: Sightings, site: Site, days: float, share: float
+) -> list[tuple[float, _Offset]]:
+    """Where its orbit puts it, undisturbed and moved."""
+    orbit = before.orbit
+    assert orbit is not None
+    found = _predicted(orbit, track, site)
+    if found is None:
+        return []
+    motion, offset, range_km = found
+    elements = elements_of(orbit.r_km, orbit.v_km_s)
+    spread = MANOEUVRED[regime_of(_revolutions(elements.a_km), elements.e)]
+    n = _revolutions(elements.a_km) * 2.0 * np.pi / 86_400.0
+    forces = _FORCES_KM_A_DAY * days
+    cases = []
+    for weight, sizes in (
+        (1.0 - share, (forces, forces / 4.0)),
+        (
+            share / 2.0 if before.is_in_belt else share,
+            (_grown(spread.along, days), _grown(spread.across, days)),
+        ),
+    ):
+        growth = _on_sky(motion, sizes, range_km, n)
+        covariance = offset.covariance + motion.covariance + growth
+        cases.append((weight, _Offset(values=offset.values, covariance=covariance)))
+    return cases
+
+
+def _predicted(
+    orbit: KnownOrbit, track: Sightings, site: Site, back_ns: int = 0
+) -> tuple[SkyMotion, _Offset, float] | None:
+    """Where an orbit puts it, so much earlier: motion, what was measured of it, and km away.
+
+    None where that is not known to a degree or so.
+    """
+    with np.errstate(all="ignore"):
+        motion = predict_motion(orbit, site, track.epoch_utc_ns - back_ns)
+        places = predict(orbit, site, track.t_utc_ns - back_ns).places
+    if motion is None or not np.all(np.isfinite(places.ra_icrs_deg)):
+        return None
+    if float(np.sqrt(np.max(np.diag(motion.covariance)[[0, 2]]))) > _VAGUE_ARCSEC:
+        return None
+    cos_dec = np.cos(np.radians(places.dec_icrs_deg))
+    offset = _fitted(track, places.ra_icrs_deg, places.dec_icrs_deg, cos_dec)
+    return motion, offset, float(np.median(places.range_km))
+
+
+def _held(before: SeenBefore, track: Sightings, site: Site, days: float) -> list[_Offset]:
+    """Where its orbit had it at the same sidereal time within half a day: held in its slot.
+
+    It may stand anywhere in the slot, and its swings about that place change by the week.
+    """
+    assert before.orbit is not None
+    since_ns = track.epoch_utc_ns - before.orbit.epoch_utc_ns
+    found = _predicted(
+        before.orbit, track, site, round(since_ns / _SIDEREAL_DAY_NS) * _SIDEREAL_DAY_NS
+    )
+    if found is None:
+        return []
+    motion, offset, _ = found
+    swing = float(np.hypot(_SWING_ARCSEC, _SWING_ARCSEC_A_DAY * days))
+    place = float(np.hypot(_BOX_ARCSEC, swing))
+    rate = _TURN_RAD_S * swing
+    growth = np.diag(np.array([place, rate, swing, rate]) ** 2)
+    return [
+        _Offset(values=offset.values, covariance=offset.covariance + motion.covariance + growth)
+    ]
+
+
+def _over_its_place(before: SeenBefore, track: Sightings, site: Site) -> _Offset:
+    """Where it stood above the ground, by another site's parallax where it is another."""
+    turned = _sidereal_deg(before.t_utc_ns, track.t_utc_ns)
+    ra, dec = before.ra_icrs_deg + turned, np.full(len(track), before.dec_icrs_deg)
+    if site != before.site:
+        ra, dec = _from_there(before, track, ra)
+    cos_dec = np.cos(np.radians(dec))
+    offset = _fitted(track, ra, dec, cos_dec)
+    rate = _over_ground(before.rate_arcsec_s, before.dec_icrs_deg)
+    # It swings about its place once a day, at a phase that nobody knows.
+    swing = np.hypot(_BOX_ARCSEC, rate / _TURN_RAD_S)
+    sizes = np.array([swing, _TURN_RAD_S * swing, swing, _TURN_RAD_S * swing])
+    return _Offset(values=offset.values, covariance=offset.covariance + np.diag(sizes**2))
+
+
+def _from_there(
+    before: SeenBefore, track: Sightings, ra_deg: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Directions from the track's site to what stands in the belt, seen from the other one."""
+    instants = np.asarray(track.t_utc_ns, np.int64)
+    there, _ = site_gcrs(before.site, instants)
+    a, d = np.radians(ra_deg), np.radians(before.dec_icrs_deg)
+    line = np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.full_like(a, np.sin(d))], -1)
+    along = np.sum(there * line, axis=-1)
+    reach = -along + np.sqrt(along**2 - np.sum(there**2, axis=-1) + 42_164.2**2)
+    u = there + reach[:, None] * line - track.sites_km
+    return unit_to_direction(u)
+
+
+def _sidereal_deg(from_utc_ns: int, to_utc_ns: IntArray) -> FloatArray:
+    since_s = (np.asarray(to_utc_ns, np.int64) - from_utc_ns) / NS_PER_S
+    return np.asarray(since_s * _SIDEREAL_ARCSEC_S / 3600.0 % 360.0)
+
+
+def _fitted(
+    track: Sightings, ra_deg: FloatArray, dec_deg: FloatArray, cos_dec: FloatArray
+) -> _Offset:
+    """Measured minus these places, as an offset and a rate."""
+    off = np.stack(
+        [wrap_180(track.ra_icrs_deg - ra_deg) * cos_dec, track.dec_icrs_deg - dec_deg], axis=-1
+    )
+    off = np.clip(off, -_FAR_DEG, _FAR_DEG) * 3600.0
+    since = track.t_s
+    rows = np.zeros((len(track), 2, 4))
+    rows[:, 0, 0] = rows[:, 1, 2] = 1.0
+    rows[:, 0, 1] = rows[:, 1, 3] = since
+    white = (track.whitening @ rows).reshape(-1, 4)
+    values = track.whitened(off).reshape(-1)
+    normal = white.T @ white
+    # Where all are of one instant nothing is known of the rates.
+    normal[[1, 3], [1, 3]] += 1.0 / 20.0**2
+    covariance = np.linalg.inv(normal)
+    solved = covariance @ white.T @ values
+    freedom = max(len(values) - 4, 1)
+    misfit = float(np.sum((values - white @ solved) ** 2)) / freedom
+    return _Offset(values=solved, covariance=np.asarray(covariance * max(misfit, 1.0)))
+
+
+def _grown(terms: tuple[float, float, float], days: float) -> float:
+    first, by_day, by_day_2 = terms
+    return float(np.sqrt(first**2 + (by_day * days) ** 2 + (by_day_2 * days * days) ** 2))
+
+
+def _on_sky(
+    motion: SkyMotion, sizes_km: tuple[float, float], range_km: float, n_rad_s: float
+) -> FloatArray:
+    """(4, 4) of sizes along and across the motion, and of the swing that goes with them."""
+    towards = np.array(motion.rate_arcsec_s)
+    along = towards / max(float(np.linalg.norm(towards)), 1e-9)
+    turn = np.stack([along, np.array([-along[1], along[0]])], axis=-1)
+    sizes = np.array(sizes_km) / range_km / ARCSEC_RAD
+    place = turn @ np.diag(sizes**2) @ turn.T
+    found = np.zeros((4, 4))
+    found[np.ix_([0, 2], [0, 2])] = place
+    found[np.ix_([1, 3], [1, 3])] = place * n_rad_s**2
+    return found

@@ -1,0 +1,250 @@
+"""A low satellite that is followed from streak to streak: what each streak says of its orbit. Pure.
+
+One streak leaves the sense open, so a track begins as two hypotheses, each with all low orbits that
+pass through it (`low_cloud`). A second streak where one of them has put it makes an orbit
+(`low_fit`), which from then on says where the next one is, and refuses what is no streak of its.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import erf
+
+import numpy as np
+
+from rsoconsole.orbits.low.low_cloud import Cloud, ahead, nearest, through
+from rsoconsole.orbits.low.low_fit import LowOrbit, Timing, fit_streaks
+from rsoconsole.orbits.low.streak_ends import StreakEnds
+from rsoconsole.orbits.motion import KnownOrbit, SkyAhead, SkyPath, path_of, predict, predict_motion
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import NS_PER_S, IntArray, position_angle_deg, separation_deg, wrap_180
+
+GATE = 30.0
+"""Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""
+LEAST_PROBABILITY = 1e-4
+_DETECTED = 0.9
+"""How surely a streak that was in the frame is found, where nothing else is known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypothesis:
+    """One sense of the first streak, and all that was measured since."""
+
+    streaks: tuple[StreakEnds, ...]
+    """In order of time, each in the sense of this hypothesis."""
+    cloud: Cloud
+    """Of the first streak."""
+    orbit: LowOrbit | None
+    """From the second streak on."""
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LeapTrack:
+    """What may have drawn the streaks, the likeliest first; probabilities add up to 1."""
+
+    site: Site
+    timing: Timing
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def best(self) -> Hypothesis:
+        """The likeliest."""
+        return self.hypotheses[0]
+
+    def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
+        """Where it will be by the n-th hypothesis; None where that is below the ground."""
+        return _ahead(self.site, self.timing, self.hypotheses[number], t_utc_ns)
+
+    def path(
+        self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
+    ) -> SkyPath | None:
+        """Places by the n-th hypothesis for a while; None where it sets within two steps."""
+        each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
+        t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
+        if each.orbit is not None:
+            return path_of_orbit(each.orbit, self.site, t)
+        places = [ahead(each.cloud, self.site, int(at), self.timing.scatter_s) for at in t]
+        known = [place for place in places if place is not None]
+        return path_of(known) if len(known) > 1 else None
+
+
+def path_of_orbit(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> SkyPath | None:
+    """Where an orbit leads, at instants in order; None where it has come down."""
+    found = predict(orbit, site, t_utc_ns)
+    places = found.places
+    east = places.ra_rate_deg_s * np.cos(np.radians(places.dec_icrs_deg))
+    rates = 3600.0 * np.stack([east, places.dec_rate_deg_s], axis=-1)
+    if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(found.cov_sky_arcsec2))):
+        return None
+    return path_of(
+        [
+            SkyAhead(
+                t_utc_ns=int(t),
+                ra_icrs_deg=float(ra),
+                dec_icrs_deg=float(dec),
+                rate_arcsec_s=rate,
+                covariance_arcsec2=np.array([[ee, en], [en, nn]]),
+            )
+            for t, ra, dec, rate, (ee, en, nn) in zip(
+                places.t_utc_ns,
+                places.ra_icrs_deg,
+                places.dec_icrs_deg,
+                rates,
+                found.cov_sky_arcsec2,
+                strict=True,
+            )
+        ]
+    )
+
+
+def begin(
+    site: Site, streak: StreakEnds, timing: Timing, *, is_turned: bool = False
+) -> LeapTrack | None:
+    """A track from one streak with both ends; None where no low orbit passes through it.
+
+    ``is_turned``: the streak is known to be in the sense in which it was drawn.
+    """
+    if not streak.is_whole:
+        return None
+    senses = (streak,) if is_turned else (streak, streak.reversed)
+    found = [(each, through(site, each)) for each in senses]
+    likely = [(each, cloud) for each, cloud in found if cloud is not None]
+    if not likely:
+        return None
+    top = max(cloud.log_evidence for _, cloud in likely)
+    return _track(
+        site,
+        timing,
+        [
+            Hypothesis(
+                streaks=(each,),
+                cloud=cloud,
+                orbit=None,
+                probability=float(np.exp(cloud.log_evidence - top)),
+            )
+            for each, cloud in likely
+        ],
+    )
+
+
+def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
+    """With one more streak, later than all others; None where it fits no hypothesis."""
+    found = []
+    for number, each in enumerate(track.hypotheses):
+        place = track.ahead(streak.t_mid_utc_ns, number)
+        if place is None:
+            continue
+        turned = in_sense_of(streak, place)
+        log_likelihood = _log_likelihood(place, turned, track.timing)
+        if log_likelihood is None:
+            continue
+        orbit = _orbit(track, each, turned)
+        if orbit is None:
+            continue
+        found.append(
+            (
+                log_likelihood + np.log(each.probability),
+                replace(each, streaks=(*each.streaks, turned), orbit=orbit),
+            )
+        )
+    if not found:
+        return None
+    top = max(log for log, _ in found)
+    return _track(
+        track.site,
+        track.timing,
+        [replace(each, probability=float(np.exp(log - top))) for log, each in found],
+    )
+
+
+def unseen(
+    track: LeapTrack, t_utc_ns: int, centre_deg: tuple[float, float], radius_deg: float
+) -> LeapTrack:
+    """After a frame in which nothing was found, within a radius about its centre."""
+    changed = []
+    for number, each in enumerate(track.hypotheses):
+        place = track.ahead(t_utc_ns, number)
+        within = 0.0 if place is None else _share_within(place, centre_deg, radius_deg)
+        changed.append(replace(each, probability=each.probability * (1.0 - _DETECTED * within)))
+    return _track(track.site, track.timing, changed)
+
+
+def in_sense_of(streak: StreakEnds, place: SkyAhead) -> StreakEnds:
+    """The streak run through as the motion at this place says."""
+    s = np.radians(wrap_180(float(streak.ra_icrs_deg[1] - streak.ra_icrs_deg[0])))
+    east = s * np.cos(np.radians(float(np.mean(streak.dec_icrs_deg))))
+    north = np.radians(float(streak.dec_icrs_deg[1] - streak.dec_icrs_deg[0]))
+    is_along = east * place.rate_arcsec_s[0] + north * place.rate_arcsec_s[1] >= 0.0
+    return streak if is_along else streak.reversed
+
+
+def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> LeapTrack:
+    total = sum(each.probability for each in hypotheses)
+    scaled = [replace(each, probability=each.probability / total) for each in hypotheses]
+    scaled.sort(key=lambda each: -each.probability)
+    kept = [each for each in scaled if each.probability > LEAST_PROBABILITY]
+    return LeapTrack(site=site, timing=timing, hypotheses=tuple(kept))
+
+
+def _ahead(site: Site, timing: Timing, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
+    if each.orbit is None:
+        return ahead(each.cloud, site, t_utc_ns, timing.scatter_s)
+    motion = predict_motion(each.orbit, site, t_utc_ns)
+    if motion is None:
+        return None
+    return SkyAhead(
+        t_utc_ns=t_utc_ns,
+        ra_icrs_deg=motion.ra_icrs_deg,
+        dec_icrs_deg=motion.dec_icrs_deg,
+        rate_arcsec_s=np.array(motion.rate_arcsec_s),
+        covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
+    )
+
+
+def _orbit(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> LowOrbit | None:
+    if each.orbit is None:
+        state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
+    else:
+        state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
+    found = fit_streaks(track.site, (*each.streaks, streak), state, epoch, track.timing)
+    return found if found is not None and found.is_converged else None
+
+
+def _log_likelihood(place: SkyAhead, streak: StreakEnds, timing: Timing) -> float | None:
+    """Of the middle of a streak by place, and of its rate; None beyond the gate.
+
+    ``place`` at the middle of the frame.
+    """
+    ends = streak.covariances_arcsec2
+    cov = np.stack([ends[:, 0], ends[:, 1], ends[:, 1], ends[:, 2]], -1).reshape(2, 2, 2)
+    rate = place.rate_arcsec_s
+    # Each end against where the rate puts it: the place's error and the time's are common.
+    since_s = (streak.t_utc_ns - place.t_utc_ns) / NS_PER_S
+    off = np.concatenate([_offset(place, streak, n) - rate * since_s[n] for n in range(2)])
+    common = place.covariance_arcsec2 + timing.scatter_s**2 * np.outer(rate, rate)
+    total = np.kron(np.ones((2, 2)), common)
+    total[:2, :2] += cov[0]
+    total[2:, 2:] += cov[1]
+    # What is known of the rate: by a hundredth or so, and the path bends.
+    lever = np.array([[since_s[0]], [since_s[1]]]) * 0.03 * place.speed_arcsec_s
+    total += np.kron(lever @ lever.T, np.eye(2))
+    chi2 = float(off @ np.linalg.solve(total, off))
+    if not chi2 <= GATE:
+        return None
+    return -0.5 * (chi2 + float(np.linalg.slogdet(total)[1]))
+
+
+def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:
+    """(2,) arcsec east and north of the place; nearer than a few degrees."""
+    ra, dec = float(streak.ra_icrs_deg[end]), float(streak.dec_icrs_deg[end])
+    away = 3600.0 * separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, ra, dec)
+    towards = np.radians(position_angle_deg(place.ra_icrs_deg, place.dec_icrs_deg, ra, dec))
+    return away * np.array([np.sin(towards), np.cos(towards)])
+
+
+def _share_within(place: SkyAhead, centre_deg: tuple[float, float], radius_deg: float) -> float:
+    """Probability of being so near to a direction: by the distance along the line to it."""
+    away = separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, *centre_deg)
+    sigma = max(place.sigma_arcsec / 3600.0, 1e-6)
+    near, far = (side / sigma / np.sqrt(2.0) for side in (radius_deg - away, -radius_deg - away))
+    return 0.5 * (erf(near) - erf(far))

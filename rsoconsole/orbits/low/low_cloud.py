@@ -1,0 +1,199 @@
+"""Which low orbits pass through one streak, and where they lead: the admissible region. Pure.
+
+A streak gives a direction and its rate; range and range rate remain. Low orbits are nearly circles,
+and a circle through a direction with a rate has one range: so the region is small. How round orbits
+are and how many there are at a height enters as a rough prior, with tails for those that are not.
+Of the two senses of a streak the one that runs against the Earth's turn is rare, but for orbits
+across the poles. Source: Milani et al. 2004; DeMars & Jah 2013 for a prior in elements.
+Kilometres, seconds, radians.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.orbits.low.streak_ends import StreakEnds
+from rsoconsole.orbits.motion import MU_EARTH_KM3_S2, SkyAhead, cross, dot, propagate
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import (
+    ARCSEC_RAD,
+    EARTH_RADIUS_KM,
+    LIGHT_KM_S,
+    NS_PER_S,
+    direction_to_unit,
+    earth_velocity_km_s,
+    line_of_sight_gcrs,
+    site_gcrs,
+    unit_to_direction,
+)
+
+LOWEST_KM, HIGHEST_KM = 150.0, 6_000.0
+"""Heights of the orbits that are looked for."""
+LOWEST_PERIGEE_KM = 120.0
+_RANGES, _FALLS = 400, 81
+_STEEPEST = 0.25
+"""Radial speed over that of a circle."""
+_ROUNDNESS = ((0.70, 0.008), (0.25, 0.04), (0.05, 0.15))
+"""(share, sigma of each component of the eccentricity vector)"""
+_HEIGHTS_KM = (300.0, 1_500.0)
+"""Between them objects are about as many in each kilometre; below few last, above there are few."""
+_RETROGRADE_DEG, _RETROGRADE = 101.0, 0.02
+"""Inclination from which on orbits are rare, and how rare."""
+_LEAST_WEIGHT = 1e-4
+_MOST = 600
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cloud:
+    """Orbits through a streak, as N states with weights that add up to 1."""
+
+    epoch_utc_ns: int
+    r_km: FloatArray
+    """(N, 3) GCRS at the epoch"""
+    v_km_s: FloatArray
+    weight: FloatArray
+    """(N,)"""
+    log_evidence: float
+    """How likely the streak is in this sense, against the other one."""
+    streak: StreakEnds
+
+
+def through(site: Site, streak: StreakEnds) -> Cloud | None:
+    """Low orbits through a whole streak; None where there is none."""
+    t = streak.t_utc_ns
+    lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
+    middle = lines.sum(axis=0)
+    towards = middle / np.linalg.norm(middle)
+    # The chord is shorter than the arc by less than a part in 1e5 of a field's width.
+    turn = (lines[1] - lines[0]) / (float(t[1] - t[0]) / NS_PER_S)
+    turn = turn - (turn @ towards) * towards
+    t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
+    places, velocities = site_gcrs(site, np.array([t_mid_ns]))
+    region = _region(places[0], velocities[0], towards, turn)
+    if region is None:
+        return None
+    r, v, weight = region
+    total = float(weight.sum())
+    keep = np.argsort(weight)[::-1][:_MOST]
+    keep = keep[weight[keep] > _LEAST_WEIGHT * weight[keep[0]]]
+    tau_s = np.linalg.norm(r[keep] - places[0], axis=-1, keepdims=True) / LIGHT_KM_S
+    return Cloud(
+        epoch_utc_ns=t_mid_ns,
+        r_km=r[keep] + v[keep] * tau_s,
+        v_km_s=v[keep],
+        weight=weight[keep] / weight[keep].sum(),
+        log_evidence=float(np.log(total)),
+        streak=streak,
+    )
+
+
+def ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> SkyAhead | None:
+    """Mean place at an instant and the spread of all of them, with what the streak's ends add.
+
+    None where most of it is below the ground.
+    """
+    since_s = (t_utc_ns - cloud.epoch_utc_ns) / NS_PER_S
+    r, v = propagate(cloud.r_km, cloud.v_km_s, np.full(len(cloud.weight), since_s))
+    lines, rates = _seen(site, t_utc_ns, r, v)
+    mean = cloud.weight @ lines
+    size = float(np.linalg.norm(mean))
+    if not np.isfinite(size) or size < 0.5:
+        return None
+    ra_deg, dec_deg = (float(each) for each in unit_to_direction(mean / size))
+    ra = np.radians(ra_deg)
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    axes = np.stack([east, np.cross(mean / size, east)])
+    off = lines @ axes.T / ARCSEC_RAD
+    rate = cloud.weight @ (rates @ axes.T) / ARCSEC_RAD
+    spread = (off * cloud.weight[:, None]).T @ off
+    ends = cloud.streak.covariances_arcsec2
+    ends = np.stack([ends[:, 0], ends[:, 1], ends[:, 1], ends[:, 2]], -1).reshape(2, 2, 2)
+    reach = since_s / cloud.streak.exposure_s
+    noise = (0.5 - reach) ** 2 * ends[0] + (0.5 + reach) ** 2 * ends[1]
+    return SkyAhead(
+        t_utc_ns=t_utc_ns,
+        ra_icrs_deg=ra_deg,
+        dec_icrs_deg=dec_deg,
+        rate_arcsec_s=rate,
+        covariance_arcsec2=spread + noise + timing_sigma_s**2 * np.outer(rate, rate),
+    )
+
+
+def nearest(cloud: Cloud, site: Site, streak: StreakEnds) -> tuple[FloatArray, FloatArray]:
+    """State (3,), (3,) at the cloud's epoch of the orbit that comes nearest to another streak."""
+    t = streak.t_utc_ns
+    t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
+    since_s = (t_mid_ns - cloud.epoch_utc_ns) / NS_PER_S
+    r, v = propagate(cloud.r_km, cloud.v_km_s, np.full(len(cloud.weight), since_s))
+    lines, _ = _seen(site, t_mid_ns, r, v)
+    there = direction_to_unit(streak.ra_icrs_deg, streak.dec_icrs_deg).sum(axis=0)
+    off = np.linalg.norm(lines - there / np.linalg.norm(there), axis=-1)
+    # A tie goes to the likelier orbit.
+    best = int(np.argmin(off - 1e-4 * np.log(cloud.weight) * np.min(off)))
+    return cloud.r_km[best], cloud.v_km_s[best]
+
+
+def _seen(
+    site: Site, t_utc_ns: int, r_km: FloatArray, v_km_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (N, 3) as plates measure them, and their rates in rad/s."""
+    at = np.array([t_utc_ns])
+    places, velocities = site_gcrs(site, at)
+    line = r_km - places[0]
+    tau_s = np.linalg.norm(line, axis=-1, keepdims=True) / LIGHT_KM_S
+    line = line - (v_km_s + earth_velocity_km_s(at)[0]) * tau_s
+    size = np.linalg.norm(line, axis=-1, keepdims=True)
+    u, speed = line / size, (v_km_s - velocities[0]) / size
+    return u, speed - dot(speed, u)[:, None] * u
+
+
+def _region(
+    site_km: FloatArray, site_km_s: FloatArray, towards: FloatArray, turn: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """States (N, 3), (N, 3) and their weights (N,), on a grid of ranges and radial speeds."""
+    up, distance = float(site_km @ towards), float(np.linalg.norm(site_km))
+
+    def range_to(radius_km: float) -> float:
+        return -up + float(np.sqrt(max(up * up - distance**2 + radius_km**2, 0.0)))
+
+    nearest_km = range_to(EARTH_RADIUS_KM + LOWEST_KM)
+    ranges = np.geomspace(max(nearest_km, 10.0), range_to(EARTH_RADIUS_KM + HIGHEST_KM), _RANGES)
+    # Fine about the circle, coarse towards what falls or climbs steeply.
+    at = np.linspace(-1.0, 1.0, _FALLS)
+    falls = _STEEPEST * at * (0.04 + 0.96 * at * at)
+    falls_step = _STEEPEST * (0.04 + 2.88 * at * at)
+    rho, fall = (each.ravel() for each in np.meshgrid(ranges, falls, indexing="ij"))
+    step = np.broadcast_to(falls_step, (_RANGES, _FALLS)).ravel() * rho
+    r = site_km + rho[:, None] * towards
+    radius = np.linalg.norm(r, axis=-1)
+    circular = np.sqrt(MU_EARTH_KM3_S2 / radius)
+    drift = site_km_s + rho[:, None] * turn
+    outward = r @ towards / radius
+    rate = (fall * circular - dot(r, drift) / radius) / outward
+    v = drift + rate[:, None] * towards
+    weight = _weight(r, v, circular, fall)
+    # From a prior of states to one of range, range rate and what was measured; the grid's steps.
+    weight = weight * rho**4 / radius**2 / circular**3 * step * circular / np.abs(outward)
+    return (r, v, weight) if np.any(weight > 0.0) else None
+
+
+def _weight(r: FloatArray, v: FloatArray, circular: FloatArray, fall: FloatArray) -> FloatArray:
+    """(N,) density of orbits: by how round they are, their height, and the way they go round."""
+    radius = np.linalg.norm(r, axis=-1)
+    momentum = cross(r, v)
+    across = np.linalg.norm(momentum, axis=-1) / radius / circular
+    x, y = across * across - 1.0, fall * across
+    shape = sum(
+        share / sigma**2 * np.exp(-0.5 * (x * x + y * y) / sigma**2) for share, sigma in _ROUNDNESS
+    )
+    height = radius - EARTH_RADIUS_KM
+    low, high = _HEIGHTS_KM
+    many = np.where(height < low, np.exp((height - low) / 60.0), 1.0)
+    many = many * np.where(height > high, np.exp((high - height) / 1_000.0), 1.0)
+    e = np.hypot(x, y)
+    semi_latus = radius * across * across
+    is_above = semi_latus / (1.0 + e) > EARTH_RADIUS_KM + LOWEST_PERIGEE_KM
+    is_bound = np.sum(v * v, axis=-1) < 1.9 * circular**2
+    tilt_deg = np.degrees(np.arccos(momentum[:, 2] / np.linalg.norm(momentum, axis=-1)))
+    way = np.where(tilt_deg < _RETROGRADE_DEG, 1.0, _RETROGRADE)
+    return np.where(is_above & is_bound, shape * many * way, 0.0)

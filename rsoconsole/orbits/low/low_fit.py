@@ -1,0 +1,293 @@
+"""The orbit of a low satellite through streaks: least squares on their ends. Pure.
+
+What a shutter does to the time of a frame moves both ends of its streak along the way alike: they
+tell the rate free of it, and not the place, so each streak's four numbers have one covariance. What
+the clock is off in common is an unknown of its own; the others are those of `line_of_sight`. Forces
+enter by Encke's deviation from the motion about a point mass, as in `fit`. Where the streaks do not
+tell how round the orbit is, a wide prior does (stated in the result). Source: Tapley, Schutz & Born
+2004, 4.6, for errors that several measurements share.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.orbits.determination import inverse_of_normal
+from rsoconsole.orbits.first import LineOfSight, Sightings, State, sightings
+from rsoconsole.orbits.low.streak_ends import StreakEnds
+from rsoconsole.orbits.motion import (
+    MU_EARTH_KM3_S2,
+    KnownOrbit,
+    Zonal,
+    eccentricity_vector,
+    propagate,
+    propagate_with_slopes,
+)
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S
+
+SIGMA_E = 0.03
+"""Root mean square eccentricity that is believed until the streaks tell it themselves."""
+_TOLD = 0.3
+"""Once the streaks alone tell it to so much of ``SIGMA_E``, that is left out."""
+LEFT_OUT_KM_S2 = 5e-8
+"""One sigma of each component of what pulls beside `zonal.Zonal`: the Earth's unevenness along its
+equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for a steady pull."""
+_NO_BIAS_S = 1e-9
+_MOST_STEPS = 25
+_STEADY = 1e-3
+"""What a step would take from the sum of squares, at most, when the search ends."""
+_NO_NUMBERS = np.linalg.LinAlgError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """What the times of frames are worth, in seconds."""
+
+    scatter_s: float
+    """Of each frame by itself, one sigma."""
+    bias_sigma_s: float = 0.0
+    """Common to all of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LowOrbit(KnownOrbit):
+    """An orbit through streaks, at the instant of one in their middle."""
+
+    residuals_arcsec: FloatArray
+    """(K, 2, 2) of each end, along and across the way: measured minus computed."""
+    chi2: float
+    """With the errors that ends share."""
+    degrees_of_freedom: int
+    believes_round: bool
+    """Whether the prior on the eccentricity was needed."""
+    bias_s: float
+    """By how much later than the frames say the light seems to have been there; 0 where their time
+    is taken to be right."""
+    is_converged: bool
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Problem:
+    seen: Sightings
+    view: LineOfSight
+    motion: Zonal
+    whitening: FloatArray
+    """(4K, 4K)"""
+    sigma_e: float | None
+    bias_sigma_s: float
+    deviation: tuple[FloatArray, FloatArray]
+
+    def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+        """Whitened residuals, their slopes by the unknowns (rows, 7), and how many are measured.
+
+        The last unknown: seconds after the frame's word at which the light was there.
+        """
+        r, v = self.view.state(unknowns[:6])
+        places, velocities, slopes = self.places(r, v, unknowns[6])
+        seen = self.later(unknowns[6])
+        value = self.whitening @ seen.residuals_arcsec(places).reshape(-1)
+        by_place = seen.residual_slopes(places)
+        by_state = (by_place @ slopes).reshape(-1, 6)
+        to_state = self.view.slopes(unknowns[:6])
+        by_time = (by_place @ (velocities - seen.sites_km_s)[..., None]).reshape(-1, 1)
+        by_unknown = self.whitening @ np.hstack([by_state @ to_state, by_time])
+        measured = len(value)
+        sigma_s = max(self.bias_sigma_s, _NO_BIAS_S)
+        value = np.append(value, unknowns[6] / sigma_s)
+        by_unknown = np.vstack([by_unknown, np.eye(7)[6] / sigma_s])
+        if self.sigma_e is not None:
+            e, e_slopes = eccentricity_vector(r, v, MU_EARTH_KM3_S2)
+            sigma = self.sigma_e / np.sqrt(2.0)
+            value = np.concatenate([value, e / sigma])
+            by_shape = np.hstack([e_slopes @ to_state / sigma, np.zeros((3, 1))])
+            by_unknown = np.vstack([by_unknown, by_shape])
+        return value, by_unknown, measured
+
+    def later(self, bias_s: float) -> Sightings:
+        """The directions as of so many seconds later: the site has moved on."""
+        sites_km = self.seen.sites_km + self.seen.sites_km_s * bias_s
+        return replace(self.seen, t_s=self.seen.t_s + bias_s, sites_km=sites_km)
+
+    def places(
+        self, r: FloatArray, v: FloatArray, bias_s: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Places (N, 3) when the light left, velocities, and slopes (N, 3, 6) by the state."""
+        seen = self.later(bias_s)
+        places, velocities, slopes = propagate_with_slopes(r, v, seen.t_s)
+        places, velocities = places + self.deviation[0], velocities + self.deviation[1]
+        tau_s = seen.light_times_s(places)
+        tau_s = seen.light_times_s(places - velocities * tau_s[:, None])
+        return places - velocities * tau_s[:, None], velocities, slopes
+
+    def deviate(self, unknowns: FloatArray) -> None:
+        """What the flattened Earth adds, near these unknowns."""
+        r, v = self.view.state(unknowns[:6])
+        t_s = self.seen.t_s + unknowns[6]
+        true, plain = self.motion.states(r, v, t_s), propagate(r, v, t_s)
+        self.deviation = (true[0] - plain[0], true[1] - plain[1])
+
+
+def fit_streaks(
+    site: Site, streaks: Sequence[StreakEnds], start: State, t_start_utc_ns: int, timing: Timing
+) -> LowOrbit | None:
+    """The orbit near a state (at an instant) that fits all streaks, each in its sense.
+
+    None where there is none. ``streaks`` in order of time, at least two.
+    """
+    seen = _sightings(site, streaks)
+    motion = Zonal(epoch_utc_ns=seen.epoch_utc_ns)
+    moved = Zonal(epoch_utc_ns=t_start_utc_ns).states(
+        *start, np.array([(seen.epoch_utc_ns - t_start_utc_ns) / NS_PER_S])
+    )
+    state = (moved[0][0], moved[1][0])
+    if not np.all(np.isfinite(state)):
+        return None
+    nearest = int(np.argmin(np.abs(seen.t_s)))
+    view = LineOfSight.through(state, seen.sites_km[nearest], seen.sites_km_s[nearest])
+    zero = np.zeros((len(seen), 3))
+    problem = _Problem(
+        seen=seen,
+        view=view,
+        motion=motion,
+        whitening=np.eye(2 * len(seen)),
+        sigma_e=SIGMA_E,
+        bias_sigma_s=timing.bias_sigma_s,
+        deviation=(zero, zero),
+    )
+    unknowns = np.append(view.unknowns(state), 0.0)
+    problem.deviate(unknowns)
+    problem.whitening = _whitening(problem, unknowns, streaks, timing)
+    with np.errstate(all="ignore"):
+        unknowns, is_converged = _descend(problem, unknowns)
+        if _is_told(problem, unknowns):
+            problem.sigma_e = None
+            unknowns, is_converged = _descend(problem, unknowns)
+        return _finished(problem, unknowns, len(streaks), is_converged=is_converged)
+
+
+def _sightings(site: Site, streaks: Sequence[StreakEnds]) -> Sightings:
+    return sightings(
+        site,
+        np.concatenate([each.t_utc_ns for each in streaks]),
+        np.concatenate([each.ra_icrs_deg for each in streaks]),
+        np.concatenate([each.dec_icrs_deg for each in streaks]),
+        np.concatenate([each.covariances_arcsec2 for each in streaks]),
+    )
+
+
+def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:
+    """(N, 2) arcsec/s east and north at each end."""
+    r, v = problem.view.state(unknowns[:6])
+    seen = problem.seen
+    places, velocities = problem.motion.states(r, v, seen.t_s)
+    line = places - seen.sites_km
+    size = np.linalg.norm(line, axis=-1)
+    speed = (velocities - seen.sites_km_s) / size[:, None] / ARCSEC_RAD
+    parts = [np.sum(speed * axis, axis=-1) for axis in (seen.east, seen.north)]
+    return np.stack(parts, axis=-1)
+
+
+def _whitening(
+    problem: _Problem, unknowns: FloatArray, streaks: Sequence[StreakEnds], timing: Timing
+) -> FloatArray:
+    """(4K, 4K): what turns all residuals into unit variances without correlation."""
+    size = 4 * len(streaks)
+    covariance = np.zeros((size, size))
+    shared = _rates(problem, unknowns).reshape(-1, 4)
+    own = np.concatenate([each.covariances_arcsec2 for each in streaks])
+    for n, (ee, en, nn) in enumerate(own):
+        covariance[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] = [[ee, en], [en, nn]]
+    for k, each in enumerate(shared):
+        at = slice(4 * k, 4 * k + 4)
+        covariance[at, at] += timing.scatter_s**2 * np.outer(each, each)
+    for each in _pulled(problem, unknowns):
+        covariance += np.outer(each, each)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def _pulled(problem: _Problem, unknowns: FloatArray) -> FloatArray:
+    """(3, 4K) arcsec, by one sigma of a steady pull outward, ahead and aside since the epoch."""
+    r, v = problem.view.state(unknowns[:6])
+    seen = problem.seen
+    outward = r / np.linalg.norm(r)
+    pole = np.cross(r, v)
+    pole = pole / np.linalg.norm(pole)
+    axes = np.stack([outward, np.cross(pole, outward), pole])
+    places, _, _ = problem.places(r, v, unknowns[6])
+    slopes = seen.residual_slopes(places)
+    way = 0.5 * LEFT_OUT_KM_S2 * seen.t_s**2
+    return np.stack([((slopes @ axis) * way[:, None]).ravel() for axis in axes])
+
+
+def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
+    """Levenberg and Marquardt; what the flattened Earth adds again after each step."""
+    damping = 1e-9
+    value, slopes, _ = problem.rows(unknowns)
+    for _ in range(_MOST_STEPS):
+        cost = float(value @ value)
+        normal, gradient = slopes.T @ slopes, slopes.T @ value
+        scale = np.diag(np.maximum(np.diag(normal), 1e-300))
+        for _ in range(10):
+            try:
+                step = -np.linalg.solve(normal + damping * scale, gradient)
+            except _NO_NUMBERS:
+                return unknowns, False
+            if not -float(step @ gradient) > _STEADY:
+                return unknowns, bool(np.isfinite(cost))
+            step = step * min(1.0, 0.7 / max(abs(float(step[4])), 1e-300))
+            value, slopes, _ = problem.rows(unknowns + step)
+            if float(value @ value) <= cost:
+                break
+            damping = max(damping * 100.0, 1e-6)
+        else:
+            return unknowns, False
+        unknowns = unknowns + step
+        damping /= 100.0
+        problem.deviate(unknowns)
+        value, slopes, _ = problem.rows(unknowns)
+    return unknowns, False
+
+
+def _is_told(problem: _Problem, unknowns: FloatArray) -> bool:
+    """Whether the streaks alone tell how round the orbit is."""
+    _, slopes, measured = problem.rows(unknowns)
+    if measured < 8:
+        return False
+    to_state = problem.view.slopes(unknowns[:6])
+    alone = slopes[: measured + 1]
+    covariance = to_state @ inverse_of_normal(alone.T @ alone)[:6, :6] @ to_state.T
+    _, by_state = eccentricity_vector(*problem.view.state(unknowns[:6]))
+    spread = by_state @ covariance @ by_state.T
+    return bool(np.sqrt(np.trace(spread)) < _TOLD * SIGMA_E)
+
+
+def _finished(
+    problem: _Problem, unknowns: FloatArray, streaks: int, *, is_converged: bool
+) -> LowOrbit | None:
+    r, v = problem.view.state(unknowns[:6])
+    value, slopes, measured = problem.rows(unknowns)
+    to_state = problem.view.slopes(unknowns[:6])
+    covariance = to_state @ inverse_of_normal(slopes.T @ slopes)[:6, :6] @ to_state.T
+    if not (np.all(np.isfinite(covariance)) and np.all(np.isfinite(value))):
+        return None
+    places, _, _ = problem.places(r, v, unknowns[6])
+    off = problem.later(unknowns[6]).residuals_arcsec(places)
+    ahead = _rates(problem, unknowns)
+    ahead = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
+    along = np.sum(off * ahead, axis=-1)
+    across = off[:, 1] * ahead[:, 0] - off[:, 0] * ahead[:, 1]
+    return LowOrbit(
+        epoch_utc_ns=problem.seen.epoch_utc_ns,
+        r_km=r,
+        v_km_s=v,
+        covariance=covariance,
+        forces=problem.motion,
+        residuals_arcsec=np.stack([along, across], axis=-1).reshape(streaks, 2, 2),
+        chi2=float(value[:measured] @ value[:measured]),
+        degrees_of_freedom=measured - 6 + (0 if problem.sigma_e is None else 2),
+        believes_round=problem.sigma_e is not None,
+        bias_s=float(unknowns[6]),
+        is_converged=is_converged,
+    )

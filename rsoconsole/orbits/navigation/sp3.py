@@ -1,0 +1,179 @@
+"""Precise orbits as analysis centres publish them: SP3-c and SP3-d. Pure.
+
+Source: Hilla, "The Extended Standard Product 3 Orbit Format (SP3-d)", 2016. Between its epochs a
+polynomial through ten of them, along axes that do not turn with the Earth: centimetres at steps of
+5 and 15 min; in the outermost intervals of a file, where it is one-sided, decimetres.
+"""
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbits.navigation.navigation import (
+    EARTH_RAD_S,
+    GPS_MINUS_BDT_S,
+    NavigationFile,
+    gps_ns_of_utc,
+    satellite,
+    utc_ns_of_gps,
+)
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import NS_PER_S, IntArray
+
+NODES, LEAST_NODES = 10, 6
+"""Epochs of a polynomial, and of a short file: a metre at steps of 15 min."""
+_HALF_S = 0.5
+_NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
+_EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says
+_LONGEST_STEP_S = 1800.0
+_SECONDS_LATER = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "IRN": 0.0, "BDT": float(GPS_MINUS_BDT_S)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SampledOrbit:
+    """One satellite at the epochs of a file."""
+
+    t_gps_ns: IntArray
+    """(M,) rising."""
+    r_km: FloatArray
+    """(M, 3) Earth-fixed."""
+
+    def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """See ``navigation.EarthFixedOrbit``; nothing beyond its epochs nor across a gap."""
+        t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
+        nodes, is_known = self._nodes(t)
+        since_s = (self.t_gps_ns[nodes] - t[:, None]) / NS_PER_S
+        turn = EARTH_RAD_S * since_s
+        cos_a, sin_a = np.cos(turn), np.sin(turn)
+        x, y, z = np.moveaxis(self.r_km[nodes], -1, 0)
+        still = np.stack([cos_a * x - sin_a * y, sin_a * x + cos_a * y, z], axis=-1)
+        r, before, after = (
+            np.einsum("nk,nki->ni", _weights(since_s, at_s), still)
+            for at_s in (0.0, -_HALF_S, _HALF_S)
+        )
+        unknown = ~is_known[:, None]
+        return (
+            np.where(unknown, np.nan, r),
+            np.where(unknown, np.nan, (after - before) / (2.0 * _HALF_S)),
+        )
+
+    def _nodes(self, t: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+        """(N, NODES) the epochs around each instant, and whether they reach around it."""
+        count = min(NODES, len(self.t_gps_ns))
+        after = np.searchsorted(self.t_gps_ns, t)
+        first = np.clip(after - count // 2, 0, len(self.t_gps_ns) - count)
+        nodes = first[:, None] + np.arange(count)
+        span_s = (self.t_gps_ns[nodes[:, -1]] - self.t_gps_ns[nodes[:, 0]]) / NS_PER_S
+        is_inside = (t >= self.t_gps_ns[0]) & (t <= self.t_gps_ns[-1])
+        step_s = float(np.median(np.diff(self.t_gps_ns))) / NS_PER_S
+        is_whole = (count >= LEAST_NODES) & (span_s <= (count - 0.5) * step_s)
+        return nodes, is_inside & is_whole & (step_s <= _LONGEST_STEP_S)
+
+
+def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
+    """(N, K) of Lagrange's polynomial at an instant, for nodes (N, K)."""
+    apart = since_s[:, :, None] - since_s[:, None, :]
+    ahead = at_s - since_s[:, None, :]
+    same = np.eye(since_s.shape[1], dtype=bool)
+    return np.asarray(np.prod(np.where(same, 1.0, ahead / np.where(same, 1.0, apart)), axis=-1))
+
+
+def parse_sp3(texts: dict[str, str]) -> NavigationFile:
+    """What texts, by the names of their files, say together: several days are one arc.
+
+    Raises OrbitError naming file and line for what is no SP3-c or SP3-d, and for damage.
+    """
+    samples: dict[str, dict[int, tuple[float, float, float]]] = defaultdict(dict)
+    skipped: Counter[str] = Counter()
+    for source, text in texts.items():
+        _read(text, source, samples, skipped)
+    orbits = {}
+    for name, found in sorted(samples.items()):
+        if len(found) < LEAST_NODES:
+            skipped[f"fewer than {LEAST_NODES} epochs"] += 1
+            continue
+        t = np.array(sorted(found), np.int64)
+        orbits[name] = SampledOrbit(t_gps_ns=t, r_km=np.array([found[int(each)] for each in t]))
+    if not orbits:
+        raise OrbitError(
+            f"{', '.join(texts)}: no satellite has {LEAST_NODES} epochs: give a whole day"
+        )
+    edges = utc_ns_of_gps(
+        np.array(
+            [
+                min(each.t_gps_ns[0] for each in orbits.values()),
+                max(each.t_gps_ns[-1] for each in orbits.values()),
+            ]
+        )
+    )
+    return NavigationFile(
+        kind="sp3",
+        satellites=tuple(satellite(name, "sp3", orbit) for name, orbit in orbits.items()),
+        first_utc_ns=int(edges[0]),
+        last_utc_ns=int(edges[1]),
+        skipped=skipped,
+    )
+
+
+def _read(
+    text: str,
+    source: str,
+    samples: dict[str, dict[int, tuple[float, float, float]]],
+    skipped: Counter[str],
+) -> None:
+    lines = text.splitlines()
+    if not lines or lines[0][:2] not in ("#c", "#d"):
+        raise OrbitError(f"{source} is no SP3-c or SP3-d file: its first line begins with #c or #d")
+    system = next((line[9:12] for line in lines if line.startswith("%c")), "GPS")
+    t_gps_ns: int | None = None
+    for number, line in enumerate(lines, start=1):
+        if line.startswith("EOF"):
+            return
+        try:
+            if line.startswith("*"):
+                t_gps_ns = _epoch_gps_ns(line, system)
+            elif line.startswith("P") and t_gps_ns is not None:
+                _take(line, samples, skipped, t_gps_ns)
+        except ValueError as error:
+            if number == len(lines):
+                skipped["a line that breaks off"] += 1
+                return
+            raise OrbitError(f"{source}, line {number}: {error}: fetch the file again") from error
+
+
+def _take(
+    line: str,
+    samples: dict[str, dict[int, tuple[float, float, float]]],
+    skipped: Counter[str],
+    t_gps_ns: int,
+) -> None:
+    name = f"{line[1].strip() or 'G'}{int(line[2:4]):02d}"
+    x, y, z = (float(line[at : at + 14]) for at in (4, 18, 32))
+    distance_km = float(np.linalg.norm([x, y, z]))
+    if distance_km == 0.0:
+        skipped["no place at an epoch"] += 1
+    elif "M" in line[78:79]:
+        skipped["a manoeuvre at an epoch"] += 1
+    elif not _NEAREST_KM <= distance_km <= _FARTHEST_KM:
+        raise ValueError(f"{name} would be {distance_km:.0f} km from the Earth's centre")
+    else:
+        samples[name][t_gps_ns] = (x, y, z)
+
+
+def _epoch_gps_ns(line: str, system: str) -> int:
+    year, month, day, hour, minute = (int(part) for part in line[1:].split()[:5])
+    second = float(line[1:].split()[5])
+    minutes = datetime(year, month, day, hour, minute)  # noqa: DTZ001 -- of the file's system
+    whole_s = round((minutes - _EPOCH).total_seconds())
+    t_ns = whole_s * NS_PER_S + round(second * NS_PER_S)
+    if system in ("UTC", "GLO"):
+        return int(gps_ns_of_utc(t_ns))
+    if system == "TAI":
+        return t_ns - 19 * NS_PER_S
+    if system not in _SECONDS_LATER:
+        raise ValueError(f"time system {system!r} is not known")
+    return t_ns + round(_SECONDS_LATER[system] * NS_PER_S)

@@ -1,0 +1,447 @@
+"""What a shutter does, from satellites whose orbits are known better than any clock here. Pure.
+
+A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
+direction minus its orbit, at the instant that the frame's header names, is
+
+    rate x (bias + scatter of the frame + row x line time) + drift of the night + place of the track
+    + the measurement's own error,
+
+where drift is what all catalogue stars of a night are off together, and the place of a track what
+one orbit and its field's stars are off. Drift is told from time by satellites that go in several
+directions. Scatter, the places, the scale of the measurements' own errors and what ends are found
+worse than that are variances, found with the unknowns (``variance_components``). Wind at one end is
+not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak as a
+whole: that tells the two apart.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbits.navigation.variance_components import Block, Fit, Known, fit
+from rsoconsole.records import FloatArray
+
+Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+DRIFT_PRIOR_ARCSEC = 0.5
+"""One sigma of what all stars of a night may be off together, stated: proper motions that are old
+or not known."""
+LINE_TIME_PRIOR_S = 300e-6
+"""One sigma: no camera reads a row in a millisecond."""
+LINE_TIME_KNOWN_S = 10e-6
+"""A line time less sure than that is not found: the configured one stands."""
+PLACE_PRIOR_ARCSEC = 0.05
+"""What a track is off by itself, stated: its orbit and the stars of its field."""
+PLACE_WIDTH = 2.0
+"""How many times as far off it may be, one sigma."""
+SCALE_PRIOR = 0.5
+"""One sigma of how far off the scale of the measurements' own variances may be."""
+FEWEST = 6
+"""Measurements of a mode without which nothing is told of it."""
+_TOO_FAR = 13.8
+"""Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
+_TAILS, _AS_GAUSSIAN = 4.0, 7.2
+"""Degrees of freedom, and from what on less is believed: errors without tails are as they were."""
+_ROUNDS = 10
+_ROUGHLY = 4.5 * 1.4826
+"""Times the median of what is off: 4.5 sigma."""
+_ENDS_UNKNOWN_ARCSEC = 0.1
+"""One sigma of what ends may be off beyond what they say, where no lengths tell it."""
+_LEAST_SCATTER_S = 1e-4
+_SURELY_SOME = 3.0
+"""Sigma of a variance below which there may be none."""
+_PARALLEL = 0.5
+"""Of the drift's prior: what is left of it where the satellites tell hardly anything of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimedDirections:
+    """N measured directions of satellites with known orbits; every array starts with N."""
+
+    offset_arcsec: FloatArray
+    """(N, 2) measured minus predicted for the header's mid-exposure, east and north."""
+    rate_arcsec_s: FloatArray
+    """(N, 2) of the satellite, east and north."""
+    covariance_arcsec2: FloatArray
+    """(N, 2, 2) of the measurement, without any error of its time."""
+    row_px: FloatArray
+    """The streak's middle row."""
+    mode: Index
+    """Place of its camera mode."""
+    frame: Index
+    """Number of its frame, unique over nights."""
+    track: Index
+    """Number of satellite and night together."""
+    night: Index
+    length_off_arcsec: FloatArray
+    """By how much the streak is longer than those of its track; NaN where they are too few."""
+    length_sigma_arcsec: FloatArray
+    """Stated, one sigma."""
+    is_by_ends: Mask
+    """Whether the middle is that between two ends alone, which may be worse than they say."""
+    tail: FloatArray
+    """Factor on all variances of its own, of what lies far off; found in the adjustment."""
+
+    @property
+    def ahead(self) -> FloatArray:
+        """(N, 2) where the satellites go, unit vectors."""
+        return np.asarray(self.rate_arcsec_s / np.hypot(*self.rate_arcsec_s.T)[:, None])
+
+    def __len__(self) -> int:
+        return len(self.row_px)
+
+    def of(self, chosen: Mask) -> "TimedDirections":
+        """Some of them."""
+        return TimedDirections(
+            **{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__}
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimated:
+    """A value with its error, one sigma."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShutterTiming:
+    """What was found of one camera mode; seconds."""
+
+    bias_s: Estimated
+    """True mid-exposure of the first row minus the header's."""
+    scatter_s: Estimated
+    """From frame to frame, one sigma."""
+    line_time_s: Estimated
+    is_line_time_found: bool
+    """Else it is what was configured, and the bias holds with that alone."""
+    middle_row_px: float
+    bias_at_middle_s: Estimated
+    """At the rows where the streaks lie, where it is known best."""
+    measurements: int
+    frames: int
+    tracks: int
+    rejected: int
+    night_spread_s: float = 0.0
+    """By which the nights' biases differ more than their errors explain; in the bias's sigma."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeCalibration:
+    """The whole adjustment."""
+
+    modes: tuple[ShutterTiming | None, ...]
+    """None where a mode has too few measurements."""
+    drift_arcsec: tuple[tuple[Estimated, Estimated], ...]
+    """Of each night, east and north: measured minus orbit."""
+    is_told_apart: tuple[bool, ...]
+    """Of each night: whether its satellites tell drift from time; else the prior does."""
+    place_arcsec: float
+    """One sigma of what a track is off by itself."""
+    error_scale: float
+    """Of the measurements' own sigmas."""
+    is_used: tuple[bool, ...]
+    """Of each direction; False: it does not fit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Before:
+    """What is known before: (value, sigma) of each mode's line time, and of a track's place."""
+
+    modes: int
+    nights: int
+    lines: tuple[tuple[float, float], ...]
+    place_arcsec: float
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are: biases, line times, drifts."""
+        return 2 * self.modes + 2 * self.nights
+
+
+def calibrate(
+    seen: TimedDirections,
+    *,
+    modes: int,
+    nights: int,
+    line_time_s: Sequence[float],
+    place_arcsec: float = PLACE_PRIOR_ARCSEC,
+) -> TimeCalibration:
+    """Bias, scatter and line time of each mode, and the drift of each night.
+
+    ``line_time_s``: of each mode as configured, for where it cannot be found. ``place_arcsec``:
+    what the orbits are good to, one sigma. Raises OrbitError where no mode has enough measurements.
+    """
+    counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
+    if max(counts, default=0) < FEWEST:
+        raise OrbitError(
+            f"{sum(counts)} streaks of satellites of the file: a camera mode needs {FEWEST};"
+            " follow navigation satellites that go in several directions"
+        )
+    is_used = np.array([counts[int(mode)] >= FEWEST for mode in seen.mode]) & _roughly(seen, modes)
+    before = _Before(
+        modes=modes,
+        nights=nights,
+        lines=((0.0, LINE_TIME_PRIOR_S),) * modes,
+        place_arcsec=max(place_arcsec, PLACE_PRIOR_ARCSEC),
+    )
+    found, is_used = _rounds(seen, is_used, before)
+    lines = _lines(found, modes, line_time_s)
+    if lines != before.lines:
+        before = replace(before, lines=lines)
+        found, is_used = _rounds(seen, is_used, before)
+    return _told(seen, is_used, found, before)
+
+
+def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    """Those that are found stay open, the others are as configured."""
+    sigma = np.sqrt(np.diag(fit.covariance))[modes : 2 * modes]
+    return tuple(
+        (0.0, LINE_TIME_PRIOR_S) if sigma[mode] <= LINE_TIME_KNOWN_S else (configured_s[mode], 1e-9)
+        for mode in range(modes)
+    )
+
+
+def _roughly(seen: TimedDirections, modes: int) -> Mask:
+    """What is not far off the middle of its mode, by medians."""
+    speed = np.hypot(*seen.rate_arcsec_s.T)
+    late_s = np.sum(seen.offset_arcsec * seen.rate_arcsec_s, axis=1) / speed**2
+    good = np.ones(len(seen), bool)
+    for mode in range(modes):
+        of_it = seen.mode == mode
+        if not np.any(of_it):
+            continue
+        off = np.abs(late_s[of_it] - np.median(late_s[of_it]))
+        good[of_it] = off <= max(_ROUGHLY * float(np.median(off)), 0.05)
+        long = np.abs(np.nan_to_num(seen.length_off_arcsec[of_it]))
+        good[of_it] &= long <= max(_ROUGHLY * float(np.median(long)), 1.0)
+    return good
+
+
+def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit, Mask]:
+    """Fit, leave out what does not fit, believe less what hardly does, and again."""
+    could = is_used.copy()
+    fit = _fit(seen.of(is_used), before)
+    for _ in range(_ROUNDS):
+        far = _distance(seen, fit, before)
+        again = could & (far <= _TOO_FAR)
+        if int(np.sum(again)) < FEWEST:
+            break
+        is_same, is_used = np.array_equal(again, is_used), again
+        # Gusts give errors the tails of Student's distribution (Lange, Little & Taylor 1989).
+        less = np.maximum(1.0, (_TAILS + far) / _AS_GAUSSIAN)
+        fit = _fit(replace(seen, tail=less).of(is_used), before)
+        if is_same:
+            break
+    return fit, is_used
+
+
+def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
+    """(N,) squared, of each direction from the fit, in its own sigmas."""
+    z, x = _rows(seen, before)
+    off = z - np.einsum("nij,j->ni", x, fit.unknowns)
+    scale, place = fit.variances[:2]
+    ends, scatter = fit.variances[2:].reshape(2, -1)[:, seen.mode]
+    own = scale * seen.covariance_arcsec2 + place * np.eye(2)
+    speed_2 = np.sum(seen.rate_arcsec_s**2, axis=1)
+    ends = ends * seen.is_by_ends
+    along = ends + scatter * speed_2
+    own = own + along[:, None, None] * seen.ahead[:, :, None] * seen.ahead[:, None, :]
+    far = np.einsum("ni,nij,nj->n", off, np.linalg.inv(own), off)
+    long = scale * seen.length_sigma_arcsec**2 + 4.0 * ends
+    return np.asarray(np.fmax(far, seen.length_off_arcsec**2 / long))
+
+
+def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) offsets without the lines' known times, and (N, 2, unknowns) their slopes."""
+    known_s = np.array([value for value, _ in before.lines])[seen.mode]
+    z = seen.offset_arcsec - seen.rate_arcsec_s * (known_s * seen.row_px)[:, None]
+    x, modes = np.zeros((len(seen), 2, before.unknowns)), before.modes
+    number = np.arange(len(seen))
+    x[number, :, seen.mode] = seen.rate_arcsec_s
+    x[number, :, modes + seen.mode] = seen.rate_arcsec_s * seen.row_px[:, None]
+    for axis in (0, 1):
+        x[number, axis, 2 * modes + 2 * seen.night + axis] = 1.0
+    return z, x
+
+
+def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
+    """Directions, two rows each, then lengths of streaks, by what hangs together."""
+    z, x = _rows(seen, before)
+    for members in _connected(seen.frame, seen.track):
+        chosen = np.sort(members)
+        part = seen.of(np.isin(np.arange(len(seen)), chosen))
+        measured = np.flatnonzero(np.isfinite(part.length_off_arcsec))
+        n, lengths = 2 * len(part), len(measured)
+        of_ends = {int(mode): 2 + int(mode) for mode in np.unique(part.mode)}
+        of_scatter = {mode: before.modes + place for mode, place in of_ends.items()}
+        numbers = (0, 1, *of_ends.values(), *of_scatter.values())
+        parts = {number: np.zeros((n + lengths, n + lengths)) for number in numbers}
+        rate = (part.rate_arcsec_s * np.sqrt(part.tail)[:, None]).ravel()
+        same_frame = np.kron(part.frame[:, None] == part.frame, np.ones((2, 2)))
+        parts[1][:n, :n] = np.kron(part.track[:, None] == part.track, np.eye(2))
+        for k, ahead in enumerate(part.ahead):
+            two = slice(2 * k, 2 * k + 2)
+            parts[0][two, two] = part.covariance_arcsec2[k] * part.tail[k]
+            if part.is_by_ends[k]:
+                parts[of_ends[int(part.mode[k])]][two, two] = np.outer(ahead, ahead) * part.tail[k]
+        for row, k in enumerate(measured.tolist(), start=n):
+            parts[0][row, row] = part.length_sigma_arcsec[k] ** 2 * part.tail[k]
+            if part.is_by_ends[k]:
+                # The length is off by the difference of two ends, the middle by half their sum.
+                parts[of_ends[int(part.mode[k])]][row, row] = 4.0 * part.tail[k]
+        for mode, number in of_scatter.items():
+            late = rate * np.repeat(part.mode == mode, 2)
+            parts[number][:n, :n] = np.outer(late, late) * same_frame
+        yield Block(
+            z=np.concatenate([z[chosen].ravel(), part.length_off_arcsec[measured]]),
+            x=np.concatenate([x[chosen].reshape(n, -1), np.zeros((lengths, before.unknowns))]),
+            parts=parts,
+        )
+
+
+def _connected(frame: Index, track: Index) -> Iterator[Index]:
+    """Numbers of directions that share frames or tracks, by whatever way."""
+    parent: dict[tuple[str, int], tuple[str, int]] = {}
+
+    def root(of: tuple[str, int]) -> tuple[str, int]:
+        while parent.setdefault(of, of) != of:
+            parent[of] = parent[parent[of]]
+            of = parent[of]
+        return of
+
+    for f, t in zip(frame, track, strict=True):
+        parent[root(("frame", int(f)))] = root(("track", int(t)))
+    groups: dict[tuple[str, int], list[int]] = {}
+    for number, t in enumerate(track):
+        groups.setdefault(root(("track", int(t))), []).append(number)
+    for group in groups.values():
+        yield np.array(group, np.int64)
+
+
+def _fit(seen: TimedDirections, before: _Before) -> Fit:
+    modes = before.modes
+    has_ends = np.array(
+        [
+            np.sum((seen.mode == m) & seen.is_by_ends & np.isfinite(seen.length_off_arcsec))
+            >= FEWEST
+            for m in range(modes)
+        ]
+    )
+    place = before.place_arcsec**2
+    scatter = np.full(modes, 0.02**2)
+    known = Known(
+        precisions=np.concatenate(
+            [
+                np.full(modes, 1e-6),
+                [sigma**-2.0 for _, sigma in before.lines],
+                np.full(2 * before.nights, DRIFT_PRIOR_ARCSEC**-2.0),
+            ]
+        ),
+        start=np.concatenate([[1.0, place], np.full(modes, 0.05), scatter]),
+        least=np.concatenate(
+            [[0.05, 1e-6], np.full(modes, 1e-6), np.full(modes, _LEAST_SCATTER_S**2)]
+        ),
+        means=np.concatenate([[1.0, place], np.zeros(2 * modes)]),
+        sigmas=np.concatenate(
+            [
+                [2.0 * SCALE_PRIOR, PLACE_WIDTH**2 * place],
+                np.where(has_ends, np.inf, _ENDS_UNKNOWN_ARCSEC**2),
+                np.full(modes, np.inf),
+            ]
+        ),
+        is_widened=np.concatenate([[0.0, 1.0], np.zeros(2 * modes)]),
+    )
+    return fit(list(_blocks(seen, before)), known)
+
+
+def _told(
+    seen: TimedDirections,
+    is_used: Mask,
+    fit: Fit,
+    before: _Before,
+) -> TimeCalibration:
+    nights, drift = before.nights, 2 * before.modes
+    found = tuple(_mode(seen, is_used, fit, mode, before) for mode in range(before.modes))
+    sigma = np.sqrt(np.diag(fit.covariance))
+    apart = []
+    for night in range(nights):
+        at = slice(drift + 2 * night, drift + 2 * night + 2)
+        widest = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[at, at])[-1]))
+        apart.append(widest <= _PARALLEL * DRIFT_PRIOR_ARCSEC)
+    return TimeCalibration(
+        modes=found,
+        drift_arcsec=tuple(
+            (
+                Estimated(value=float(fit.unknowns[at]), sigma=float(sigma[at])),
+                Estimated(value=float(fit.unknowns[at + 1]), sigma=float(sigma[at + 1])),
+            )
+            for at in range(drift, drift + 2 * nights, 2)
+        ),
+        is_told_apart=tuple(apart),
+        place_arcsec=math.sqrt(float(fit.variances[1])),
+        error_scale=math.sqrt(float(fit.variances[0])),
+        is_used=tuple(bool(each) for each in is_used),
+    )
+
+
+def _mode(
+    seen: TimedDirections,
+    is_used: Mask,
+    fit: Fit,
+    mode: int,
+    before: _Before,
+) -> ShutterTiming | None:
+    line, scatter = before.lines[mode], 2 + before.modes + mode
+    taken = is_used & (seen.mode == mode)
+    if int(np.sum(taken)) < FEWEST:
+        return None
+    at = np.array([mode, before.modes + mode])
+    bias_s, line_s = fit.unknowns[at]
+    both = _larger(fit, at)
+    row = float(-both[0, 1] / both[1, 1]) if both[1, 1] > 0.0 else 0.0
+    row = float(np.clip(row, np.min(seen.row_px[taken]), np.max(seen.row_px[taken])))
+    ahead = np.array([1.0, row])
+    is_found = line[1] == LINE_TIME_PRIOR_S
+    line_value_s = float(line_s) + line[0]
+    return ShutterTiming(
+        bias_s=Estimated(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
+        scatter_s=_root(float(fit.variances[scatter]), float(fit.variance_sigmas[scatter])),
+        line_time_s=Estimated(
+            value=line_value_s, sigma=math.sqrt(float(both[1, 1])) if is_found else 0.0
+        ),
+        is_line_time_found=is_found,
+        middle_row_px=row,
+        bias_at_middle_s=Estimated(
+            value=float(bias_s) + line_value_s * row, sigma=math.sqrt(float(ahead @ both @ ahead))
+        ),
+        measurements=int(np.sum(taken)),
+        frames=len(np.unique(seen.frame[taken])),
+        tracks=len(np.unique(seen.track[taken])),
+        rejected=int(np.sum(~is_used & (seen.mode == mode))),
+    )
+
+
+def _larger(fit: Fit, at: Index) -> FloatArray:
+    """Covariance of a mode's unknowns: by their errors, or as tracks differ, if that is more."""
+    stated = fit.covariance[np.ix_(at, at)]
+    if fit.covariance_by_blocks is None:
+        return stated
+    seen = fit.covariance_by_blocks[np.ix_(at, at)]
+    widened = max(1.0, float(np.max(np.diag(seen) / np.diag(stated))))
+    return stated * widened
+
+
+def _root(variance: float, sigma: float) -> Estimated:
+    """The root of a variance and its error; as many sigma from nothing as the variance is."""
+    value = math.sqrt(variance)
+    error = sigma / (2.0 * max(value, math.sqrt(sigma)))
+    if variance < _SURELY_SOME * sigma:
+        error = max(error, value * min(1.0, sigma / variance))
+    return Estimated(value=value, sigma=error)
