@@ -35,3 +35,34 @@ def test_without_offsets_taken_away_a_faint_line_along_the_rows_stays():
 @pytest.mark.parametrize(("snr", "angle_deg"), [(60.0, 0.1), (12.0, 1.0), (12.0, 45.0)])
 def test_a_brighter_line_and_one_that_leaves_its_row_stay(snr, angle_deg):
     assert len(set_aside([line(snr, angle_deg)], None, FRAME, is_striped=True)[0]) == 1
+
+
+def beside(count: int, length_px: float = 120.0, sigma_along_px: float = 0.2) -> list[Candidate]:
+    return [
+        Candidate(
+            found=straight_detection(
+                x_px=700.0,
+                y_px=60.0 + 70.0 * i,
+                length_px=length_px,
+                angle_deg=2.0,
+                snr=100.0,
+                sigma_along_px=sigma_along_px,
+            ),
+            light=UNMEASURED,
+        )
+        for i in range(count)
+    ]
+
+
+@pytest.mark.parametrize(("points", "kept"), [(0, 0), (30, 0), (60, 12), (800, 12)])
+def test_a_dozen_of_one_length_are_stars_only_where_stars_are_no_points(points, kept):
+    taken, rejected = set_aside(beside(12), None, FRAME, points=points)
+    assert len(taken) == kept
+    assert {each.reason.kind for each in rejected} == (set() if kept else {"trailed stars"})
+
+
+def test_what_runs_out_of_the_frame_is_not_as_long_as_a_streak_within_it():
+    of_rows = beside(8, length_px=1500.0, sigma_along_px=1500.0)
+    taken, rejected = set_aside([*beside(4), *of_rows], None, FRAME)
+    assert len(taken) == 12
+    assert rejected == []

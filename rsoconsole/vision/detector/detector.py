@@ -158,7 +158,11 @@ class StreakDetector:
             ]
             judged.sort(key=lambda each: -each.found.confidence)
             taken, others = set_aside(
-                judged, stars.trail, working.frame, is_striped=pattern is not None
+                judged,
+                stars.trail,
+                working.frame,
+                points=len(stars),
+                is_striped=pattern is not None,
             )
             rejected += others
             if self._settings.centroid == "box":

@@ -12,7 +12,11 @@ from rsoconsole.vision.detector.candidates import Proposal
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, Trail
 
 TRAILED_STREAKS = 9
-"""So many streaks of one length and direction are stars; no satellite cluster is as large."""
+"""So many streaks of one length and direction are stars, where stars are not points."""
+_POINTS_TO_STREAKS = 3.0
+"""So many times as many points as streaks that are alike: then stars are no streaks."""
+_LENGTH_KNOWN = 0.2
+"""Largest error of a length, in lengths: what runs out of the frame has none to compare."""
 _FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
 """Trails of stars in a row that look like one streak: of what is sure or steady, and of what is
 not; the confidence and the roughness."""
@@ -30,18 +34,24 @@ _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
 def set_aside(
-    judged: list[Candidate], trail: Trail | None, frame: Frame, *, is_striped: bool = False
+    judged: list[Candidate],
+    trail: Trail | None,
+    frame: Frame,
+    *,
+    points: int = 0,
+    is_striped: bool = False,
 ) -> tuple[list[Detection], list[Rejection]]:
     """What is left of a frame's measured lines, and why the others are none of the sky's.
 
-    ``is_striped``: whether offsets of rows or columns were taken from the frame.
+    ``points``: how many stars the frame shows. ``is_striped``: whether offsets of rows or columns
+    were taken from it.
     """
     rejected: list[Rejection] = []
     if trail is not None:
         judged, rejected = not_along(judged, trail)
-    taken, more = _without_trailed_stars([each.found for each in judged])
+    taken, more = _without_rows([each.found for each in judged], frame, is_striped=is_striped)
     rejected += more
-    taken, more = _without_rows(taken, frame, is_striped=is_striped)
+    taken, more = _without_trailed_stars(taken, points if trail is None else 0)
     return taken, rejected + more
 
 
@@ -54,16 +64,19 @@ def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
 
 
 def _without_trailed_stars(
-    taken: list[Detection],
+    taken: list[Detection], points: int
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside streaks that so many others share length and direction with that they are stars."""
+    """Set aside streaks that so many others share length and direction with that they are stars.
+
+    Not where stars are points: a dozen satellites of one slot draw one length in one direction.
+    """
     if len(taken) < TRAILED_STREAKS:
         return taken, []
     kept: list[Detection] = []
     trailed: list[Rejection] = []
     for d in taken:
         alike = sum(_is_alike(d, other) for other in taken)
-        if alike < TRAILED_STREAKS:
+        if alike < TRAILED_STREAKS or points > _POINTS_TO_STREAKS * alike:
             kept.append(d)
         else:
             reason = NotAStreak(kind="trailed stars", value=alike)
@@ -138,5 +151,7 @@ def not_along(judged: list[Candidate], trail: Trail) -> tuple[list[Candidate], l
 def _is_alike(one: Detection, other: Detection) -> bool:
     turn = turn_deg(one.angle_deg, other.angle_deg)
     longer = max(one.length_px, other.length_px)
+    if any(each.sigma_along_px > _LENGTH_KNOWN * each.length_px for each in (one, other)):
+        return one is other
     leeway_px = _SAME_LENGTH * longer + 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
     return turn < _SAME_ANGLE_DEG and abs(one.length_px - other.length_px) < leeway_px
