@@ -1,10 +1,11 @@
 """Which tests are left out of the fast tier (``pytest --fast``): those named in ``slow.txt``.
 
     .venv/bin/pytest -n 2 --durations=0 --durations-min=0.005 > durations.txt
-    python -m tests.fast_tier durations.txt --seconds 110
+    .venv/bin/python -m tests.fast_tier durations.txt --seconds 110
 
-writes that list from what a whole run took: the slowest tests of it, until what is left takes so
-many seconds of one processor. A test that is in no list is fast: new ones are run.
+writes that list from what a whole run took (not of one with ``--fast``, which lacks what the list
+has now): the slowest tests of it, until what is left takes so many seconds, of all processes
+together. A test that is in no list is fast: new ones are run.
 """
 
 import argparse

@@ -52,11 +52,22 @@ def door(package: Path) -> dict[str, str]:
 
 def imports(module: str, path: Path) -> Iterator[Import]:
     """Every one, also for types alone or within a function."""
+    is_package = path.name == "__init__.py"
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield from (Import(module, node.module, alias.name) for alias in node.names)
+        if isinstance(node, ast.ImportFrom):
+            source = _source(node, module, is_package=is_package)
+            yield from (Import(module, source, alias.name) for alias in node.names)
         elif isinstance(node, ast.Import):
             yield from (Import(module, alias.name, "") for alias in node.names)
+
+
+def _source(node: ast.ImportFrom, module: str, *, is_package: bool) -> str:
+    """What it imports from, by its whole name: one dot is the importer's own folder."""
+    if not node.level:
+        return node.module or ""
+    parts = module.split(".")
+    folder = parts[: len(parts) - node.level + is_package]
+    return ".".join([*folder, *([node.module] if node.module else [])])
 
 
 def needs(known: dict[str, Path]) -> dict[str, set[str]]:

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.alerting.limiter import Limiter
@@ -34,6 +34,23 @@ CLOSING_S = 30.0
 """For an engine that has gone to close its session; after that it has died."""
 FLUSH_S = 60.0
 MOST_TEXT = 600
+
+
+def own_words_alone(stream: TextIO) -> None:
+    """Log what this program says, and nothing of what apprise and its libraries say.
+
+    Their lines hold addresses, which are secrets.
+    """
+    handler = logging.StreamHandler(stream)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.propagate = False
+    # Without any handler, logging prints warnings to stderr by itself.
+    logging.getLogger().addHandler(logging.NullHandler())
+    threading.excepthook = lambda fault: log.error(
+        "the thread %s broke: %s", getattr(fault.thread, "name", "?"), fault.exc_type.__name__
+    )
 
 
 class Engine:
@@ -60,7 +77,7 @@ def main() -> None:
     """Until the engine is gone and all is sent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the engine's end says when to end
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stderr)
+    own_words_alone(sys.stderr)
     settings: dict[str, Any] = json.loads(sys.stdin.readline())
     services = [Service(name, url) for name, url in settings["services"]]
     engine = Engine(float(settings.get("alive_s", ALIVE_S)))

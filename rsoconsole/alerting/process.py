@@ -153,7 +153,10 @@ def _log_file() -> contextlib.AbstractContextManager[Any]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / "alerts.log"
-        mode = "ab" if not path.exists() or path.stat().st_size < 2_000_000 else "wb"
-        return path.open(mode)
+        is_full = path.exists() and path.stat().st_size >= 2_000_000
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if is_full else 0)
+        descriptor = os.open(path, flags, 0o600)
+        os.fchmod(descriptor, 0o600)
+        return open(descriptor, "ab")  # noqa: PTH123 - a descriptor
     except OSError:
         return contextlib.closing(open(os.devnull, "wb"))  # noqa: PTH123 - closed by the caller

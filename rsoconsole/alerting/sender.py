@@ -35,7 +35,7 @@ class Sender:
             threading.Thread(target=self._serve, args=(each,), daemon=True, name=each.name)
             for each in services
         ]
-        self._spool.drop_old(time.time_ns(), {digest_of(each.url) for each in services})
+        self._drop_old()
         for thread in self._threads:
             thread.start()
 
@@ -52,6 +52,7 @@ class Sender:
     def finish(self, limit_s: float) -> int:
         """Wait until all is sent, at most so long; how many messages are still in the spool."""
         deadline = time.monotonic() + limit_s
+        self._drop_old()  # what another engine left for services of its own is not waited for
         while len(self._spool) and time.monotonic() < deadline:
             time.sleep(0.05)
         self._end.set()
@@ -82,4 +83,7 @@ class Sender:
             is_failing = True
             self._end.wait(again_s)
             again_s = min(again_s * 2.0, LONGEST_AGAIN_S)
-            self._spool.drop_old(time.time_ns(), {digest_of(each.url) for each in self._services})
+            self._drop_old()
+
+    def _drop_old(self) -> None:
+        self._spool.drop_old(time.time_ns(), {digest_of(each.url) for each in self._services})

@@ -1,6 +1,8 @@
 """What has still to be sent, to whom, on the disk: a message waits out a night without a network.
 
-Bounded in number and in age. Services stand in it as digests: an address is a secret.
+Bounded in number and in age. Services stand in it as digests: an address is a secret. One process
+at a time owns the file; another keeps its messages in memory until it is free, and puts them there
+then.
 """
 
 import contextlib
@@ -9,7 +11,8 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Collection, Iterable
+import time
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +21,9 @@ from rsoconsole.durable_files import write_durably
 from rsoconsole.foreign_text import json_of, read_foreign
 
 MOST = 200
+MOST_SESSIONS = 8
 OLDEST_NS = 24 * 3600 * 10**9
+CLAIM_AGAIN_S = 2.0
 SPOOL, LOCK = "spool.json", "spool.lock"
 
 
@@ -42,18 +47,19 @@ def digest_of(url: str) -> str:
 class Spool:
     """The one file; safe for several threads. Where it cannot be written it lives in memory."""
 
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / SPOOL
+    def __init__(self, folder: Path, *, claim_again_s: float = CLAIM_AGAIN_S) -> None:
+        """``claim_again_s``: a file that another process owns is asked for that often."""
+        self._folder, self._path = folder, folder / SPOOL
         self._lock = threading.Lock()
         self._waiting: list[Waiting] = []
         self._next = 1
-        self._seen: tuple[str, int] = ("", 0)
+        self._seen: dict[str, int] = {}
         self.fault: str | None = None
         """Why nothing of it is on the disk."""
-        self._owns = self._claim(folder)
-        if self._owns is not None:
-            self._waiting, self._seen = _read(self._path)
-            self._next = max((each.number for each in self._waiting), default=0) + 1
+        self._claim_again_s, self._claimed_s = claim_again_s, time.monotonic()
+        self._is_closed = False
+        self._owns: int | None = None
+        self._claim_and_merge()
 
     def add(
         self,
@@ -70,7 +76,8 @@ class Spool:
         ``seen``: the session and its record that it is about.
         """
         with self._lock:
-            self._seen = seen
+            self._claim_if_due()
+            self._note_seen({seen[0]: seen[1]})
             waiting = Waiting(
                 number=self._next,
                 kind=kind,
@@ -87,11 +94,12 @@ class Spool:
         """Up to which of its records a session has been told; None: nobody could keep that."""
         if self._owns is None:
             return None
-        return self._seen[1] if self._seen[0] == session else 0
+        return self._seen.get(session, 0)
 
     def first_for(self, service: str) -> Waiting | None:
         """The oldest message that this service has not had."""
         with self._lock:
+            self._claim_if_due()
             return next((each for each in self._waiting if service in each.pending), None)
 
     def sent(self, number: int, service: str) -> None:
@@ -123,11 +131,46 @@ class Spool:
 
     def close(self) -> None:
         """Let another process have it."""
-        if self._owns is not None:
-            os.close(self._owns)
-            self._owns = None
+        with self._lock:
+            self._is_closed = True
+            if self._owns is not None:
+                os.close(self._owns)
+                self._owns = None
 
-    def _claim(self, folder: Path) -> int | None:
+    def _note_seen(self, seen: Mapping[str, int]) -> None:
+        for session, seq in seen.items():
+            if session:
+                self._seen[session] = max(seq, self._seen.pop(session, 0))
+        self._seen = dict(list(self._seen.items())[-MOST_SESSIONS:])
+
+    def _claim_if_due(self) -> None:
+        """Whose process has ended, its file and its messages are anybody's."""
+        now_s = time.monotonic()
+        is_due = now_s - self._claimed_s >= self._claim_again_s
+        if self._owns is None and not self._is_closed and is_due:
+            self._claimed_s = now_s
+            self._claim_and_merge()
+
+    def _claim_and_merge(self) -> None:
+        self._owns = self._claim()
+        if self._owns is None:
+            return
+        self.fault = None
+        there, seen = _read(self._path)
+        own, own_seen = self._waiting, self._seen
+        # What has no number on the disk yet goes behind what has.
+        self._next = max([each.number for each in there] + [self._next - 1]) + 1
+        for each in own:
+            each.number, self._next = self._next, self._next + 1
+        self._waiting = sorted([*there, *own], key=lambda each: each.t_utc_ns)[-MOST:]
+        self._seen = {}
+        self._note_seen(seen)
+        self._note_seen(own_seen)
+        if own:
+            self._write()
+
+    def _claim(self) -> int | None:
+        folder = self._folder
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -146,8 +189,8 @@ class Spool:
         if self._owns is None:
             return
         told = {
-            "format": 1,
-            "seen": self._seen,
+            "format": 2,
+            "seen": list(self._seen.items()),
             "waiting": [asdict(each) for each in self._waiting],
         }
         try:
@@ -157,10 +200,10 @@ class Spool:
             self.fault = f"{self._path} cannot be written ({error.strerror})"
 
 
-def _read(path: Path) -> tuple[list[Waiting], tuple[str, int]]:
+def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
     """What an earlier run left; nothing where that is damaged."""
     found: list[Waiting] = []
-    seen = ("", 0)
+    seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
         told: dict[str, Any] = json_of(read_foreign(path))
         for row in told["waiting"][-MOST:]:
@@ -169,5 +212,7 @@ def _read(path: Path) -> tuple[list[Waiting], tuple[str, int]]:
             numbers = (waiting.number, waiting.t_utc_ns)
             if all(isinstance(t, str) for t in texts) and all(isinstance(n, int) for n in numbers):
                 found.append(waiting)
-        seen = (str(told["seen"][0]), int(told["seen"][1]))
+        # Format 1 knew of one session alone.
+        pairs = told["seen"] if told.get("format") != 1 else [told["seen"]]
+        seen = {str(session): int(seq) for session, seq in pairs}
     return found, seen

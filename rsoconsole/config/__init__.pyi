@@ -43,5 +43,6 @@ from .settings import walk as walk
 from .settings import with_setting as with_setting
 from .shutter import CalibratedTiming as CalibratedTiming
 from .source_names import SourceKind as SourceKind
+from .source_names import home_path as home_path
 from .source_names import shown as shown
 from .source_names import split_source as split_source

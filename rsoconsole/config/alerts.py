@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator
 
-from rsoconsole.config.source_names import expect_url
+from rsoconsole.config.source_names import expect_url, home_path
 
 AlertKind: TypeAlias = Literal[
     "lock", "identification", "loss", "clouds", "limit", "fault", "dawn", "done"
@@ -51,7 +51,7 @@ class AlertsConfig(BaseModel):
     @field_validator("services_file")
     @classmethod
     def _home_is_where_the_tilde_says(cls, path: Path | None) -> Path | None:
-        return None if path is None else path.expanduser()
+        return None if path is None else home_path(path)
 
     @field_validator("services")
     @classmethod

@@ -24,12 +24,13 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _QUOTES = ('"""', "'''", '"', "'")
 
 
-def write_settings(path: Path, settings: Mapping[str, Any]) -> None:
+def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool = False) -> None:
     """Set ``settings``, by dotted names such as ``catalogue.gate_deg``, in a configuration file.
 
     A value is what TOML carries; a sequence of mappings becomes ``[[section.key]]`` blocks at the
     end of the file, in place of those that are there; None takes a setting away. A file that is not
-    there is made, with every setting commented. Raises ConfigError where the file cannot be read,
+    there is made, with every setting commented, for its owner alone. ``is_secret``: one that is
+    there is its owner's alone from now on, too. Raises ConfigError where the file cannot be read,
     edited or written, and where the result is no sound configuration; it is as it was then.
     """
     try:
@@ -45,12 +46,12 @@ def write_settings(path: Path, settings: Mapping[str, Any]) -> None:
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be written to as it is: {error}") from error
     try:
-        _replace(path, after)
+        _replace(path, after, is_secret=is_secret)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _replace(path: Path, text: str) -> None:
+def _replace(path: Path, text: str, *, is_secret: bool) -> None:
     """Whole or not at all; a link stays a link, lines end as they did."""
     target = path.resolve()
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -58,7 +59,7 @@ def _replace(path: Path, text: str) -> None:
     content = text.encode()
     if not is_new and b"\r\n" in target.read_bytes():
         content = content.replace(b"\n", b"\r\n")
-    mode = None if is_new else target.stat().st_mode & 0o777
+    mode = 0o600 if is_new or is_secret else target.stat().st_mode & 0o777
     write_durably(target, content, mode)
 
 

@@ -13,12 +13,18 @@ from pydantic.fields import FieldInfo
 
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import Config, default_config_path, load_config, walk
+from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 Origin = Literal["default", "file", "command line"]
-_MAY_BE_SECRET = ("alerts.", "catalogue.sources", "catalogue.celestrak_url")
+_MAY_BE_SECRET = (
+    "alerts.",
+    "catalogue.sources",
+    "catalogue.celestrak_url",
+    "catalogue.space_track_url",
+)
 """Settings whose values are never shown."""
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
@@ -94,9 +100,8 @@ def write_initial_config(path: Path | None = None, *, force: bool = False) -> Pa
         raise ConfigError(f"{target} exists already: --force writes over it")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside = target.with_name(target.name + ".part")
-        beside.write_text(initial_config_text(), encoding="utf-8")
-        beside.replace(target)
+        # It may come to hold an address with a password.
+        write_durably(target, initial_config_text().encode(), mode=0o600)
     except OSError as error:
         raise ConfigError(f"{target} cannot be written: {error}") from error
     return target

@@ -225,9 +225,9 @@ class CatalogueConfig(Section):
         repr=False,
     )
     celestrak_url: str = Field(
-        "https://celestrak.org", description="or a mirror of it in your network"
+        "https://celestrak.org", repr=False, description="or a mirror of it in your network"
     )
-    space_track_url: str = "https://www.space-track.org"
+    space_track_url: str = Field("https://www.space-track.org", repr=False)
     space_track_login: Path | None = Field(
         None,
         description="file of two lines, user name and password, that only you can read",
@@ -258,6 +258,10 @@ class CatalogueConfig(Section):
     def _addresses_are_sound(cls, text: str) -> str:
         expect_url(text)
         return text
+
+    @field_serializer("celestrak_url", "space_track_url", when_used="json")
+    def _addresses_without_secrets(self, text: str) -> str:
+        return shown(text)
 
     @model_validator(mode="after")
     def _one_of_each_kind(self) -> Self:

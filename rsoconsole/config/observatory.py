@@ -13,6 +13,7 @@ from pydantic import (
 )
 
 from rsoconsole.config.shutter import CalibratedTiming
+from rsoconsole.config.source_names import home_path
 from rsoconsole.indi_port import INDI_PORT
 from rsoconsole.records import Site
 
@@ -24,8 +25,8 @@ class Section(BaseModel):
     @classmethod
     def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(part.expanduser() if isinstance(part, Path) else part for part in value)
-        return value.expanduser() if isinstance(value, Path) else value
+            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
+        return home_path(value) if isinstance(value, Path) else value
 
 
 class SiteConfig(Section):

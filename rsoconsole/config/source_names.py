@@ -11,6 +11,8 @@ USAGE = (
     "write celestrak:GROUP, supgp:FILE, space-track:QUERY, url:https://... or file:/...,"
     " such as celestrak:geo"
 )
+_WEB = ("http", "https")
+_MAY_HOLD_SECRETS = re.compile(r"//|[@?]")
 _WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}(=[A-Za-z0-9_. +-]{1,63})?")
 _QUERY = re.compile(r"[A-Za-z0-9_./<>%,+:~-]{1,300}")
 
@@ -28,43 +30,63 @@ def split_source(text: str) -> tuple[SourceKind, str]:
 
 def shown(text: str) -> str:
     """A source or a URL for people: without user, password and query, which may be secret."""
-    kind, _, what = text.partition(":")
-    url = what if kind == "url" else text
-    if "//" not in url:
+    kind, _, what = text.strip().partition(":")
+    url = what.strip() if kind == "url" else text.strip()
+    is_path = kind == "file" and what.startswith("/") and not what.startswith("//")
+    if is_path or (kind != "url" and not _MAY_HOLD_SECRETS.search(url)):
         return text
-    try:
-        parts = urlsplit(url)
-        port = f":{parts.port}" if parts.port else ""
-    except ValueError:
-        return f"{url.partition(':')[0]}://..."
+    before = "url:" if kind == "url" else ""
+    scheme = url.partition(":")[0].lower()
+    known = f"{scheme}://..." if scheme in _WEB else f"{scheme}:..." if scheme in KINDS else "..."
+    if scheme not in _WEB or not is_address(url):
+        return before + known
+    parts = urlsplit(url)
+    if "@" in parts.path:
+        return before + known  # where a password holds a '/', the host is not where it seems
+    port = f":{parts.port}" if parts.port else ""
     query = "?..." if parts.query else ""
-    bare = f"{parts.scheme}://{parts.hostname or ''}{port}{parts.path}{query}"
-    return f"url:{bare}" if kind == "url" else bare
+    host = f"[{parts.hostname}]" if ":" in (parts.hostname or "") else parts.hostname
+    return f"{before}{scheme}://{host}{port}{parts.path}{query}"
 
 
 def _expect_sound(kind: SourceKind, what: str) -> None:
+    told = shown(f"{kind}:{what}")
     if kind == "url":
         expect_url(what)
     elif kind in {"celestrak", "supgp"} and not _WORD.fullmatch(what):
         raise ValueError(
-            f"{what!r} is no group: write a name such as {kind}:geo, or {kind}:CATNR=25544"
+            f"{told!r} is no group: write a name such as {kind}:geo, or {kind}:CATNR=25544"
         )
     elif kind == "space-track" and not _QUERY.fullmatch(what):
         raise ValueError(
-            f"{what!r} is no query: write space-track:all, space-track:geo, or what follows"
+            f"{told!r} is no query: write space-track:all, space-track:geo, or what follows"
             " .../query/ in an address of Space-Track"
         )
-    elif kind == "file" and not Path(what).expanduser().is_absolute():
-        raise ValueError(f"file:{what} is not from the root: write file:/... with the whole path")
+    elif kind == "file" and not home_path(what).is_absolute():
+        raise ValueError(f"{told} is not from the root: write file:/... with the whole path")
+
+
+def home_path(path: str | Path) -> Path:
+    """The path, with a leading '~' as the shell has it. Raises ValueError for nobody's home."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise ValueError(f"{path}: there is no such user: write the whole path") from error
+
+
+def is_address(text: str) -> bool:
+    """Whether that is an address of a web server."""
+    if any(ord(c) <= 0x20 or ord(c) == 0x7F for c in text):
+        return False
+    try:
+        parts = urlsplit(text)
+        _ = parts.port
+    except ValueError:
+        return False
+    return parts.scheme in _WEB and bool(parts.hostname)
 
 
 def expect_url(text: str) -> None:
     """Raises ValueError where that is no address of a web server."""
-    try:
-        parts = urlsplit(text)
-        is_sound = parts.scheme in {"http", "https"} and bool(parts.hostname)
-        _ = parts.port
-    except ValueError:
-        is_sound = False
-    if not is_sound or any(ord(c) <= 0x20 or ord(c) == 0x7F for c in text):
+    if not is_address(text):
         raise ValueError(f"{shown(text)!r} is no address: write http://... or https://...")

@@ -7,17 +7,21 @@ sentence. Nothing secret that an address carries is ever in that.
 import base64
 import contextlib
 import gzip
+import html
+import http.client
 import io
+import re
 import socket
 import ssl
 import threading
 import time
 import urllib.error
 import urllib.request
+import zlib
 from collections.abc import Mapping
 from http.cookiejar import CookieJar
 from typing import IO, Any, Literal
-from urllib.parse import unquote, urlencode, urlsplit, urlunsplit
+from urllib.parse import parse_qsl, quote_plus, unquote, urlencode, urlsplit, urlunsplit
 
 from rsoconsole import __version__
 from rsoconsole.config import shown
@@ -29,6 +33,7 @@ MOST_REDIRECTS = 5
 DEADLINE_S = 180.0
 SILENT_S = 30.0
 _CHUNK = 1 << 16
+_MOST_OF_A_REFUSAL, _LONGEST_REASON, _SHORTEST_SECRET = 4096, 200, 3
 _REFUSALS = {401, 403, 429, 451}
 
 FaultKind = Literal["refused", "unreachable", "failed"]
@@ -38,9 +43,11 @@ class FetchError(OrbitError):
     """No answer that can be used. ``kind``: "refused" must not be asked again by itself;
     "unreachable" was never asked at all."""
 
-    def __init__(self, words: str, kind: FaultKind) -> None:
+    def __init__(self, words: str, kind: FaultKind, is_answer: bool = False) -> None:
+        """``is_answer``: the words are a verb behind the server's name."""
         super().__init__(words)
         self.kind: FaultKind = kind
+        self.is_answer = is_answer
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
@@ -122,8 +129,12 @@ class Fetcher:
             # Not sent along when the server sends on to another.
             request.add_unredirected_header("Authorization", f"Basic {login}")
         timeout_s = min(SILENT_S, self._deadline_s)
-        with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
-            return _body(answer, deadline)
+        try:
+            with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
+                return _body(answer, deadline)
+        except urllib.error.HTTPError as error:
+            why = _first_line(error, _secrets(url, form))
+            raise FetchError(*_answer_fault(error.code, why)) from None
 
 
 def _without_login(url: str) -> tuple[str, str | None]:
@@ -172,10 +183,7 @@ def gunzipped(content: bytes) -> bytes:
 
 def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
     if isinstance(error, FetchError):
-        return FetchError(f"{where}: {error}", error.kind)
-    if isinstance(error, urllib.error.HTTPError):
-        error.close()
-        return _answer_fault(error.code, where)
+        return FetchError(f"{where}{'' if error.is_answer else ':'} {error}", error.kind)
     reason: object = error.reason if isinstance(error, urllib.error.URLError) else error
     if isinstance(reason, TimeoutError):
         silent_s = min(SILENT_S, deadline_s)
@@ -194,10 +202,43 @@ def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
     )
 
 
-def _answer_fault(status: int, where: str) -> FetchError:
+def _answer_fault(status: int, why: str) -> tuple[str, FaultKind, bool]:
+    because = f": {why}" if why else ""
     if status in _REFUSALS:
-        return FetchError(f"{where} refuses ({status})", "refused")
+        return f"refuses ({status}){because}", "refused", True
     if 300 <= status < 400:
-        return FetchError(f"{where} sends on in circles ({status})", "failed")
-    hint = ": is its name right?" if status == 404 else ""
-    return FetchError(f"{where} answers with fault {status}{hint}", "failed")
+        return f"sends on in circles ({status})", "failed", True
+    hint = ": is its name right?" if status == 404 else because
+    return f"answers with fault {status}{hint}", "failed", True
+
+
+def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
+    """Why a server says no: the first line of what it sends, or the title of its page.
+
+    Empty where it says nothing; nothing secret and no control character is in it.
+    """
+    try:
+        with contextlib.closing(error):
+            content = error.read(_MOST_OF_A_REFUSAL)
+        if (error.headers.get("Content-Encoding") or "").strip().lower() == "gzip":
+            content = zlib.decompressobj(wbits=31).decompress(content, _MOST_OF_A_REFUSAL)
+    except (OSError, http.client.HTTPException, zlib.error):
+        return ""
+    text = html.unescape(content.decode("utf-8", "replace"))
+    if text.lstrip().startswith("<"):
+        title = re.search(r"<title[^>]*>(.*?)</title>", text, re.DOTALL | re.IGNORECASE)
+        text = " ".join(title[1].split()) if title else ""
+    line = next((each for each in map(str.strip, text.splitlines()) if each), "")
+    for secret in sorted(secrets, key=len, reverse=True):
+        line = line.replace(secret, "...")
+    return "".join(c if c.isprintable() else " " for c in line)[:_LONGEST_REASON]
+
+
+def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
+    """What an address and a form carry that a server may say again, plain and quoted."""
+    parts = urlsplit(url)
+    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    plain = [parts.username, parts.password, parts.query, *(form or {}).values()]
+    plain += [unquote(each) for each in plain if each] + [value for _, value in pairs]
+    plain += [quote_plus(each) for each in plain if each]
+    return frozenset(each for each in plain if each and len(each) >= _SHORTEST_SECRET)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote, urlencode, urlsplit
 
-from rsoconsole.config import SourceKind, shown, split_source
+from rsoconsole.config import SourceKind, home_path, shown, split_source
 
 _SPACE_TRACK = {
     "all": "class/gp/decay_date/null-val/epoch/>now-30/orderby/norad_cat_id/format/json",
@@ -38,7 +38,7 @@ class Source:
     @property
     def file(self) -> Path | None:
         """Of a local source."""
-        return Path(self.what).expanduser() if self.kind == "file" else None
+        return home_path(self.what) if self.kind == "file" else None
 
     def url(self, *, celestrak_url: str, space_track_url: str) -> str:
         """Where it is asked for; empty of a local one."""

@@ -1,6 +1,7 @@
 """Word reaches the operator: what is news, how often, through a bad network, and nothing secret."""
 
 import json
+import logging
 import os
 import signal
 import stat
@@ -18,6 +19,7 @@ from rsoconsole.alerting import AlertProcess
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.alerting.limiter import Limiter
 from rsoconsole.alerting.news import News
+from rsoconsole.alerting.process import _log_file
 from rsoconsole.alerting.sender import Sender
 from rsoconsole.alerting.services import Sent, Service, send, services_of
 from rsoconsole.alerting.spool import MOST, OLDEST_NS, Spool
@@ -244,6 +246,90 @@ def test_a_folder_that_cannot_be_used_keeps_messages_in_memory(tmp_path: Path) -
     first = Spool(tmp_path / "one")
     second = Spool(tmp_path / "one")
     assert (first.fault, bool(second.fault)) == (None, True)
+
+
+def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
+    tmp_path: Path,
+) -> None:
+    first, second = Spool(tmp_path), Spool(tmp_path, claim_again_s=0.0)
+    first.add(kind="lock", title="t", body="first", t_utc_ns=1, to=["a"], seen=("night 1", 7))
+    second.add(kind="lock", title="t", body="second", t_utc_ns=2, to=["a"], seen=("night 2", 9))
+    held = second.first_for("a")
+    assert held is not None
+    assert (held.body, bool(second.fault)) == ("second", True)
+    first.close()  # as its process's end does, whether it was killed or not
+    before = second.first_for("a")
+    assert before is not None
+    assert (before.body, second.fault, len(second)) == ("first", None, 2)
+    second.sent(held.number, "a")
+    second.close()
+    third = Spool(tmp_path)
+    left = third.first_for("a")
+    assert left is not None
+    assert (left.body, len(third)) == ("first", 1)
+    assert (third.seen_of("night 1"), third.seen_of("night 2")) == (7, 9)
+    third.sent(left.number, "a")
+    assert len(third) == 0
+
+
+def test_a_spool_of_the_first_form_is_read(tmp_path: Path) -> None:
+    row = {"number": 3, "kind": "lock", "title": "t", "body": "b", "t_utc_ns": 1, "pending": ["a"]}
+    told = {"format": 1, "seen": ["night 1", 7], "waiting": [row]}
+    (tmp_path / "spool.json").write_text(json.dumps(told))
+    spool = Spool(tmp_path)
+    assert (len(spool), spool.seen_of("night 1"), spool.seen_of("night 2")) == (1, 7, 0)
+
+
+def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Path) -> None:
+    spool = Spool(tmp_path)
+    add(spool, 1, ["nobody's"], t_utc_ns=time.time_ns())
+    sender = Sender([], Spool(tmp_path / "own"), send=lambda *_, **__: Sent(True, ""))
+    assert sender.finish(0.0) == 0
+    sender = Sender([], spool, send=lambda *_, **__: Sent(True, ""))
+    add(spool, 2, ["nobody's"], t_utc_ns=time.time_ns())
+    began = time.monotonic()
+    assert sender.finish(PATIENCE_S) == 0
+    assert time.monotonic() - began < PATIENCE_S / 2
+
+
+LEAK = """
+import io, json, logging, sys, threading
+from rsoconsole.alerting import child
+child.own_words_alone(sys.stderr)
+logging.getLogger("urllib3.connectionpool").warning("Retrying: /bot%s/sendMessage", "T0KEN")
+logging.getLogger("apprise").error("T0KEN")
+logging.getLogger("requests").exception("T0KEN")
+logging.getLogger("rsoconsole.alerting.sender").warning("tgram 1: no network")
+def breaks():
+    raise OSError("https://x/T0KEN")
+thread = threading.Thread(target=breaks, name="tgram 1")
+thread.start()
+thread.join()
+"""
+
+
+def test_the_log_of_alerts_has_the_programs_own_words_alone() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LEAK], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert "T0KEN" not in done.stdout + done.stderr
+    assert "tgram 1: no network" in done.stderr
+    assert "the thread tgram 1 broke: OSError" in done.stderr
+
+
+def test_the_log_of_alerts_is_its_owners_alone(state: Path) -> None:
+    old = state.parent / "log" / "alerts.log"
+    old.parent.mkdir(parents=True)
+    old.write_text("before\n")
+    old.chmod(0o644)
+    with _log_file() as stream:
+        stream.write(b"now\n")
+    assert stat.S_IMODE(old.stat().st_mode) == 0o600
+    assert old.read_text() == "before\nnow\n"
+    old.write_bytes(b"x" * 2_000_000)
+    with _log_file() as stream:
+        stream.write(b"now again\n")
+    assert old.stat().st_size < 100
 
 
 def test_a_service_that_hangs_or_fails_delays_no_other_and_gets_its_message_later(
@@ -521,6 +607,23 @@ def test_alerts_test_tries_each_service_and_says_what_came_of_it(
     assert done.exit_code == 1
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert [row["ok"] for row in rows] == [False, True]
+
+
+def test_alerts_test_logs_nothing_that_a_library_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def send_(url: str, title: str, body: str) -> Sent:
+        logging.getLogger("urllib3.connectionpool").warning("Retrying: %s", url)
+        logging.getLogger("rsoconsole.alerting.services").warning("own words")
+        return Sent(True, "sent")
+
+    monkeypatch.setattr("rsoconsole.alerting.services.send", send_)
+    path = tmp_path / "config.toml"
+    path.write_text('[alerts]\nservices = ["tgram://T0KEN/1"]\n')
+    done = CliRunner().invoke(app, ["alerts", "test", "--config", str(path)])
+    assert done.exit_code == 0, done.output
+    assert "own words" in caplog.text
+    assert "T0KEN" not in caplog.text
 
 
 def test_a_service_that_never_answers_is_given_up(

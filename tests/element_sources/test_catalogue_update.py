@@ -1,5 +1,6 @@
 """Elements are fetched when asked, at most once in two hours, and a bad server costs nothing."""
 
+import contextlib
 import gzip
 import io
 import json
@@ -14,13 +15,21 @@ from sgp4 import exporter
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.config import config_faults, effective_settings, load_config, shown
+from rsoconsole.config import (
+    config_faults,
+    config_to_toml,
+    effective_settings,
+    load_config,
+    shown,
+    write_initial_config,
+    write_settings,
+)
 from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path
 from rsoconsole.control.status import status_json
 from rsoconsole.element_sources import ElementStore, default_folder, parse_source
 from rsoconsole.element_sources import fetch as fetching
 from rsoconsole.element_sources.update import Update, Updated
-from rsoconsole.errors import OrbitError
+from rsoconsole.errors import ConfigError, OrbitError
 from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from tests.bad_server import (
@@ -208,6 +217,38 @@ def test_a_refusal_is_never_asked_again_nor_is_its_host_until_it_is_added_again(
     assert "catalogue add" in later.words
     night.store.note(parse_source("celestrak:geo"), refused_utc_ns=None)
     assert night.one(send(GOOD)).is_fetched
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (b"\n GP data has not updated since\nnothing else", "(403): GP data has not updated since"),
+        (b"<html><title>Too many\n requests</title>pw", "(403): Too many requests"),
+        (b"<html>pw", "(403)"),
+        (b"", "(403)"),
+        (
+            b"no key hunter%2B3 or hunter+3 of ann, hunter2\x1b[2J",
+            "(403): no key ... or ... of ...",
+        ),
+        (b"x" * 100_000, "(403): xxx"),
+    ],
+)
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_why_a_server_refuses_is_said_in_its_words_but_for_secrets(
+    night: Night, body: bytes, words: str, is_packed: bool
+) -> None:
+    url = night.server.url.replace("http://", "http://ann:hunter2@") + "/x?key=hunter%2B3"
+    behaviour = (
+        status(403, gzip.compress(body), Content_Encoding="gzip")
+        if is_packed
+        else status(403, body)
+    )
+    found = night.one(behaviour, f"url:{url}")
+    assert f"refuses {words}" in found.words
+    assert "hunter" not in found.words
+    assert "pw" not in found.words
+    assert found.words.isprintable()
+    assert len(found.words) < 400
 
 
 BAD: dict[str, tuple[Behaviour, str]] = {
@@ -419,9 +460,37 @@ def test_a_source_that_is_none_says_how_one_is_written(text: str, words: str) ->
         parse_source(text)
 
 
-def test_what_an_address_carries_is_not_shown() -> None:
-    assert shown("url:https://ann:pw@x.org:8000/a?key=1") == "url:https://x.org:8000/a?..."
-    assert "pw" not in shown("url:https://ann:pw@x.org:bad/")
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("url:https://ann:pw@x.org:8000/a?key=1", "url:https://x.org:8000/a?..."),
+        ("https://ann:pw@x.org/a#pw", "https://x.org/a"),
+        ("url:https://ann:pw@x.org:bad/", "url:https://..."),
+        ("url:https://ann:p/w@x.org/", "url:https://..."),
+        ("url:https://ann:1/pw@x.org/", "url:https://..."),
+        ("url:https:ann:pw@x.org/", "url:https://..."),
+        ("url:ann:pw@x.org/", "url:..."),
+        ("url:https://[ann:pw@x.org", "url:https://..."),
+        ("url:https://x.org/ ?key=pw", "url:https://..."),
+        ("ann:pw@x.org", "..."),
+        ("x.org/a?key=pw", "..."),
+        ("celestrak:https://ann:pw@x.org", "celestrak:..."),
+        ("celestrak:ann:pw@x.org", "celestrak:..."),
+        ("space-track:key?pw", "space-track:..."),
+        ("file://ann:pw@x.org/a", "file:..."),
+        ("file:/home/a@b/c?.tle", "file:/home/a@b/c?.tle"),
+        ("celestrak:geo", "celestrak:geo"),
+        ("url:https://[2001:db8::1]/a", "url:https://[2001:db8::1]/a"),
+    ],
+)
+def test_what_an_address_carries_is_not_shown(text: str, words: str) -> None:
+    assert shown(text) == words
+    with contextlib.suppress(ValueError):
+        parse_source(text)
+        return
+    with pytest.raises(ValueError, match=r".*") as found:
+        parse_source(text)
+    assert "pw" not in str(found.value)
 
 
 # The verbs
@@ -515,6 +584,61 @@ def test_a_source_taken_from_the_configuration_leaves_the_cache(
     home.write_text(home.read_text().replace(', "celestrak:visual"', ""))
     verb("update")
     assert len(ElementStore().files()) == 1
+
+
+def test_a_password_of_a_mirror_is_in_no_output_and_no_session(
+    home: Path, server: BadServer, tmp_path: Path
+) -> None:
+    secret = server.url.replace("http://", "http://ann:hunter2@")
+    home.write_text(f'[catalogue]\ncelestrak_url = "{secret}"\nspace_track_url = "{secret}"\n')
+    config = load_config()
+    assert config.catalogue.celestrak_url == secret
+    values = {each.name: each.value for each in effective_settings()}
+    assert values["catalogue.celestrak_url"] == server.url
+    assert values["catalogue.space_track_url"] == server.url
+    for told in (repr(config), str(config.model_dump(mode="json")), config_to_toml(config)):
+        assert "hunter" not in told
+    for name in ("celestrak_url", "space_track_url"):
+        home.write_text(f'[catalogue]\n{name} = "ftp://ann:hunter2@x.org"\n')
+        assert "hunter" not in repr(config_faults())
+        with pytest.raises(ConfigError) as found:
+            load_config()
+        assert "hunter" not in str(found.value)
+
+
+def test_a_home_of_nobody_is_one_clear_line(home: Path) -> None:
+    before = home.read_text()
+    for text in ("~nosuch/x", "file:~nosuch/x"):
+        done = CliRunner().invoke(app, ["catalogue", "add", text])
+        assert isinstance(done.exception, OrbitError)
+        assert "there is no such user" in str(done.exception)
+    assert home.read_text() == before
+    home.write_text('[session]\nroot = "~nosuch/x"\n')
+    with pytest.raises(ConfigError, match="there is no such user"):
+        load_config()
+
+
+def test_a_configuration_that_may_hold_a_password_is_its_owners_from_its_first_byte(
+    home: Path, server: BadServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home.chmod(0o644)
+    modes = []
+    replace = Path.replace
+
+    def watched(self: Path, target: Path) -> Path:
+        modes.append(stat.S_IMODE(self.stat().st_mode))
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", watched)
+    monkeypatch.setattr(Path, "chmod", lambda *_: pytest.fail("too late"))
+    verb("add", "url:" + server.url.replace("http://", "http://ann:hunter2@"))
+    home.unlink()
+    write_initial_config()
+    write_settings(home, {"catalogue.gate_deg": 0.3})
+    home.unlink()
+    write_settings(home, {"catalogue.gate_deg": 0.3})
+    assert modes
+    assert {stat.S_IMODE(home.stat().st_mode), *modes} == {0o600}
 
 
 def test_a_password_in_an_address_is_in_no_output_and_the_file_is_its_owners(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import forget_handed_on
 from tests.source_graph import ROOT, Import, door, imports, modules, package_of
 
 LONGEST_FILE, MOST_FILES = 450, 20
@@ -33,7 +34,6 @@ def test_nothing_reaches_past_a_front_door() -> None:
     past = [
         f"{each.importer}: {each.module}.{each.name}"
         for module, path in known.items()
-        if path.name != "__init__.py"
         for each in imports(module, path)
         if reaches_past(each, known)
     ]
@@ -51,6 +51,46 @@ def test_nothing_reaches_past_a_front_door() -> None:
 )
 def test_one_that_does_would_be_seen(module: str, name: str, past: bool) -> None:
     assert reaches_past(Import("rsoconsole.cli.app", module, name), modules()) is past
+
+
+@pytest.mark.parametrize(
+    ("text", "past"),
+    [
+        ("from ..sky import wrap_180", []),
+        ("from ..sky.angles import wrap_180", ["rsoconsole.sky.angles"]),
+        ("def f():\n    from ..sky import angles", ["rsoconsole.sky"]),
+        ("from .output import say\nfrom . import usage", []),
+        ("import rsoconsole.sky.angles", ["rsoconsole.sky.angles"]),
+    ],
+)
+@pytest.mark.parametrize("file", ["orbit_words.py", "__init__.py"])
+def test_one_that_is_written_with_dots_would_be_seen(
+    text: str, past: list[str], file: str, tmp_path: Path
+) -> None:
+    # In rsoconsole/cli/words, which is two folders below: one dot more for another room.
+    (tmp_path / file).write_text(text.replace("from ..sky", "from ...sky"), encoding="utf-8")
+    known = modules()
+    home = "rsoconsole.cli.words"
+    module = home if file == "__init__.py" else f"{home}.orbit_words"
+    found = [each.module for each in imports(module, tmp_path / file) if reaches_past(each, known)]
+    assert found == past
+
+
+def test_a_stand_in_in_a_file_is_what_the_front_door_hands_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And the file's own thing is handed on again when the stand-in has gone."""
+    sky = importlib.import_module("rsoconsole.sky")
+    own = sky.wrap_180
+    stand_in = object()
+    with monkeypatch.context() as patch:
+        patch.setattr("rsoconsole.sky.angles.wrap_180", stand_in)
+        assert sky.wrap_180 is own
+        forget_handed_on()
+        assert sky.wrap_180 is stand_in
+    assert sky.wrap_180 is stand_in
+    forget_handed_on()
+    assert sky.wrap_180 is own
 
 
 @pytest.mark.parametrize("room", sorted(rooms()))

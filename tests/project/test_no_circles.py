@@ -29,7 +29,13 @@ def test_folders_need_each_other_in_no_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "closing", ["if TYPE_CHECKING:\n    from models.a import A", "def f():\n    import models.a"]
+    "closing",
+    [
+        "if TYPE_CHECKING:\n    from models.a import A",
+        "def f():\n    import models.a",
+        "from .a import A",
+        "from . import a",
+    ],
 )
 def test_one_would_be_seen(closing: str, tmp_path: Path) -> None:
     texts = {"models.a": "from models.b import B", "models.b": closing}

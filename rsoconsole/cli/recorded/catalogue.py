@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, SocketOption, output
-from rsoconsole.config import Config, default_config_path, load_config, shown
+from rsoconsole.config import Config, default_config_path, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
 
 if TYPE_CHECKING:
@@ -144,9 +144,8 @@ def add(
     write_settings(
         path,
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
+        is_secret=any(each.words != each.text for each in order),  # an address with a password
     )
-    if any(each.words != each.text for each in order):
-        path.chmod(0o600)  # an address with a password
     run.store.arrange(order)
     settings = load_config(config)
     for each in given:
@@ -167,13 +166,11 @@ def _source_of(text: str) -> "Source":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
     from rsoconsole.element_sources import parse_source
 
-    path = Path(text.removeprefix("file:")).expanduser()
-    is_file = text.startswith("file:") or path.exists()
-    if text.startswith(("http://", "https://")):
-        text = f"url:{text}"
-    elif is_file:
-        text = f"file:{path.resolve()}"
     try:
+        if text.startswith(("http://", "https://")):
+            text = f"url:{text}"
+        elif text.startswith(("~", "file:")) or Path(text).exists():
+            text = f"file:{home_path(text.removeprefix('file:')).resolve()}"
         return parse_source(text)
     except ValueError as error:
         raise OrbitError(str(error)) from error

@@ -1,9 +1,13 @@
 """``rsoconsole alerts``: whether word reaches the operator."""
 
+import contextlib
+import logging
+from collections.abc import Iterator
+
 import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, output
-from rsoconsole.config import load_config
+from rsoconsole.config import APP, load_config
 from rsoconsole.errors import ConfigError
 
 alerts_app = typer.Typer(
@@ -34,9 +38,10 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
         )
     title = f"rsoconsole {settings.site.name}: test"
     body = "a test: word reaches you"
-    results = [
-        (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
-    ]
+    with _own_words_alone():
+        results = [
+            (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
+        ]
     if settings.alerts.heartbeat_url:
         results.append(("heartbeat", call(settings.alerts.heartbeat_url)))
     for name, done in results:
@@ -48,3 +53,16 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
     if failed:
         output.complain(f"rsoconsole: {failed} service(s) did not take it; each says why")
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _own_words_alone() -> Iterator[None]:
+    """Nothing that apprise and its libraries say is logged: it may hold an address."""
+    handlers, own = list(logging.getLogger().handlers), logging.Filter(APP)
+    for handler in handlers:
+        handler.addFilter(own)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(own)

@@ -14,6 +14,7 @@ from textual.containers import Vertical
 from textual.message import Message
 from textual.widgets import Input
 
+from rsoconsole.config import home_path
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.panes import LinesPane
@@ -273,11 +274,12 @@ class SessionListDialog(Dialog[Path | None]):
         if shown:
             self.dismiss(shown[min(self._at, len(shown) - 1)].folder)
             return
-        typed = Path(event.value.strip()).expanduser()
-        if event.value.strip() and (typed / DATABASE).is_file():
-            self.dismiss(typed)
-        else:
-            self.app.bell()
+        with contextlib.suppress(ValueError, OSError):  # nobody's home, a name too long
+            typed = home_path(event.value.strip())
+            if event.value.strip() and (typed / DATABASE).is_file():
+                self.dismiss(typed)
+                return
+        self.app.bell()
 
     def action_choose(self, by: int) -> None:
         """One further up or down."""
