@@ -2,6 +2,7 @@
 
 import logging
 import logging.handlers
+import os
 import sys
 
 import platformdirs
@@ -33,11 +34,13 @@ from rsoconsole.cli.words import (
     output,
     usage_line,
 )
-from rsoconsole.config import APP
+from rsoconsole.config import APP, environment_warnings
 from rsoconsole.control import one_line
 from rsoconsole.errors import RsoconsoleError
 
 log = logging.getLogger(APP)
+COMPLETE = f"_{APP.upper()}_COMPLETE"
+"""Set by a shell that asks what a word may become."""
 
 app = typer.Typer(
     name=APP,
@@ -89,6 +92,8 @@ def _root(
 def main() -> None:
     """Entry point: an operator never sees a traceback, the log has it."""
     log_path = _open_log()
+    if COMPLETE not in os.environ:
+        output.complain(*(f"{APP}: {each}" for each in environment_warnings()))
     try:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:

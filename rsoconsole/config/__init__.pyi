@@ -6,6 +6,7 @@ from .alerts import scheme_of as scheme_of
 from .edit import with_settings as with_settings
 from .edit import write_settings as write_settings
 from .element_errors import MeasuredErrors as MeasuredErrors
+from .environment import hiding_variables as hiding_variables
 from .file import config_faults as config_faults
 from .file import config_to_toml as config_to_toml
 from .file import effective_settings as effective_settings
@@ -35,10 +36,12 @@ from .settings import Graphics as Graphics
 from .settings import SessionConfig as SessionConfig
 from .settings import data_dir as data_dir
 from .settings import default_config_path as default_config_path
+from .settings import environment_warnings as environment_warnings
 from .settings import load_config as load_config
 from .settings import runtime_dir as runtime_dir
 from .settings import state_dir as state_dir
 from .settings import unknown_setting as unknown_setting
+from .settings import variables_set as variables_set
 from .settings import walk as walk
 from .settings import with_setting as with_setting
 from .shutter import CalibratedTiming as CalibratedTiming

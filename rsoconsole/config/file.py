@@ -11,14 +11,14 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from rsoconsole.config.environment import VariableError
 from rsoconsole.config.observatory import CalibrationConfig
-from rsoconsole.config.settings import Config, default_config_path, load_config, walk
+from rsoconsole.config.settings import Config, Layers, default_config_path, load_config, walk
 from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import plain_fault
-from rsoconsole.foreign_text import read_foreign, toml_of
 
-Origin = Literal["default", "file", "command line"]
+Origin = Literal["default", "file", "environment", "command line"]
 _MAY_BE_SECRET = (
     "alerts.",
     "catalogue.sources",
@@ -38,6 +38,8 @@ class Setting:
     value: Any
     """As JSON carries it."""
     origin: Origin
+    variable: str | None
+    """Of the environment, where it came from there."""
     description: str
 
 
@@ -46,7 +48,8 @@ class ConfigFault:
     """One thing that is wrong with a configuration."""
 
     name: str
-    """Dotted name of the setting; empty when the file as a whole is meant."""
+    """Dotted name of the setting, or the environment's variable that gives it; empty when the file
+    as a whole is meant."""
     problem: str
     remedy: str
 
@@ -112,20 +115,23 @@ def effective_settings(
 ) -> tuple[Setting, ...]:
     """Every setting in force, in order, with its origin. Raises ConfigError as load_config does."""
     config = load_config(path, overrides)
-    in_file = _table(path or default_config_path(), must_exist=path is not None)
+    given = Layers.read(path, overrides)
     values = config.model_dump(mode="json")
 
     def origin(name: str) -> Origin:
         section, _, key = name.partition(".")
         if name in (overrides or {}):
             return "command line"
-        return "file" if key in in_file.get(section, {}) else "default"
+        if name in given.variables:
+            return "environment" if key in given.table.get(section, {}) else "default"
+        return "file" if key in given.in_file.get(section, {}) else "default"
 
     return tuple(
         Setting(
             name=name,
             value=values[name.partition(".")[0]][name.partition(".")[2]],
             origin=origin(name),
+            variable=given.variables.get(name),
             description=description,
         )
         for name, _, description in walk(config)
@@ -136,25 +142,18 @@ def config_faults(
     path: Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> tuple[ConfigFault, ...]:
     """Everything that is wrong with a configuration, each with its remedy; empty when sound."""
-    source = path or default_config_path()
     try:
-        table = _table(source, must_exist=path is not None)
+        given = Layers.read(path, overrides)
+    except VariableError as error:
+        remedy = "set it so, or unset it"
+        return (ConfigFault(name=error.variable, problem=str(error), remedy=remedy),)
     except ConfigError as error:
-        return (
-            ConfigFault(
-                name="",
-                problem=str(error),
-                remedy="correct the file, or move it away and begin again",
-            ),
-        )
-    for dotted, value in (overrides or {}).items():
-        section, _, key = dotted.partition(".")
-        if isinstance(table.setdefault(section, {}), dict):
-            table[section][key] = value
+        remedy = "correct the file, or move it away and begin again"
+        return (ConfigFault(name="", problem=str(error), remedy=remedy),)
     try:
-        config = Config.model_validate(table)
+        config = Config.model_validate(given.table)
     except ValidationError as error:
-        return tuple(_fault(dict(fault)) for fault in error.errors())
+        return tuple(_fault(dict(fault), given.variables) for fault in error.errors())
     return _contradictions(config)
 
 
@@ -197,7 +196,7 @@ def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]
         )
 
 
-def _fault(found: Mapping[str, Any]) -> ConfigFault:
+def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFault:
     place = [str(part) for part in found["loc"]]
     name = ".".join(place)
     known = [setting for setting, _, _ in walk(Config())]
@@ -209,6 +208,7 @@ def _fault(found: Mapping[str, Any]) -> ConfigFault:
         )
         return ConfigFault(name=name, problem="there is no such setting", remedy=remedy)
     given = found.get("input")
+    shown_name = variables.get(name, name)
     info = _field(place)
     remedy = f"allowed: {_limits(info)}" if info is not None and _limits(info) else ""
     if info is not None:
@@ -216,7 +216,7 @@ def _fault(found: Mapping[str, Any]) -> ConfigFault:
         remedy += ("; " if remedy else "") + f"the default is {default}"
     words = plain_fault(found["msg"])
     return ConfigFault(
-        name=name,
+        name=shown_name,
         problem=words if name.startswith(_MAY_BE_SECRET) else f"{given!r}: {words}",
         remedy=remedy or "see 'rsoconsole config init' for the form of the file",
     )
@@ -240,17 +240,6 @@ def _limits(info: FieldInfo) -> str:
         for name, sign in _SIGNS.items()
         if hasattr(limit, name)
     )
-
-
-def _table(path: Path, *, must_exist: bool) -> dict[str, Any]:
-    if not must_exist and not path.exists():
-        return {}
-    try:
-        return toml_of(read_foreign(path))
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
 
 
 def toml_value(value: Any) -> str:

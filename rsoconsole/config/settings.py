@@ -1,14 +1,15 @@
 """The configuration: what an operator may set, validated, with where each value came from.
 
 Defaults describe the paper's telescope. Values come from, weakest first: the defaults, the TOML
-file, the command line. Units are in the names.
+file, the environment, the command line. Units are in the names.
 """
 
 import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import platformdirs
 from pydantic import (
@@ -17,6 +18,7 @@ from pydantic import (
 )
 
 from rsoconsole.config.alerts import AlertsConfig
+from rsoconsole.config.environment import given_settings, setting_variables, unknown_variables
 from rsoconsole.config.night import (
     AimConfig,
     CatalogueConfig,
@@ -176,28 +178,67 @@ def _expect_own(path: Path) -> None:
             )
 
 
-def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Config:
+def load_config(
+    path: Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    environ: Mapping[str, str] | None = None,
+) -> Config:
     """Read and validate a configuration.
 
     ``path`` None means the default place, where a missing file is fine. ``overrides`` maps
-    dotted names to values, e.g. ``{"detector.tau": 0.2}``. Raises ConfigError with every fault.
+    dotted names to values, e.g. ``{"detector.tau": 0.2}``. ``environ``: variables that count more
+    than the file (see ``environment.py``); None: the process's own; empty: what the file says.
+    Raises ConfigError with every fault.
     """
-    source = path or default_config_path()
-    table: dict[str, Any] = {}
-    if path is not None or source.exists():
-        table = _read_toml(source)
-    for dotted, value in (overrides or {}).items():
-        section, _, key = dotted.partition(".")
-        if isinstance(table.setdefault(section, {}), dict):
-            table[section][key] = value
+    given = Layers.read(path, overrides, environ)
     try:
-        return Config.model_validate(table)
+        return Config.model_validate(given.table)
     except ValidationError as error:
-        faults = "; ".join(
-            f"{'.'.join(str(part) for part in fault['loc'])}: {plain_fault(fault['msg'])}"
+        faults = [
+            (".".join(map(str, fault["loc"])), plain_fault(fault["msg"]))
             for fault in error.errors()
-        )
-        raise ConfigError(f"{source}: {faults}") from error
+        ]
+        said = "; ".join(f"{given.variables.get(name, name)}: {words}" for name, words in faults)
+        is_of_environment = all(name in given.variables for name, _ in faults)
+        where = "the environment" if is_of_environment else str(given.source)
+        raise ConfigError(f"{where}: {said}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """What is set, before it is looked at, and where."""
+
+    source: Path
+    in_file: Mapping[str, Any]
+    variables: Mapping[str, str]
+    """Settings that the environment has the last word on, dotted: the variable of each."""
+    table: dict[str, Any]
+    """All together."""
+
+    @classmethod
+    def read(
+        cls,
+        path: Path | None,
+        overrides: Mapping[str, Any] | None = None,
+        environ: Mapping[str, str] | None = None,
+    ) -> Self:
+        """As ``load_config`` takes them. Raises ConfigError."""
+        source = path or default_config_path()
+        in_file = _read_toml(source) if path is not None or source.exists() else {}
+        table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}
+        given = list(given_settings(Config, os.environ if environ is None else environ))
+        of_environment = {each.name: each.value for each in given}
+        for dotted, value in {**of_environment, **(overrides or {})}.items():
+            section, _, key = dotted.partition(".")
+            if not isinstance(table.setdefault(section, {}), dict):
+                continue
+            table[section][key] = value
+            if value is None and dotted in of_environment:
+                del table[section][key]
+        variables = {
+            each.name: each.variable for each in given if each.name not in (overrides or {})
+        }
+        return cls(source, in_file, variables, table)
 
 
 def with_setting(config: Config, name: str, value: Any) -> Config:
@@ -214,6 +255,16 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
         return Config.model_validate(table)
     except ValidationError as error:
         raise ConfigError(f"{name} = {value}: {plain_fault(error.errors()[0]['msg'])}") from error
+
+
+def environment_warnings() -> list[str]:
+    """For each variable that looks like a setting and is none, a line with the one meant."""
+    return list(unknown_variables(Config, os.environ))
+
+
+def variables_set() -> list[str]:
+    """The environment variables that set something."""
+    return setting_variables(Config, os.environ)
 
 
 def unknown_setting(name: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, hidden_words, output
 from rsoconsole.config import Config, default_config_path, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
@@ -84,7 +84,7 @@ def calibrate_elements(
         "nights": [_night_report(night, rows) for night, rows in found],
         "tracks": len(ledger.rows),
         "regimes": [regime_report(each, ledger.rows, settings.catalogue) for each in fitted],
-        "written": _write(fitted, settings, config) if write else None,
+        "written": _write(fitted, config) if write else None,
     }
     if json_:
         output.emit_json(report)
@@ -173,7 +173,7 @@ def _night_report(night: Path, found: "NightRows") -> dict[str, Any]:
     }
 
 
-def _write(fitted: "Sequence[FittedFactors]", settings: Config, config_path: Path | None) -> str:
+def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> str:
     """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
     from rsoconsole.config import write_settings
     from rsoconsole.pipeline.calibrations import settings_of
@@ -181,5 +181,7 @@ def _write(fitted: "Sequence[FittedFactors]", settings: Config, config_path: Pat
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")
     path = config_path or default_config_path()
+    settings = load_config(config_path, environ={})
     write_settings(path, {"catalogue.error_factors": settings_of(fitted, settings.catalogue)})
+    output.complain(*hidden_words(["catalogue.error_factors"]))
     return str(path)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, hidden_words, output
 from rsoconsole.config import default_config_path, load_config
 from rsoconsole.errors import ConfigError
 
@@ -158,7 +158,7 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> st
             f"not written: {found.simulated[0].name} is of the simulated observatory, whose shutter"
             " is not your camera's; --force writes it all the same"
         )
-    exposure = load_config(config_path).exposure
+    exposure = load_config(config_path, environ={}).exposure
     timings = timings_of(found)
     worse = worse_than_known(timings, exposure)
     if worse and not force:
@@ -170,4 +170,5 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> st
     path = config_path or default_config_path()
     whole = put_together(exposure, timings)
     write_settings(path, {"exposure.calibrated": [each.model_dump(mode="json") for each in whole]})
+    output.complain(*hidden_words(["exposure.calibrated"]))
     return str(path)

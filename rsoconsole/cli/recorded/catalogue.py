@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, SocketOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, SocketOption, hidden_words, output
 from rsoconsole.config import Config, default_config_path, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
 
@@ -130,8 +130,8 @@ def add(
     from rsoconsole.element_sources import Kept
 
     given = [_source_of(text) for text in source]
-    settings = load_config(config)
-    run = _run(settings)
+    settings = load_config(config, environ={})
+    run = _run(load_config(config))
     there = _configured(settings)
     new = [each for each in given if each.text not in {one.text for one in there}]
     order = [*new, *there] if first else [*there, *new]
@@ -146,6 +146,7 @@ def add(
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password
     )
+    output.complain(*hidden_words(["catalogue.sources", "catalogue.tle_files"]))
     run.store.arrange(order)
     settings = load_config(config)
     for each in given:

@@ -70,6 +70,9 @@ def doctor(
 def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
     """Every setting in force, with where its value came from.
 
+    An option counts more than an environment variable (RSOCONSOLE_SITE__LATITUDE_DEG=51.5), that
+    more than the file, that more than the default. A list in a variable is one value, or JSON.
+
     Example: rsoconsole config show
     """
     from rsoconsole.config import effective_settings
@@ -81,12 +84,14 @@ def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
                     "name": setting.name,
                     "value": setting.value,
                     "origin": setting.origin,
+                    "variable": setting.variable,
                     "description": setting.description,
                 }
             )
         else:
             value = "-" if setting.value is None else setting.value
-            output.say(f"{setting.name:30} {value!s:24} {setting.origin:12} {setting.description}")
+            origin = setting.variable or setting.origin
+            output.say(f"{setting.name:30} {value!s:24} {origin:12} {setting.description}")
 
 
 @config_app.command("init")

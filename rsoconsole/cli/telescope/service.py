@@ -13,7 +13,7 @@ import platformdirs
 import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, output
-from rsoconsole.config import APP, default_config_path, load_config
+from rsoconsole.config import APP, default_config_path, load_config, variables_set
 from rsoconsole.errors import ConfigError, RsoconsoleError
 from rsoconsole.resources import resource
 
@@ -88,6 +88,11 @@ def service_install(config: ConfigOption = None) -> None:
         output.say(f"systemd has not read it yet ({fault}): it will at your next login")
     elif _word("is-active") == "active":
         output.say(f"it runs still as it was: systemctl --user restart {APP}")
+    if own := variables_set():
+        output.complain(
+            f"{APP}: of your environment the service has nothing: write what {', '.join(own)}"
+            f" {'say' if len(own) > 1 else 'says'} into the file"
+        )
     if not default_config_path().exists() and config is None:
         output.say("there is no configuration yet: 'rsoconsole config init' writes one")
     output.say(

@@ -1,12 +1,14 @@
 """Wrong usage in one line: which verb, what is wrong, what to write instead."""
 
 import inspect
+import os
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import typer
 
-from rsoconsole.config import APP
+from rsoconsole.config import APP, hiding_variables
 from rsoconsole.fault_text import nearest, plain_fault
 
 USAGE_EXIT = 2
@@ -50,6 +52,14 @@ def usage_line(error: Any) -> str:
     words = _near_option(words, error)
     remedy = "" if "?" in words else f": '{path} --help' shows an example"
     return f"{path}: {words[:1].lower()}{words[1:]}{remedy}"
+
+
+def hidden_words(names: Iterable[str]) -> list[str]:
+    """What to say where settings are written to a file that environment variables hide."""
+    return [
+        f"{APP}: {each} is set and counts more than the file: unset it"
+        for each in hiding_variables(names, os.environ)
+    ]
 
 
 def is_help(error: Any) -> bool:
