@@ -3,7 +3,9 @@
 import logging
 import logging.handlers
 import os
+import signal
 import sys
+from typing import NoReturn
 
 import platformdirs
 import typer
@@ -45,7 +47,6 @@ COMPLETE = f"_{APP.upper()}_COMPLETE"
 app = typer.Typer(
     name=APP,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
 )
@@ -113,12 +114,22 @@ def main() -> None:
         output.complain(f"{APP}: interrupted")
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
+        _leave_pipe()
+    except SystemExit as ended:
+        if isinstance(ended.__context__, BrokenPipeError):
+            _leave_pipe()
+        raise
     except Exception as error:
         log.exception("unexpected")
         output.complain(f"{APP}: something broke ({error}); the details are in {log_path}")
         sys.exit(1)
+
+
+def _leave_pipe() -> NoReturn:
+    """Nobody reads any more (``| head -1``): end as any program does that SIGPIPE ends."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, sys.stdout.fileno())  # what is still to be flushed
+    sys.exit(128 + signal.SIGPIPE)
 
 
 class _CleanFormatter(logging.Formatter):

@@ -7,3 +7,4 @@ from .store import Kept as Kept
 from .store import default_folder as default_folder
 from .store import is_store as is_store
 from .update import Update as Update
+from .update import Updated as Updated

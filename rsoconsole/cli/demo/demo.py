@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 
 from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
-from rsoconsole.cli.words import JsonOption, SessionOption, output
+from rsoconsole.cli.words import JsonOption, SessionOption, completion, output
 from rsoconsole.config import Config, SessionConfig, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
@@ -39,9 +39,15 @@ def register(app: typer.Typer) -> None:
 def demo(
     *,
     named: Annotated[
-        str | None, typer.Argument(metavar="SCENARIO", help="The same as --scenario.")
+        str | None,
+        typer.Argument(
+            metavar="SCENARIO", help="The same as --scenario.", autocompletion=completion.scenarios
+        ),
     ] = None,
-    scenario: Annotated[str, typer.Option(help="Which night; --list shows them.")] = "intelsat-14",
+    scenario: Annotated[
+        str,
+        typer.Option(help="Which night; --list shows them.", autocompletion=completion.scenarios),
+    ] = "intelsat-14",
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     world: Annotated[
         str | None,

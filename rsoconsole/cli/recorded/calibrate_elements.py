@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, hidden_words, output
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    Piped,
+    completion,
+    hidden_words,
+    output,
+    piped,
+    progress,
+)
 from rsoconsole.config import Config, default_config_path, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
@@ -27,7 +36,9 @@ def calibrate_elements(
         list[Path] | None,
         typer.Argument(
             metavar="NIGHT",
-            help="Folders of recorded sessions, or files of lines by 'identify --field --json'.",
+            help="Folders of recorded sessions, or files of lines by 'identify --field --json', -"
+            " for such lines on standard input.",
+            autocompletion=completion.sessions,
         ),
     ] = None,
     *,
@@ -75,7 +86,8 @@ def calibrate_elements(
         )
     settings = load_config(config)
     path = element_ledger_path(is_simulated=simulated)
-    found, failures = _read(nights or [], tle or [], settings, simulated=simulated)
+    with piped([*(nights or []), *(tle or [])]) as files:
+        found, failures = _read(files, len(nights or []), settings, simulated=simulated)
     ledger = _kept([each for _, each in found], path)
     fitted = fit_factors(ledger.rows)
     report: dict[str, Any] = {
@@ -101,7 +113,7 @@ def calibrate_elements(
 
 
 def _read(
-    nights: Sequence[Path], tle: Sequence[Path], settings: Config, *, simulated: bool
+    files: Piped, nights: int, settings: Config, *, simulated: bool
 ) -> "tuple[list[tuple[Path, NightRows]], int]":
     """What each night gives, and how many give nothing: one that cannot be used ends no other."""
     from rsoconsole.cli.words import element_files
@@ -112,21 +124,30 @@ def _read(
     known: dict[tuple[Path, ...], Sequence[CatalogueEntry]] = {}
     found: list[tuple[Path, NightRows]] = []
     failures = 0
-    for night in nights:
-        try:
-            if not is_session(night):
-                found.append((night, rows_of_lines(night, is_simulated=simulated)))
-                continue
-            folder = night if night.is_dir() else night.parent
-            _expect_kind(folder, simulated=simulated)
-            files = tuple(tle) or tuple(element_files(folder, catalogue.tle_files))
-            if files not in known:
-                known[files] = read_catalogue(files)
-            errors = wide_errors_of(catalogue)
-            found.append((night, rows_of_session(night, known[files], errors)))
-        except (OrbitError, SessionError) as error:
-            failures += 1
-            output.complain(f"rsoconsole: {error}")
+
+    def of_session(night: Path) -> "NightRows":
+        folder = night if night.is_dir() else night.parent
+        _expect_kind(folder, simulated=simulated)
+        sets = tle or tuple(element_files(folder, catalogue.tle_files))
+        if sets not in known:
+            known[sets] = read_catalogue(sets)
+        return rows_of_session(night, known[sets], wide_errors_of(catalogue))
+
+    tle = tuple(files.paths[nights:])
+    with progress("nights", nights) as bar:
+        for night in files.paths[:nights]:
+            try:
+                rows = (
+                    of_session(night)
+                    if is_session(night)
+                    else rows_of_lines(night, is_simulated=simulated)
+                )
+                found.append((Path(files.name(night)), rows))
+            except (OrbitError, SessionError) as error:
+                failures += 1
+                with bar.aside():
+                    output.complain(f"rsoconsole: {files.words(str(error))}")
+            bar()
     return found, failures
 
 

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, hidden_words, output
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    completion,
+    hidden_words,
+    output,
+    progress,
+)
 from rsoconsole.config import default_config_path, load_config
 from rsoconsole.errors import ConfigError
 
@@ -23,7 +30,12 @@ def register(app: typer.Typer) -> None:
 
 def calibrate_time(
     nights: Annotated[
-        list[Path], typer.Argument(metavar="NIGHT...", help="Folders of recorded sessions.")
+        list[Path],
+        typer.Argument(
+            metavar="NIGHT...",
+            help="Folders of recorded sessions.",
+            autocompletion=completion.sessions,
+        ),
     ],
     *,
     rinex: Annotated[
@@ -88,7 +100,8 @@ def calibrate_time(
         )
     settings = load_config(config)
     entries = _elements(nights, tle, settings.catalogue.tle_files)
-    found, file = _found(nights, rinex, sp3, entries)
+    with progress("shutter"):
+        found, file = _found(nights, rinex, sp3, entries)
     found = with_norad(found, file, entries)
     if not json_:  # what --force would write is seen before it is refused
         output.say(*timing_lines(found))

@@ -7,12 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, SocketOption, hidden_words, output
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    SocketOption,
+    hidden_words,
+    output,
+    progress,
+)
 from rsoconsole.config import Config, default_config_path, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
 
 if TYPE_CHECKING:
-    from rsoconsole.element_sources import Kept, Source, Update
+    from rsoconsole.element_sources import Kept, Source, Update, Updated
 
 SLEW_WAIT_S = 300.0
 _POLL_S = 2.0
@@ -56,21 +63,24 @@ def update(
     run = _run(settings, wait=lambda: _wait_while_slewing(socket))
     run.store.arrange(_configured(settings))
     faults = 0
-    for each in run.run(chosen):
-        faults += each.is_fault
-        if json_:
-            told = {
-                "fetched": each.is_fetched,
-                "ok": not each.is_fault,
-                "detail": each.words,
-            }
-            output.emit_json({**_row(each.source, each.kept, settings), **told})
-        else:
-            mark = "FAIL" if each.is_fault else "new " if each.is_fetched else "-   "
-            output.say(f"{mark} {each.source.words:24} {each.words}")
+    with progress("sources", len(chosen)) as bar:
+        for each in run.run(chosen):
+            faults += each.is_fault
+            bar()
+            with bar.aside():
+                _tell(each, settings, json_)
     if faults:
         output.complain(f"rsoconsole: {faults} source(s) could not be fetched; each says why")
         raise typer.Exit(1)
+
+
+def _tell(each: "Updated", settings: Config, json_: bool) -> None:
+    if json_:
+        told = {"fetched": each.is_fetched, "ok": not each.is_fault, "detail": each.words}
+        output.emit_json({**_row(each.source, each.kept, settings), **told})
+        return
+    mark = "FAIL" if each.is_fault else "new " if each.is_fetched else "-   "
+    output.say(f"{mark} {each.source.words:24} {each.words}")
 
 
 def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:

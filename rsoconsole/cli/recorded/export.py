@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, output
+from rsoconsole.cli.words import JsonOption, completion, output, progress
 from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal[
@@ -35,7 +35,12 @@ class _Wish:
 
 def export(
     session: Annotated[
-        Path, typer.Argument(metavar="SESSION", help="A session's folder, or a branch's.")
+        Path,
+        typer.Argument(
+            metavar="SESSION",
+            help="A session's folder, or a branch's.",
+            autocompletion=completion.sessions,
+        ),
     ],
     *,
     format_: Annotated[AnyFormat, typer.Option("--format", help="What to make of it.")],
@@ -130,10 +135,12 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
     kind: Any = wish.kind
     new_folder = _folder_to_make(wish)
     if wish.out == STDOUT:
-        text, made = render(wish.session, kind, options)
+        with progress(f"export {kind}"):
+            text, made = render(wish.session, kind, options)
         output.hand_over(text)
     else:
-        made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
+        with progress(f"export {kind}"):
+            made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
     if json_:
         output.emit_json(
             {
@@ -201,7 +208,8 @@ def _report(wish: _Wish, json_: bool) -> None:
     from rsoconsole.export import default_path, write_file
     from rsoconsole.notebook.report import render_report
 
-    report = render_report(wish.session)
+    with progress("report"):
+        report = render_report(wish.session)
     if wish.out == STDOUT:
         output.hand_over(report.html)
         return

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, output
+from rsoconsole.cli.words import JsonOption, completion, output
 
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 
@@ -16,7 +16,12 @@ def register(app: typer.Typer) -> None:
 
 
 def figures(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session's folder.")],
+    session: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SESSION", help="A session's folder.", autocompletion=completion.sessions
+        ),
+    ],
     *,
     out: Annotated[
         Path | None, typer.Option(help="Where to write; default: SESSION/branches/figures.")

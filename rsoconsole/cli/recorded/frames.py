@@ -10,20 +10,31 @@ import typer
 from rsoconsole.cli.recorded.nights import process_nights
 from rsoconsole.cli.words import (
     ConfigOption,
+    FilesFromOption,
     JsonOption,
     NoDaskOption,
+    Piped,
     SchedulerOption,
     SerialOption,
     WorkersOption,
+    completion,
     everywhere,
     output,
+    piped,
+    progress,
+    with_named,
 )
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
 from rsoconsole.streak_text import name_words, pulse_words
 
 FramesArgument = Annotated[
-    list[Path], typer.Argument(metavar="FRAME...", help="FITS (.gz .bz2 .fz), TIFF or PNG files.")
+    list[Path] | None,
+    typer.Argument(
+        metavar="FRAME...",
+        help="FITS (.gz .bz2 .fz), TIFF or PNG files; - for one on standard input.",
+        show_default=False,
+    ),
 ]
 ExtensionOption = Annotated[
     str | None,
@@ -43,14 +54,15 @@ def register(app: typer.Typer) -> None:
     app.command()(solve)
 
 
-def _report_error(path: Path, error: FrameError, json_: bool) -> None:
+def _report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
+    words = files.words(str(error))
     if json_:
-        output.emit_json({"frame": str(path), "error": str(error)})
-    output.complain(f"rsoconsole: {error}")
+        output.emit_json({"frame": files.name(path), "error": words})
+    output.complain(f"rsoconsole: {words}")
 
 
 def _each(
-    frames: list[Path],
+    files: Piped,
     json_: bool,
     work: Callable[[Path, int], Iterator[dict[str, Any]]],
     lines: Callable[[dict[str, Any]], list[str]],
@@ -58,14 +70,18 @@ def _each(
     """Run ``work`` over the files in order; broken ones are reported and the others go on."""
     failures = 0
     told: set[str] = set()
-    for number, path in enumerate(frames, start=1):
-        try:
-            for found in work(path, number):
-                output.emit_json(found) if json_ else output.say(*lines(found))
-                _warn(_name(found), found["notes"], told)
-        except FrameError as error:
-            failures += 1
-            _report_error(path, error, json_)
+    with progress("frames", len(files.paths)) as bar:
+        for number, path in enumerate(files.paths, start=1):
+            try:
+                for found in work(path, number):
+                    with bar.aside():
+                        output.emit_json(found) if json_ else output.say(*lines(found))
+                        _warn(_name(found), found["notes"], told)
+            except FrameError as error:
+                failures += 1
+                with bar.aside():
+                    _report_error(files, path, error, json_)
+            bar()
     if failures:
         raise typer.Exit(1)
 
@@ -86,13 +102,17 @@ def _warn(name: str, notes: list[str], told: set[str]) -> None:
 
 def process(
     frames: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             metavar="FRAME... | NIGHT...",
-            help="FITS (.gz .bz2 .fz), TIFF or PNG files; or folders of them, or sessions.",
+            help="FITS (.gz .bz2 .fz), TIFF or PNG files, - for one on standard input; or folders"
+            " of them, or sessions.",
+            autocompletion=completion.sessions,
+            show_default=False,
         ),
-    ],
+    ] = None,
     *,
+    files_from: FilesFromOption = None,
     session: Annotated[
         Path | None,
         typer.Option(
@@ -103,7 +123,10 @@ def process(
     config: ConfigOption = None,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
     preset: Annotated[
-        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+        str | None,
+        typer.Option(
+            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
+        ),
     ] = None,
     extension: ExtensionOption = None,
     again: Annotated[
@@ -119,6 +142,8 @@ def process(
 
     Frames are taken in the order given. Example: rsoconsole process night/*.fits --json
 
+    Example: find night -name '*.fits' | sort | rsoconsole process --files-from -
+
     Folders are nights: each one's frames, in the order of their names, or a session's kept frames
     become a session, several at once (on Dask where that is installed). Interrupted work goes on
     where it was when the same command is given again: nights that are done are not done twice.
@@ -128,7 +153,8 @@ def process(
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    is_nights = all(path.is_dir() for path in frames)
+    given = with_named(frames, files_from)
+    is_nights = bool(given) and all(path.is_dir() for path in given)
     if extension is not None and (is_nights or extension.strip().lower() == "all"):
         raise typer.BadParameter(
             "a track follows one image after another: name one extension, and single files",
@@ -140,7 +166,7 @@ def process(
                 "a folder of frames becomes a session: --session names where",
                 param_hint="--session",
             )
-        nights = nights_in(everywhere(frames), session.resolve(), settings, is_again=again)
+        nights = nights_in(everywhere(given), session.resolve(), settings, is_again=again)
         crew_of = partial(
             crew_for,
             workers=workers,
@@ -150,11 +176,12 @@ def process(
         )
         process_nights(nights, session.resolve(), crew_of, json_)
         return
-    _process_frames(frames, session, settings, extension, json_)
+    with piped(given) as files:
+        _process_frames(files, session, settings, extension, json_)
 
 
 def _process_frames(
-    frames: list[Path], session: Path | None, settings: Config, extension: str | None, json_: bool
+    files: Piped, session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
     from rsoconsole.pipeline.batch import Processed, process_files
     from rsoconsole.pipeline.frame import open_reducer
@@ -163,18 +190,24 @@ def _process_frames(
 
     failures = 0
     told: set[str] = set()
-    with open_reducer(settings) as (reducer, model_sha256):
+    with (
+        open_reducer(settings) as (reducer, model_sha256),
+        progress("frames", len(files.paths)) as bar,
+    ):
         recording = BatchRecording(session, settings, model_sha256)
         try:
-            for result in process_files(frames, reducer, settings, extension=extension):
+            for result in process_files(files.paths, reducer, settings, extension=extension):
+                bar()
                 if not isinstance(result, Processed):
                     failures += 1
-                    _report_error(*result, json_)
+                    with bar.aside():
+                        _report_error(files, *result, json_)
                     continue
                 recording.append(result.records, result.t_mid_utc_ns)
-                found = process_report(str(result.path), result)
-                output.emit_json(found) if json_ else output.say(_process_words(found))
-                _warn(_name(found), found["notes"], told)
+                found = process_report(files.name(result.path), result)
+                with bar.aside():
+                    output.emit_json(found) if json_ else output.say(_process_words(found))
+                    _warn(_name(found), found["notes"], told)
         finally:
             recording.close()
     if failures:
@@ -182,11 +215,15 @@ def _process_frames(
 
 
 def detect(
-    frames: FramesArgument,
+    frames: FramesArgument = None,
     *,
+    files_from: FilesFromOption = None,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
     map_mode: Annotated[
-        str | None, typer.Option(help="Map the network sees: fast or paper.")
+        str | None,
+        typer.Option(
+            help="Map the network sees: fast or paper.", autocompletion=completion.map_modes
+        ),
     ] = None,
     extension: ExtensionOption = None,
     config: ConfigOption = None,
@@ -200,6 +237,8 @@ def detect(
 
     Example: rsoconsole detect frame.fits --tau 0.2 --json
 
+    Example: find night -name '*.fits' | rsoconsole detect --files-from -
+
     Example: rsoconsole detect mosaic.fits --extension all
     """
     from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
@@ -209,7 +248,7 @@ def detect(
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    settings = whole.detector
+    settings, given = whole.detector, with_named(frames, files_from)
     network = Network.load(settings.model, settings.threads)
     detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
     calibration = Calibration(whole)
@@ -218,18 +257,20 @@ def detect(
         for frame in read_frames(path, number, extension=extension):
             prepared, told = calibration.prepare(frame)
             yield detections_report(
-                str(path),
+                files.name(path),
                 detector.analyse(prepared).detections,
                 extension=frame.header.get(EXTENSION_KEY),
                 notes=[each.words for each in (*told, *cautions(frame, None, whole))],
             )
 
-    _each(frames, json_, work, _detect_lines)
+    with piped(given) as files:
+        _each(files, json_, work, _detect_lines)
 
 
 def solve(
-    frames: FramesArgument,
+    frames: FramesArgument = None,
     *,
+    files_from: FilesFromOption = None,
     ra: Annotated[float | None, typer.Option(help="Centre, RA in degrees.")] = None,
     dec: Annotated[float | None, typer.Option(help="Centre, Dec in degrees.")] = None,
     radius: Annotated[float | None, typer.Option(min=0.01, help="How far off, degrees.")] = None,
@@ -267,7 +308,11 @@ def solve(
     if (ra is None) != (dec is None):
         raise typer.BadParameter("--ra and --dec go together")
     settings = load_config(config)
-    with PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver:
+    given = with_named(frames, files_from)
+    with (
+        piped(given) as files,
+        PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver,
+    ):
         finder, calibration = PlateFinder(solver, settings), Calibration(settings)
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
@@ -285,7 +330,7 @@ def solve(
                     missing = solver.missing_index(hint, frame.width_px, frame.height_px)
                 told = (*calibrated, *cautions(frame, solution, settings))
                 yield solved_report(
-                    str(path),
+                    files.name(path),
                     solution,
                     frame,
                     wrong=wrong,
@@ -293,7 +338,7 @@ def solve(
                     notes=[each.words for each in told if not each.kind.endswith(" hint")],
                 )
 
-        _each(frames, json_, work, _solve_lines)
+        _each(files, json_, work, _solve_lines)
 
 
 def _process_words(found: dict[str, Any]) -> str:

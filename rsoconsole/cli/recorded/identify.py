@@ -15,8 +15,18 @@ from rsoconsole.cli.recorded.orbit import (
     TrackOption,
     read_as,
 )
-from rsoconsole.cli.words import ConfigOption, JsonOption, element_files, output
-from rsoconsole.config import load_config
+from rsoconsole.cli.words import (
+    ConfigOption,
+    FilesFromOption,
+    JsonOption,
+    completion,
+    element_files,
+    output,
+    piped,
+    progress,
+    with_named,
+)
+from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
     from rsoconsole.export import ReadAs
@@ -30,13 +40,17 @@ def register(app: typer.Typer) -> None:
 
 def identify(
     paths: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             metavar="SESSION-or-FILE | FRAME...",
-            help="Session or file of observations; with --field frames (FITS).",
+            help="Session or file of observations; with --field frames (FITS); - for standard"
+            " input.",
+            autocompletion=completion.sessions,
+            show_default=False,
         ),
-    ],
+    ] = None,
     *,
+    files_from: FilesFromOption = None,
     field: Annotated[
         bool, typer.Option("--field", help="What was in these frames: each by itself, and movers.")
     ] = False,
@@ -50,7 +64,10 @@ def identify(
     extension: ExtensionOption = None,
     tle: Annotated[
         list[Path] | None,
-        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
+        typer.Option(
+            help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be"
+            " repeated."
+        ),
     ] = None,
     gate: Annotated[
         float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
@@ -108,43 +125,25 @@ def identify(
 
     Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
     """
+    given = with_named(paths, files_from)
     if field:
         from rsoconsole.cli.recorded.identify_field import identify_field
 
         if keep or track is not None:
             raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
-        identify_field(paths, tle or [], plate, config, extension=extension, json_=json_)
+        with piped([*given, *(tle or [])]) as files:
+            identify_field(files, len(given), plate, config, extension=extension, json_=json_)
         return
     if extension is not None:
         raise typer.BadParameter("only frames have images: --field", param_hint="--extension")
-    if len(paths) > 1:
+    if len(given) != 1:
         raise typer.BadParameter("one session or file at a time; frames need --field")
-    (path,) = paths
-    from rsoconsole.cli.recorded.identify_ledger import SessionLedger
-    from rsoconsole.orbits.identification import identify_jointly
-    from rsoconsole.pipeline.orbits import errors_of, errors_report, longest_arc, read_catalogue
-    from rsoconsole.pipeline.words import identification_report, named_track_report
-
-    catalogue = load_config(config).catalogue
-    files = tle or element_files(path, catalogue.tle_files)
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
-    tracks, shown = _tracks_of(path, ask, track)
-    entries = read_catalogue(files)
-    arcs = [longest_arc(each.seen) for each in tracks]
-    named = identify_jointly(
-        arcs, tracks[0].site, entries, gate_deg=gate, errors=errors_of(catalogue)
-    )
-    ledger = SessionLedger(path, tracks, named)
-    found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
-    one, arc = found[shown.number]
-    arc_s = float(arc.t_s[-1] - arc.t_s[0])
-    report: dict[str, Any] = identification_report(shown.name, one, arc_s)
-    report["tracks"] = [
-        {**named_track_report(number, *found[number]), "ledger": ledger.report_of(number)}
-        for number in sorted(found)
-    ]
-    report["kept"] = ledger.keep() if keep else None
-    report["element_errors"] = errors_report(catalogue)
+    with piped([*given, *(tle or [])]) as files:
+        path, *element_sets = files.paths
+        report, is_several = _report(
+            path, element_sets, load_config(config), ask, track=track, gate_deg=gate, is_kept=keep
+        )
     if json_:
         output.emit_json(report)
         return
@@ -155,7 +154,7 @@ def identify(
         source_lines,
     )
 
-    if track is None and len(tracks) > 1:
+    if track is None and is_several:
         output.say(*named_tracks_lines(report["tracks"]), "")
     regimes = {each["regime"] for each in report["matches"]}
     output.say(
@@ -163,6 +162,45 @@ def identify(
         *source_lines(report["element_errors"], regimes),
         *past_tracks_lines(report),
     )
+
+
+def _report(
+    path: Path,
+    tle: list[Path],
+    settings: Config,
+    ask: "ReadAs",
+    *,
+    track: int | None,
+    gate_deg: float,
+    is_kept: bool,
+) -> tuple[dict[str, Any], bool]:
+    """What a session or a file of observations is named, and whether it holds several tracks."""
+    from rsoconsole.cli.recorded.identify_ledger import SessionLedger
+    from rsoconsole.orbits.identification import identify_jointly
+    from rsoconsole.pipeline.orbits import errors_of, errors_report, longest_arc, read_catalogue
+    from rsoconsole.pipeline.words import identification_report, named_track_report
+
+    catalogue = settings.catalogue
+    files = tle or element_files(path, catalogue.tle_files)
+    tracks, shown = _tracks_of(path, ask, track)
+    with progress("names"):
+        entries = read_catalogue(files)
+        arcs = [longest_arc(each.seen) for each in tracks]
+        named = identify_jointly(
+            arcs, tracks[0].site, entries, gate_deg=gate_deg, errors=errors_of(catalogue)
+        )
+    ledger = SessionLedger(path, tracks, named)
+    found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
+    one, arc = found[shown.number]
+    arc_s = float(arc.t_s[-1] - arc.t_s[0])
+    report: dict[str, Any] = identification_report(shown.name, one, arc_s)
+    report["tracks"] = [
+        {**named_track_report(number, *found[number]), "ledger": ledger.report_of(number)}
+        for number in sorted(found)
+    ]
+    report["kept"] = ledger.keep() if is_kept else None
+    report["element_errors"] = errors_report(catalogue)
+    return report, len(tracks) > 1
 
 
 def _tracks_of(

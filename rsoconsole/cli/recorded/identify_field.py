@@ -1,27 +1,29 @@
 """identify --field: what was in the frames."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from rsoconsole.cli.words import output
+from rsoconsole.cli.words import Piped, output, progress
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.errors import ConfigError, FrameError, OrbitError
 from rsoconsole.pipeline.field import FieldFrame, PlateMode
 
 
 def identify_field(
-    paths: Sequence[Path],
-    tle: Sequence[Path],
+    files: Piped,
+    frame_count: int,
     plate: PlateMode,
     config_path: Path | None,
     *,
     extension: str | None,
     json_: bool,
 ) -> None:
-    """Read the frames one after another, then answer. A frame that cannot be used ends nothing."""
+    """Read the frames one after another, then answer. A frame that cannot be used ends nothing.
+
+    ``frame_count``: so many of the files are frames, the others hold elements.
+    """
     from rsoconsole.cli.words import frame_lines, movers_lines, source_lines
     from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
     from rsoconsole.pipeline.field import (
@@ -36,27 +38,31 @@ def identify_field(
 
     config = load_config(config_path)
     _expect_site(config_path)
-    files = list(tle) or list(config.catalogue.tle_files)
-    if not files:
+    paths, tle = files.paths[:frame_count], files.paths[frame_count:]
+    element_sets = tle or list(config.catalogue.tle_files)
+    if not element_sets:
         raise OrbitError(
             "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
             " configuration"
         )
-    run = FieldRun(config, read_catalogue(files))
+    run = FieldRun(config, read_catalogue(element_sets))
     read: list[tuple[str, FieldFrame]] = []
     failures = 0
-    with open_field_reader(config, plate) as reader:
+    with open_field_reader(config, plate) as reader, progress("frames", len(paths)) as bar:
         for number, path in enumerate(paths, start=1):
             try:
                 for image in read_frames(path, number, extension=extension):
-                    label = image.header.get(EXTENSION_KEY)
-                    name = f"{path}[{label}]" if label else str(path)
+                    label, shown = image.header.get(EXTENSION_KEY), files.name(path)
+                    name = f"{shown}[{label}]" if label else shown
                     read.append((name, reader.read(image)))
             except FrameError as error:
                 failures += 1
-                if json_:
-                    output.emit_json({"frame": str(path), "error": str(error)})
-                output.complain(f"rsoconsole: {error}")
+                words = files.words(str(error))
+                with bar.aside():
+                    if json_:
+                        output.emit_json({"frame": files.name(path), "error": words})
+                    output.complain(f"rsoconsole: {words}")
+            bar()
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
     frames = [frame for _, frame in read]
     movers = run.movers(frames) if len(frames) >= FEWEST else ()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, completion, output, piped, progress
 from rsoconsole.config import load_config
 from rsoconsole.errors import ExportError
 
@@ -55,7 +55,11 @@ def register(app: typer.Typer) -> None:
 def orbit(
     paths: Annotated[
         list[Path],
-        typer.Argument(metavar="SESSION-or-FILE...", help="Sessions or files of observations."),
+        typer.Argument(
+            metavar="SESSION-or-FILE...",
+            help="Sessions or files of observations; - for one on standard input.",
+            autocompletion=completion.sessions,
+        ),
     ],
     *,
     prior: Annotated[
@@ -132,14 +136,17 @@ def orbit(
         target = Target(cospar=cospar)
     except ExportError as error:
         raise typer.BadParameter(str(error), param_hint="--cospar") from error
-    read = [group for path in paths for group in read_observations(path, ask, track=track)]
-    if gooding:
-        if len(read) > 1:
-            raise typer.BadParameter("--gooding takes one session or file")
-        found = find_by_gooding(read[0][0])
-    else:
-        others = [each for tracks in read for each in tracks[1:]]
-        found = find_orbit([tracks[0] for tracks in read], prior=prior, others=others)
+    with piped(paths) as files, progress("orbit"):
+        read = [
+            group for path in files.paths for group in read_observations(path, ask, track=track)
+        ]
+        if gooding:
+            if len(read) > 1:
+                raise typer.BadParameter("--gooding takes one session or file")
+            found = find_by_gooding(read[0][0])
+        else:
+            others = [each for tracks in read for each in tracks[1:]]
+            found = find_orbit([tracks[0] for tracks in read], prior=prior, others=others)
     outlook = None
     if found.orbit is not None and found.orbit.label != "not observable":
         limits = found.observed.limits or load_config(config).limits

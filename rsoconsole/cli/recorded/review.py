@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import SocketOption
+from rsoconsole.cli.words import SocketOption, completion
 from rsoconsole.config import Graphics, load_config
 from rsoconsole.instruments.mount import stop_past_engine
 
@@ -21,6 +21,7 @@ def review(
         typer.Argument(
             help="A session's folder, or its name under session.root; without it: choose from a "
             "list.",
+            autocompletion=completion.session_names,
             show_default=False,
         ),
     ] = None,

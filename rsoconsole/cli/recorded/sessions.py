@@ -4,24 +4,23 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, completion, output
 from rsoconsole.cli.words import sessions_words as told
 from rsoconsole.config import load_config
 from rsoconsole.errors import SessionError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 BYTES_A_GB = 1e9
 
 sessions_app = typer.Typer(invoke_without_command=True)
 SessionArgument = Annotated[
-    list[Path], typer.Argument(metavar="SESSION...", help="Sessions' folders.")
+    list[Path],
+    typer.Argument(
+        metavar="SESSION...", help="Sessions' folders.", autocompletion=completion.sessions
+    ),
 ]
 RootOption = Annotated[
     Path | None, typer.Option(help="Folder of the sessions, if not session.root.")
@@ -92,7 +91,11 @@ def _list(root: Path | None, config: Path | None, json_: bool) -> None:
 def verify(
     places: Annotated[
         list[Path],
-        typer.Argument(metavar="SESSION...", help="Sessions' folders, or their archives (.tar)."),
+        typer.Argument(
+            metavar="SESSION...",
+            help="Sessions' folders, or their archives (.tar).",
+            autocompletion=completion.sessions,
+        ),
     ],
     *,
     json_: JsonOption = False,
@@ -109,7 +112,7 @@ def verify(
 
     failed = 0
     for place in places:
-        with _progress() as tell, _each(place, json_) as outcome:
+        with byte_progress() as tell, _each(place, json_) as outcome:
             found = verify_session(place, lambda done, total: tell("verifying", done, total))
             outcome["is_done"] = True
         if not outcome:
@@ -177,7 +180,7 @@ def archive(
 
     failed = 0
     for place in places:
-        with _progress() as tell, _each(place, json_) as outcome:
+        with byte_progress() as tell, _each(place, json_) as outcome:
             target = place.resolve().parent if out is None else out
             made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=tell)
             outcome["is_done"] = True
@@ -309,26 +312,3 @@ def _lies_under(session: Path | None, root: Path) -> bool:
 
 def _root(root: Path | None, config: Path | None) -> Path:
     return root if root is not None else load_config(config).session.root
-
-
-@contextmanager
-def _progress() -> "Iterator[Callable[[str, int, int], None]]":
-    """A bar on a terminal's stderr, nothing elsewhere; gone when the work is done."""
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description:12}"), BarColumn(), DownloadColumn())
-    with Progress(
-        *columns,
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as progress:
-        task = progress.add_task("", total=None)
-
-        def tell(doing: str, done: int, total: int) -> None:
-            progress.update(task, description=doing, completed=done, total=total)
-
-        yield tell

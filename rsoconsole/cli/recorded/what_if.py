@@ -14,6 +14,7 @@ from rsoconsole.cli.words import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
+    completion,
     everywhere,
     output,
     progress,
@@ -23,7 +24,12 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.batch import Crew, Question
 
 SessionsArgument = Annotated[
-    list[Path], typer.Argument(metavar="SESSION...", help="Folders of recorded sessions.")
+    list[Path],
+    typer.Argument(
+        metavar="SESSION...",
+        help="Folders of recorded sessions.",
+        autocompletion=completion.sessions,
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -31,6 +37,7 @@ SetOption = Annotated[
         "--set",
         metavar="NAME VALUE",
         help="Any setting of 'config show', also as NAME=VALUE; may be repeated.",
+        autocompletion=completion.setting_names,
     ),
 ]
 SHARED_FROM = 8
@@ -69,7 +76,10 @@ def what_if(
     ] = None,
     gate: Annotated[float | None, typer.Option(help="NIS above which nothing is taken.")] = None,
     preset: Annotated[
-        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+        str | None,
+        typer.Option(
+            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
+        ),
     ] = None,
     set_: SetOption = None,
     detector: Annotated[
@@ -87,7 +97,12 @@ def what_if(
     force: Annotated[bool, typer.Option("--force", help="Replace a branch of that name.")] = False,
     list_: Annotated[bool, typer.Option("--list", help="Show the session's branches.")] = False,
     drop: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Delete a branch of the session.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Delete a branch of the session.",
+            autocompletion=completion.branches,
+        ),
     ] = None,
     workers: WorkersOption = None,
     serial: SerialOption = False,

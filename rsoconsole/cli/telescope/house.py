@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, output
 from rsoconsole.config import default_config_path, load_config
 
 config_app = typer.Typer(
@@ -193,21 +193,11 @@ def index_install(
 
     Example: rsoconsole index install --from /usr/share/astrometry
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from rsoconsole.instruments.solver import install, needed_scales
 
     settings = load_config(config)
     wanted = tuple(scale) if scale else needed_scales(settings.optics.field_deg)
-    with Progress(console=Console(stderr=True)) as progress:
-        bars: dict[str, int] = {}
-
-        def report(name: str, done: int, total: int) -> None:
-            if name not in bars:
-                bars[name] = progress.add_task(name, total=total)
-            progress.update(bars[name], completed=done)  # type: ignore[arg-type]
-
+    with byte_progress() as report:
         installed = install(wanted, from_dir=from_, progress=report)
     for file in installed:
         output.say(f"{file.scale}  {file.size_bytes / 1e6:.1f} MB  {file.path}")

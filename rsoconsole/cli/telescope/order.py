@@ -5,16 +5,23 @@ A command that has an example for the shell is a verb here; its fields are argum
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, SocketOption, output
+from rsoconsole.cli.words import JsonOption, SocketOption, completion, output
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
+
+_COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
+    ("set", "name"): completion.tunable_names,
+    ("set", "value"): completion.setting_values,
+    ("arm", "override"): completion.checks,
+}
+"""What of a command's verb and field the shells can complete."""
 
 
 def register(app: typer.Typer) -> None:
@@ -35,7 +42,10 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
     """A function that typer makes a verb of: its parameters are the command's fields."""
     hints = get_type_hints(command)
     shown = {_shell_name(each): each for each in fields(command)}
-    parameters = [_parameter(name, each, hints[each.name]) for name, each in shown.items()]
+    parameters = [
+        _parameter(name, each, hints[each.name], _COMPLETED.get((command.verb, each.name)))
+        for name, each in shown.items()
+    ]
     for name, hint, default in (("socket", SocketOption, None), ("json_", JsonOption, False)):
         parameters.append(_keyword(name, hint, default))
 
@@ -87,13 +97,15 @@ def _shell_name(each: "Field[Any]") -> str:
     return str(each.metadata.get("shell", each.name))
 
 
-def _parameter(name: str, each: "Field[Any]", hint: Any) -> inspect.Parameter:
+def _parameter(
+    name: str, each: "Field[Any]", hint: Any, completed: completion.Completer | None
+) -> inspect.Parameter:
     help_ = str(each.metadata.get("help", ""))
     kind = _shell_type(hint)
     if each.default is MISSING and each.default_factory is MISSING:
-        argument = typer.Argument(help=help_)
+        argument = typer.Argument(help=help_, autocompletion=completed)
         return _keyword(name, Annotated[kind, argument], inspect.Parameter.empty)
-    option = typer.Option(f"--{name.replace('_', '-')}", help=help_)
+    option = typer.Option(f"--{name.replace('_', '-')}", help=help_, autocompletion=completed)
     return _keyword(name, Annotated[kind | None, option], None)
 
 

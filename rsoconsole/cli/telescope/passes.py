@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output, progress
+from rsoconsole.cli.words import ConfigOption, JsonOption, output, piped, progress
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 
@@ -39,7 +39,8 @@ def passes(
     tle: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated. Default:"
+            help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be"
+            " repeated. Default:"
             " catalogue.tle_files of the configuration."
         ),
     ] = None,
@@ -71,7 +72,8 @@ def passes(
     Example: rsoconsole passes --tle active.tle --top 45
     """
     loaded = load_config(config)
-    entries = _entries(tle or list(loaded.catalogue.tle_files), norad or [])
+    with piped(tle or list(loaded.catalogue.tle_files)) as files:
+        entries = _entries(files.paths, norad or [])
     span = _span(loaded, at, hours)
     found = _looked_for(entries, loaded, span, is_low_only=not (every or norad))
     shown = [p for p in found if p.top.alt_deg >= top and (every or p.lit_from_utc_ns is not None)]

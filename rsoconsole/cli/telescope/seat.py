@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import SocketOption, output
+from rsoconsole.cli.words import SocketOption, completion, output
 from rsoconsole.config import Graphics
 from rsoconsole.instruments.mount import stop_past_engine
 
@@ -17,7 +17,11 @@ def register(app: typer.Typer) -> None:
 
 def console(
     session: Annotated[
-        Path | None, typer.Option(help="Show this session's folder, read-only, without an engine.")
+        Path | None,
+        typer.Option(
+            help="Show this session's folder, read-only, without an engine.",
+            autocompletion=completion.sessions,
+        ),
     ] = None,
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Only look; STOP works all the same.")

@@ -1,3 +1,4 @@
+from . import completion as completion
 from . import output as output
 from . import sessions_words as sessions_words
 from .calibrate_time_words import cautions as cautions
@@ -7,6 +8,7 @@ from .crew import NoDaskOption as NoDaskOption
 from .crew import SchedulerOption as SchedulerOption
 from .crew import SerialOption as SerialOption
 from .crew import WorkersOption as WorkersOption
+from .crew import byte_progress as byte_progress
 from .crew import everywhere as everywhere
 from .crew import progress as progress
 from .cycle_text import HEADING as HEADING
@@ -22,6 +24,7 @@ from .ledger_words import HEADER as HEADER
 from .ledger_words import object_json as object_json
 from .ledger_words import object_line as object_line
 from .ledger_words import object_lines as object_lines
+from .manual import manual_page as manual_page
 from .options import ConfigOption as ConfigOption
 from .options import JsonOption as JsonOption
 from .options import OverrideOption as OverrideOption
@@ -33,6 +36,10 @@ from .orbit_words import identification_lines as identification_lines
 from .orbit_words import orbit_lines as orbit_lines
 from .proposal_words import proposal_lines as proposal_lines
 from .proposal_words import proposal_report as proposal_report
+from .standard_input import FilesFromOption as FilesFromOption
+from .standard_input import Piped as Piped
+from .standard_input import piped as piped
+from .standard_input import with_named as with_named
 from .usage import USAGE_EXIT as USAGE_EXIT
 from .usage import UsageError as UsageError
 from .usage import fold_helps as fold_helps

@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,6 +83,34 @@ def progress(words: str, total: int | None = None) -> Iterator[Bar]:
         redirect_stderr=False,
     ) as bars:
         yield Bar(bars, bars.add_task(words, total=total))
+
+
+@contextlib.contextmanager
+def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Bytes of one thing after another, on a terminal's stderr, nothing elsewhere.
+
+    What is called takes what is done, how many bytes of it, of how many; it may be called from
+    any thread.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:12}"), BarColumn(), DownloadColumn())
+    with Progress(
+        *columns,
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+        redirect_stdout=False,
+        redirect_stderr=False,
+    ) as bars:
+        task = bars.add_task("", total=None)
+
+        def tell(doing: str, done: int, total: int) -> None:
+            bars.update(task, description=doing, completed=done, total=total)
+
+        yield tell
 
 
 def everywhere(paths: list[Path]) -> list[Path]:

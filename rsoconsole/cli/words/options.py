@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from rsoconsole.cli.words import completion
 from rsoconsole.control import OVERRIDE_HELP
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
@@ -19,5 +20,5 @@ ConfigOption = Annotated[
 ]
 OverrideOption = Annotated[
     list[str] | None,
-    typer.Option("--override", help=OVERRIDE_HELP),
+    typer.Option("--override", help=OVERRIDE_HELP, autocompletion=completion.checks),
 ]

@@ -25,6 +25,7 @@ from .seats import seat_name as seat_name
 from .slews import NowhereError as NowhereError
 from .slews import Slews as Slews
 from .temporary import Temporary as Temporary
+from .tunables import TUNABLE as TUNABLE
 from .tunables import change_record as change_record
 from .tunables import changed as changed
 from .tunables import check_tunable as check_tunable

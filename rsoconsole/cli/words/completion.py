@@ -1,0 +1,148 @@
+"""What a word of the command line may become: asked by bash, zsh and fish as TAB is pressed.
+
+Paths that are no sessions are left to the shell, which knows how to go on into folders.
+"""
+
+import functools
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+
+from rsoconsole.config import Config, load_config, walk
+from rsoconsole.errors import RsoconsoleError
+
+Completer = Callable[[Any, str], list[Any]]
+
+
+def quietly(find: Callable[[Any], Iterable[Any]]) -> Completer:
+    """A completer of what ``find`` finds for a context: words, or words with their help.
+
+    Nothing is said where something is wrong: the line that is being typed is no place for it.
+    """
+
+    @functools.wraps(find)
+    def complete(ctx: Any, incomplete: str) -> list[Any]:
+        try:
+            found = list(find(ctx))
+        except (RsoconsoleError, OSError, ValueError):
+            return []
+        return [
+            each
+            for each in found
+            if (each if isinstance(each, str) else each[0]).startswith(incomplete)
+        ]
+
+    complete.__annotations__ = {"ctx": Any, "incomplete": str}
+    del complete.__wrapped__  # typer looks at the signature
+    return complete
+
+
+def sessions(incomplete: str) -> list[str]:
+    """Folders of sessions: those under what is typed, and all of ``session.root`` by full path."""
+    found: list[str] = []
+    typed = Path(incomplete)
+    home = typed if incomplete.endswith("/") else typed.parent
+    try:
+        if incomplete:
+            before = "" if home == Path() else incomplete[: len(incomplete) - len(typed.name)]
+            before = incomplete if incomplete.endswith("/") else before
+            found += [f"{before}{each.name}" for each in _sessions_in(home.expanduser())]
+        root = load_config().session.root
+        found += [str(each) for each in _sessions_in(root)]
+    except (RsoconsoleError, OSError, ValueError, RuntimeError):
+        return []
+    words = dict.fromkeys(each for each in found if each.startswith(incomplete))
+    # The shells split what comes at white space.
+    return [each for each in words if not any(c.isspace() for c in each)]
+
+
+def session_names(incomplete: str) -> list[str]:
+    """As ``sessions``, and those under ``session.root`` by name alone."""
+    try:
+        names = [each.name for each in _sessions_in(load_config().session.root)]
+    except (RsoconsoleError, OSError):
+        names = []
+    return [each for each in names if each.startswith(incomplete)] or sessions(incomplete)
+
+
+@quietly
+def presets(_: Any) -> Iterable[str]:
+    """Of the filter."""
+    return choices_of("filter.preset")
+
+
+@quietly
+def map_modes(_: Any) -> Iterable[str]:
+    """Of the detector."""
+    return choices_of("detector.map_mode")
+
+
+@quietly
+def scenarios(_: Any) -> Iterable[tuple[str, str]]:
+    """Of the demo, each with what it is."""
+    from rsoconsole.simulator.nights import all_scenarios
+
+    return [(each.name, each.title) for each in all_scenarios().values()]
+
+
+@quietly
+def setting_names(_: Any) -> Iterable[tuple[str, str]]:
+    """All of them, each with what it is."""
+    return [(name, description) for name, _, description in walk(Config())]
+
+
+@quietly
+def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
+    """Those that an engine can be given while it runs."""
+    from rsoconsole.engine.control import TUNABLE
+
+    return [(name, words) for name, _, words in walk(Config()) if name in TUNABLE]
+
+
+@quietly
+def setting_values(ctx: Any) -> Iterable[str]:
+    """Of the setting whose name stands before."""
+    return choices_of(str(ctx.params.get("name") or ""))
+
+
+@quietly
+def checks(_: Any) -> Iterable[str]:
+    """Of the list before arming."""
+    from rsoconsole.engine.operator import CHECKS
+
+    return CHECKS
+
+
+@quietly
+def branches(ctx: Any) -> Iterable[str]:
+    """Of the sessions that stand before."""
+    found: list[str] = []
+    for each in ctx.params.get("sessions") or ():
+        found += [path.name for path in sorted((Path(each) / "branches").iterdir())]
+    return found
+
+
+def choices_of(name: str) -> tuple[str, ...]:
+    """What a setting may be; empty where that is not one of a few words."""
+    section, _, key = name.partition(".")
+    home = Config.model_fields.get(section)
+    if home is None or not isinstance(home.annotation, type):
+        return ()
+    info = home.annotation.model_fields.get(key) if issubclass(home.annotation, BaseModel) else None
+    if info is None:
+        return ()
+    if info.annotation is bool:
+        return ("true", "false")
+    kinds = [info.annotation, *get_args(info.annotation)]
+    few = next((each for each in kinds if get_origin(each) is Literal), None)
+    return tuple(map(str, get_args(few)))
+
+
+def _sessions_in(folder: Path) -> list[Path]:
+    from rsoconsole.session.log import DATABASE
+
+    if not folder.is_dir():
+        return []
+    return sorted(each for each in folder.iterdir() if (each / DATABASE).is_file())
