@@ -123,3 +123,18 @@ def _with(frame, pixels):
     import dataclasses
 
     return dataclasses.replace(frame, pixels=pixels)
+
+
+def test_what_is_left_of_a_row_is_too_little_for_a_line():
+    """A converter of coarse steps, half a sigma each: four sigmas of what is left along a whole
+    row stay below what a line filter takes for light."""
+    random = np.random.default_rng(3)
+    by_row = random.normal(0.0, 60.0, 700)
+    sky = random.normal(1000.0, 35.0, (700, 4656)) + by_row[:, None]
+    pixels = (np.round(sky / 16.0) * 16.0).astype(np.uint16)
+    pattern = find_pattern(pixels)
+    assert pattern is not None
+    assert pattern.rows is not None
+    left = pattern.rows - by_row
+    # From row to row: what changes slowly is the sky's to any local background.
+    assert np.std(np.diff(left)) / math.sqrt(2.0) < 0.035 * 35.0

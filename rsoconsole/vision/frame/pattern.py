@@ -1,8 +1,9 @@
 """What the electronics add to whole rows and columns: found, and taken away where it is there.
 
-An offset of a row is told from the sky by its neighbours: the median along it of what each pixel
-has above the mean of those in the rows about it. Stars and streaks fill too little of a row to
-move a median; a streak along one row for more than half of the frame would be taken for noise.
+An offset of a row is told from the sky by its neighbours: by what each pixel has above the mean of
+those in the rows about it. The median along the row, which stars and streaks fill too little of to
+move, says about where it is; the mean of what lies near it says where, however coarse the steps of
+the converter are. A streak along one row for more than half of the frame would be taken for noise.
 """
 
 from dataclasses import dataclass
@@ -19,8 +20,11 @@ SEEN_SIGMA = 0.15
 _ABOUT = 65
 """Lines whose mean is the sky of the one in their middle."""
 _BANDS, _BAND = 4, 64
-_GLANCE, _FULL = 160, 600
+_GLANCE, _FULL = 160, 1500
 """Samples of a line, at least, for a first look and for its offset."""
+_NEAR = 2.5
+"""Sigmas of a pixel about the median that the mean is of."""
+_MEDIAN_STEP = 3
 _NOISE_LINES = 32
 _MEDIAN_ERROR = 1.2533
 """Standard error of a normal's median, of its sigma over the root of the number of samples."""
@@ -66,8 +70,8 @@ def find_pattern(pixels: PixelArray) -> Pattern | None:
     has_rows, has_columns = _is_striped(pixels, noise), _is_striped(pixels.T, noise)
     if not (has_rows or has_columns):
         return None
-    columns = _offsets(pixels.T) if has_columns else None
-    rows = _offsets(pixels, columns) if has_rows else None
+    columns = _offsets(pixels.T, noise) if has_columns else None
+    rows = _offsets(pixels, noise, columns) if has_rows else None
     return Pattern(rows=rows, columns=columns, noise_adu=noise)
 
 
@@ -95,7 +99,7 @@ def _is_striped(pixels: PixelArray, noise: float) -> bool:
     return spread**2 - by_chance**2 > (SEEN_SIGMA * noise) ** 2
 
 
-def _offsets(pixels: PixelArray, across: Float32Array | None = None) -> Float32Array:
+def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = None) -> Float32Array:
     """Of each line (axis 0); ``across``: what is to be taken from the other axis before."""
     import cv2
 
@@ -106,4 +110,18 @@ def _offsets(pixels: PixelArray, across: Float32Array | None = None) -> Float32A
         sample -= across[::step]
     # Each place against those above and below it: no slope of the sky is left along the line.
     sample -= cv2.blur(sample, (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
-    return np.asarray(np.median(sample, axis=1), dtype=np.float32)
+    about = np.median(sample[:, ::_MEDIAN_STEP], axis=1).astype(np.float32)
+    sample -= about[:, None]
+    is_near = np.abs(sample) <= np.float32(_NEAR * noise)
+    sample *= is_near
+    near = np.maximum(np.count_nonzero(is_near, axis=1), 1)
+    above = (about + sample.sum(axis=1) / near).astype(np.float32)
+    return np.asarray(above + _of_neighbours(above), dtype=np.float32)
+
+
+def _of_neighbours(above: Float32Array) -> Float32Array:
+    """What the lines about each one have themselves, on the whole."""
+    import cv2
+
+    total = cv2.blur(above[:, None], (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(total[:, 0], dtype=np.float32)
