@@ -63,5 +63,6 @@ def pass_of(**others) -> LowPass:
         "t_next_rise_utc_ns": T0_UTC_NS + 5_400 * NS,
         "sigma_next_s": 3.5,
         "sigma_next_across_deg": 0.02,
+        "scatter_s": 0.125,
     }
     return LowPass(**{**fields, **others})

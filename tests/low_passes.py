@@ -87,12 +87,13 @@ def streak_of(
     *,
     exposure_s: float = 0.2,
     bias_s: float = 0.0,
+    scatter_s: float = SCATTER_S,
     site: Site = SITE,
 ) -> StreakEnds:
     """What a frame shows, ends to 0.3 px, the shutter late at random; in either sense."""
     half_ns = round(exposure_s / 2.0 * NS_PER_S)
     t = np.array([t_mid_utc_ns - half_ns, t_mid_utc_ns + half_ns])
-    late_ns = round(float(random.normal(bias_s, SCATTER_S)) * NS_PER_S)
+    late_ns = round(float(random.normal(bias_s, scatter_s)) * NS_PER_S)
     places = one.satellite.astrometric_place(site, t + late_ns)
     off_deg = random.normal(0.0, END_ARCSEC / 3600.0, (2, 2))
     streak = StreakEnds(

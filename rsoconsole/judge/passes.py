@@ -43,4 +43,5 @@ def _of_pass(each: LowPass, met: Sequence[LeapDone]) -> dict[str, Any]:
         "across_rms_arcsec": each.across_rms_arcsec,
         "t_next_rise_utc_ns": each.t_next_rise_utc_ns,
         "sigma_next_s": each.sigma_next_s,
+        "scatter_s": each.scatter_s,
     }

@@ -293,4 +293,5 @@ across_rms_arcsec real ends of its streaks against the orbit
 t_next_rise_utc_ns integer when it comes again
 sigma_next_s real of that
 sigma_next_across_deg real of where it then is
+scatter_s real of the shutter, as calibrated or as the streaks told
 """

@@ -93,3 +93,6 @@ class LowPass:
     """When it comes again within a day, above the limit of altitude; None: not found."""
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
+    scatter_s: float | None = None
+    """Of the shutter, one sigma: as calibrated, or as these streaks told; None where one was all,
+    and in sessions of before it was learned."""

@@ -114,6 +114,7 @@ def pass_record(
         t_next_rise_utc_ns=None if next_pass is None else next_pass.rise_utc_ns,
         sigma_next_s=None if next_pass is None else next_pass.sigma_s,
         sigma_next_across_deg=None if next_pass is None else next_pass.sigma_across_deg,
+        scatter_s=None if orbit is None else best.scatter_s,
     )
 
 

@@ -64,7 +64,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
     """What came of it, and what a leap took."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
-    words = f"{len(streaks)} streaks in {span_s:.0f} s"
+    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter +- {track.best.scatter_s:.2f} s"
     if not parts:
         return words
 

@@ -21,6 +21,14 @@ from rsoconsole.sky import NS_PER_S, IntArray, position_angle_deg, separation_de
 GATE = 30.0
 """Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""
 LEAST_PROBABILITY = 1e-4
+MOST_SCATTER_S = 1.0
+"""A streak that lies on the track, runs along it and is as fast may be so early or late as no more
+than a shutter makes it, one sigma, where nobody has measured that."""
+_STRAIGHT_S = 0.1
+_OF_MOTION = 4
+"""Numbers of an orbit that say where along its way something is."""
+_SAME_SCATTER = 1.15
+_MOST_FITS = 3
 _DETECTED = 0.9
 """How surely a streak that was in the frame is found, where nothing else is known."""
 
@@ -36,6 +44,8 @@ class Hypothesis:
     orbit: LowOrbit | None
     """From the second streak on."""
     probability: float
+    scatter_s: float
+    """Of the shutter, one sigma: as stated at first, then as the streaks have told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,23 +63,31 @@ class LeapTrack:
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
         """Where it will be by the n-th hypothesis; None where that is below the ground."""
-        return _ahead(self.site, self.timing, self.hypotheses[number], t_utc_ns)
+        return _ahead(self.site, self.hypotheses[number], t_utc_ns)
 
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
     ) -> SkyPath | None:
-        """Places by the n-th hypothesis for a while; None where it sets within two steps."""
+        """Where the shutter will find it, by the n-th hypothesis, for a while.
+
+        None where it sets within two steps. Covariances hold what the shutter scatters.
+        """
         each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
         t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
         if each.orbit is not None:
-            return path_of_orbit(each.orbit, self.site, t)
-        places = [ahead(each.cloud, self.site, int(at), self.timing.scatter_s) for at in t]
+            return path_of_orbit(each.orbit, self.site, t, each.scatter_s)
+        places = [ahead(each.cloud, self.site, int(at), each.scatter_s) for at in t]
         known = [place for place in places if place is not None]
         return path_of(known) if len(known) > 1 else None
 
 
-def path_of_orbit(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> SkyPath | None:
-    """Where an orbit leads, at instants in order; None where it has come down."""
+def path_of_orbit(
+    orbit: KnownOrbit, site: Site, t_utc_ns: IntArray, scatter_s: float = 0.0
+) -> SkyPath | None:
+    """Where an orbit leads, at instants in order; None where it has come down.
+
+    ``scatter_s`` of the shutter that will look: along the way, in the covariances.
+    """
     found = predict(orbit, site, t_utc_ns)
     places = found.places
     east = places.ra_rate_deg_s * np.cos(np.radians(places.dec_icrs_deg))
@@ -83,7 +101,8 @@ def path_of_orbit(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> SkyPath 
                 ra_icrs_deg=float(ra),
                 dec_icrs_deg=float(dec),
                 rate_arcsec_s=rate,
-                covariance_arcsec2=np.array([[ee, en], [en, nn]]),
+                covariance_arcsec2=np.array([[ee, en], [en, nn]])
+                + scatter_s**2 * np.outer(rate, rate),
             )
             for t, ra, dec, rate, (ee, en, nn) in zip(
                 places.t_utc_ns,
@@ -121,6 +140,7 @@ def begin(
                 cloud=cloud,
                 orbit=None,
                 probability=float(np.exp(cloud.log_evidence - top)),
+                scatter_s=timing.scatter_s,
             )
             for each, cloud in likely
         ],
@@ -128,25 +148,30 @@ def begin(
 
 
 def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
-    """With one more streak, later than all others; None where it fits no hypothesis."""
+    """With one more streak, later than all others; None where it fits no hypothesis.
+
+    What the shutter scatters is learned on the way, as far as nobody has measured it.
+    """
     found = []
     for number, each in enumerate(track.hypotheses):
         place = track.ahead(streak.t_mid_utc_ns, number)
         if place is None:
             continue
         turned = in_sense_of(streak, place)
-        log_likelihood = _log_likelihood(place, turned, track.timing)
+        late_s = _late_s(place, turned)
+        if abs(late_s) > _STRAIGHT_S:
+            # Its path bends: it is held against where it was then.
+            place = track.ahead(streak.t_mid_utc_ns + round(late_s * NS_PER_S), number)
+            if place is None:
+                continue
+        log_likelihood = _log_likelihood(place, turned, each.scatter_s)
+        if log_likelihood is None and np.isfinite(track.timing.scatter_frames):
+            log_likelihood = _log_likelihood(place, turned, MOST_SCATTER_S)
         if log_likelihood is None:
             continue
-        orbit = _orbit(track, each, turned)
-        if orbit is None:
-            continue
-        found.append(
-            (
-                log_likelihood + np.log(each.probability),
-                replace(each, streaks=(*each.streaks, turned), orbit=orbit),
-            )
-        )
+        after = _with_streak(track, each, turned)
+        if after is not None:
+            found.append((log_likelihood + np.log(each.probability), after))
     if not found:
         return None
     top = max(log for log, _ in found)
@@ -186,9 +211,9 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
     return LeapTrack(site=site, timing=timing, hypotheses=tuple(kept))
 
 
-def _ahead(site: Site, timing: Timing, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
+def _ahead(site: Site, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
     if each.orbit is None:
-        return ahead(each.cloud, site, t_utc_ns, timing.scatter_s)
+        return ahead(each.cloud, site, t_utc_ns, each.scatter_s)
     motion = predict_motion(each.orbit, site, t_utc_ns)
     if motion is None:
         return None
@@ -201,19 +226,47 @@ def _ahead(site: Site, timing: Timing, each: Hypothesis, t_utc_ns: int) -> SkyAh
     )
 
 
-def _orbit(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> LowOrbit | None:
+def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:
+    """With the orbit through all, weighed by what that itself says of the shutter's scatter."""
+    streaks, scatter_s = (*each.streaks, streak), each.scatter_s
     if each.orbit is None:
         state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
     else:
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
-    found = fit_streaks(track.site, (*each.streaks, streak), state, epoch, track.timing)
-    return found if found is not None and found.is_converged else None
+    for _ in range(_MOST_FITS):
+        timing = replace(track.timing, scatter_s=scatter_s)
+        orbit = fit_streaks(track.site, streaks, state, epoch, timing)
+        if orbit is None or not orbit.is_converged:
+            return None
+        before_s, scatter_s = scatter_s, _scatter_s(track.timing, streaks, orbit)
+        if 1.0 / _SAME_SCATTER < scatter_s / before_s < _SAME_SCATTER:
+            break
+        state, epoch = (orbit.r_km, orbit.v_km_s), orbit.epoch_utc_ns
+    return replace(each, streaks=streaks, orbit=orbit, scatter_s=scatter_s)
 
 
-def _log_likelihood(place: SkyAhead, streak: StreakEnds, timing: Timing) -> float | None:
+def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
+    """Of the shutter: what was stated, and how early and late the streaks lie on their orbit.
+
+    Scale of a scaled inverse chi-square law (Gelman et al. 2013, 2.6), less what the motion along
+    its way takes.
+    """
+    if not np.isfinite(timing.scatter_frames):
+        return timing.scatter_s
+    late_s = [
+        float(np.mean(off[:, 0])) / each.speed_arcsec_s
+        for each, off in zip(streaks, orbit.residuals_arcsec, strict=True)
+        if each.is_whole
+    ]
+    frames = timing.scatter_frames
+    square = frames * timing.scatter_s**2 + float(np.sum(np.square(late_s)))
+    return float(np.sqrt(square / (frames + max(len(late_s) - _OF_MOTION, 0))))
+
+
+def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> float | None:
     """Of the middle of a streak by place, and of its rate; None beyond the gate.
 
-    ``place`` at the middle of the frame.
+    ``place`` at the middle of the frame, or when the light seems to have been there.
     """
     ends = streak.covariances_arcsec2
     cov = np.stack([ends[:, 0], ends[:, 1], ends[:, 1], ends[:, 2]], -1).reshape(2, 2, 2)
@@ -221,7 +274,7 @@ def _log_likelihood(place: SkyAhead, streak: StreakEnds, timing: Timing) -> floa
     # Each end against where the rate puts it: the place's error and the time's are common.
     since_s = (streak.t_utc_ns - place.t_utc_ns) / NS_PER_S
     off = np.concatenate([_offset(place, streak, n) - rate * since_s[n] for n in range(2)])
-    common = place.covariance_arcsec2 + timing.scatter_s**2 * np.outer(rate, rate)
+    common = place.covariance_arcsec2 + scatter_s**2 * np.outer(rate, rate)
     total = np.kron(np.ones((2, 2)), common)
     total[:2, :2] += cov[0]
     total[2:, 2:] += cov[1]
@@ -232,6 +285,13 @@ def _log_likelihood(place: SkyAhead, streak: StreakEnds, timing: Timing) -> floa
     if not chi2 <= GATE:
         return None
     return -0.5 * (chi2 + float(np.linalg.slogdet(total)[1]))
+
+
+def _late_s(place: SkyAhead, streak: StreakEnds) -> float:
+    """By how much later than the frame says the light seems to have been there."""
+    off = 0.5 * (_offset(place, streak, 0) + _offset(place, streak, 1))
+    since_s = float(np.mean(streak.t_utc_ns - place.t_utc_ns)) / NS_PER_S
+    return float(off @ place.rate_arcsec_s) / place.speed_arcsec_s**2 - since_s
 
 
 def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:

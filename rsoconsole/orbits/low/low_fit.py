@@ -49,6 +49,8 @@ class Timing:
     """Of each frame by itself, one sigma."""
     bias_sigma_s: float = 0.0
     """Common to all of them."""
+    scatter_frames: float = np.inf
+    """By how many frames ``scatter_s`` is known; where by few, streaks themselves tell it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

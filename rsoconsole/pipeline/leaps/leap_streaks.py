@@ -16,6 +16,9 @@ LEAST_SIGMA_PX = 0.3
 """Of an end, however well its streak fits."""
 UNKNOWN_BIAS_S = 0.1
 """What a shutter may be off in all frames together, where nobody has measured it."""
+LEAST_SCATTER_S = 1e-4
+STATED_FRAMES = 2.0
+"""For so many frames counts a scatter of the shutter that stands in the settings alone."""
 RIM_PX = 6.0
 """So near to the frame's edge an end is not the light's."""
 
@@ -72,7 +75,12 @@ def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
-    return Timing(scatter_s=shutter.sigma_s, bias_sigma_s=shutter.bias_sigma_s or unknown_s)
+    is_measured = is_gps or shutter.bias_sigma_s > 0.0
+    return Timing(
+        scatter_s=max(shutter.sigma_s, LEAST_SCATTER_S),
+        bias_sigma_s=shutter.bias_sigma_s or unknown_s,
+        scatter_frames=math.inf if is_measured else STATED_FRAMES,
+    )
 
 
 def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tuple[float, float]:
