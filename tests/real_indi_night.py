@@ -25,7 +25,7 @@ PORT = 7624
 MOUNT = "Telescope Simulator"
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, client: str) -> None:
     """Slews, a frame, stops, parking, weather and dome, and the death of the server."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     command = ["indiserver", "-p", str(PORT), "-u", str(folder / "indi.sock")]
@@ -37,7 +37,12 @@ def main(folder: Path) -> None:
         )
     try:
         wait_for_server()
-        indi = {"port": PORT, "weather": "Weather Simulator", "dome": "Dome Simulator"}
+        indi = {
+            "port": PORT,
+            "client": client,
+            "weather": "Weather Simulator",
+            "dome": "Dome Simulator",
+        }
         config = Config.model_validate({"indi": indi})
         with connect_instruments(config, log_dir=folder) as instruments:
             facts = night(instruments, config)
@@ -232,4 +237,4 @@ def what_happens(act: Any) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2])

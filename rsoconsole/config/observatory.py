@@ -69,6 +69,11 @@ class OpticsConfig(Section):
 class IndiConfig(Section):
     """The INDI server and the names of the devices on it."""
 
+    client: Literal["auto", "pyindi", "indipyclient"] = Field(
+        "auto",
+        description="library that speaks INDI; auto: pyindi-client where it is installed, else"
+        " indipyclient",
+    )
     host: str = "127.0.0.1"
     port: int = Field(INDI_PORT, ge=1, le=65535)
     mount: str = "Telescope Simulator"

@@ -15,6 +15,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.doctor import doctor, doctor_system
 from rsoconsole.engine.doctor.doctor_system import ClockReading, Terminal, colours_of
 from rsoconsole.engine.machine.retention import disk_outlook
+from rsoconsole.instruments.indi.client_choice import meant_libraries
 from rsoconsole.instruments.observatory.clock import utc_now_ns
 from rsoconsole.sky.times import iso_to_utc_ns
 
@@ -98,6 +99,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "index files",
         "catalogue",
         "site",
+        "INDI client",
         "INDI server",
         "mount site",
         "clock",
@@ -156,6 +158,35 @@ def test_a_library_that_is_missing_or_crashes_is_named(
     assert "crashing_library: it ends the process" in check.detail
     assert "csv: not tried" in check.detail
     assert "json:" not in check.detail
+
+
+@pytest.mark.parametrize("setting", ["pyindi", "indipyclient"])
+def test_the_library_that_speaks_indi_is_told_with_its_version(setting: str) -> None:
+    (library,) = meant_libraries(setting)
+    if not library.is_there:
+        pytest.skip(f"{library.package} is not installed")
+    check = doctor.doctor_indi.check_client(config_with(indi={"client": setting}))
+    assert check.ok is True
+    assert check.detail == f"{library.title} (indi.client is {setting})"
+
+
+def test_a_library_of_indi_that_does_not_load_is_told_and_the_other_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "PyIndi.py").write_text("raise ImportError('libindiclient.so: no such file')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    check = doctor.doctor_indi.check_client(config_with(indi={"client": "auto"}))
+    assert check.ok is True
+    assert check.detail.startswith("indipyclient ")
+    assert "does not load: ImportError: libindiclient.so" in check.detail
+    wanted = doctor.doctor_indi.check_client(config_with(indi={"client": "pyindi"}))
+    assert wanted.ok is False
+    assert "set indi.client to auto" in wanted.remedy
+    (tmp_path / "indipyclient.py").write_text("import os\nos.abort()\n")
+    neither = doctor.doctor_indi.check_client(config_with(indi={"client": "auto"}))
+    assert neither.ok is False
+    assert "it ends the process" in neither.detail
+    assert "pip install indipyclient" in neither.remedy
 
 
 def test_a_network_that_is_not_there_is_told(tmp_path: Path) -> None:

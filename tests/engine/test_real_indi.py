@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
+from tests.indi_clients import CLIENTS
 
 pytestmark = pytest.mark.indi_bin
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,8 +23,10 @@ NEEDED = (
 )
 
 
-@pytest.fixture(scope="module")
-def night(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+@pytest.fixture(scope="module", params=CLIENTS)
+def night(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
     missing = [program for program in NEEDED if shutil.which(program) is None]
     if missing:
         pytest.skip(f"needs {', '.join(missing)}: apt install indi-bin util-linux iproute2")
@@ -33,7 +36,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     # Sockets have short names: pytest's folders may be too deep.
     folder = tmp_path_factory.mktemp("indi")
     done = subprocess.run(
-        [*namespace, sys.executable, "-m", "tests.real_indi_night", str(folder)],
+        [*namespace, sys.executable, "-m", "tests.real_indi_night", str(folder), request.param],
         cwd=ROOT,
         capture_output=True,
         text=True,

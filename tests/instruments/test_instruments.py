@@ -23,6 +23,7 @@ from rsoconsole.instruments.ports import Instruments
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
+from tests.indi_clients import CLIENTS
 from tests.stub_stage import SITE, T_START_UTC_NS
 
 NS = 1_000_000_000
@@ -31,21 +32,28 @@ STAGE = "tests.stub_stage:open_plain"
 START = (240.0, -5.0)
 
 
-def config_for(observatory: Observatory) -> Config:
+def config_for(observatory: Observatory, client: str = "auto") -> Config:
     return Config.model_validate(
         {
-            "indi": {"port": observatory.port, "simulated": True},
+            "indi": {"port": observatory.port, "simulated": True, "client": client},
             "optics": {"width_px": 256, "height_px": 192},
         }
     )
 
 
+@pytest.fixture(scope="module", params=CLIENTS)
+def client(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Observatory, Instruments]]:
+def shared(
+    client: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Observatory, Instruments]]:
     folder = tmp_path_factory.mktemp("logs")
     with (
         start_observatory("plain", 1, 0, stage=STAGE) as observatory,
-        connect_instruments(config_for(observatory), log_dir=folder) as instruments,
+        connect_instruments(config_for(observatory, client), log_dir=folder) as instruments,
     ):
         yield observatory, instruments
 
@@ -72,9 +80,11 @@ def own_observatory() -> Iterator[Observatory]:
 
 
 @pytest.fixture
-def own_instruments(own_observatory: Observatory, tmp_path: Path) -> Iterator[Instruments]:
+def own_instruments(
+    client: str, own_observatory: Observatory, tmp_path: Path
+) -> Iterator[Instruments]:
     """For tests that break something for good."""
-    with connect_instruments(config_for(own_observatory), log_dir=tmp_path) as connected:
+    with connect_instruments(config_for(own_observatory, client), log_dir=tmp_path) as connected:
         yield connected
 
 
@@ -359,9 +369,9 @@ def test_a_killed_camera_process_is_an_error_and_then_works_again(instruments, i
     assert take_frame(instruments, 3).frame_id == 3
 
 
-def test_a_frame_larger_than_the_configured_sensor_is_refused_in_words(shared, tmp_path):
+def test_a_frame_larger_than_the_configured_sensor_is_refused_in_words(client, shared, tmp_path):
     observatory, instruments = shared
-    config = config_for(observatory)
+    config = config_for(observatory, client)
     small = config.optics.model_copy(update={"width_px": 64, "height_px": 64})
     camera = IndiCamera(config.indi, small, tmp_path / "camera.log")
     try:
@@ -377,9 +387,9 @@ def test_a_frame_larger_than_the_configured_sensor_is_refused_in_words(shared, t
 # ---- processes -----------------------------------------------------------------------------
 
 
-def test_children_and_observatory_end_with_their_parents(tmp_path):
+def test_children_and_observatory_end_with_their_parents(client, tmp_path):
     with start_observatory("plain", 1, 0, stage=STAGE) as observatory:
-        with connect_instruments(config_for(observatory), log_dir=tmp_path) as instruments:
+        with connect_instruments(config_for(observatory, client), log_dir=tmp_path) as instruments:
             pids = [instruments.mount.process.pid, instruments.camera.process.pid]
         pids.append(observatory.process.pid)
     for pid in pids:
@@ -398,10 +408,10 @@ def test_a_dead_server_is_an_error_in_words(own_instruments, own_observatory):
         own_instruments.clock.wait_until(T_START_UTC_NS + NS)
 
 
-def test_nothing_to_connect_to_is_an_error_that_says_what_to_start(tmp_path):
+def test_nothing_to_connect_to_is_an_error_that_says_what_to_start(client, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as gone:
         port = gone.getsockname()[1]
-    config = Config.model_validate({"indi": {"port": port}})
+    config = Config.model_validate({"indi": {"port": port, "client": client}})
     with (
         pytest.raises(InstrumentError, match="start indiserver"),
         connect_instruments(config, log_dir=tmp_path),

@@ -20,6 +20,7 @@ from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.simulator.launch import Observatory, start_observatory
+from tests.indi_clients import CLIENTS
 from tests.stub_stage import T_START_UTC_NS
 
 NS = 1_000_000_000
@@ -149,9 +150,12 @@ def pass_s(clock: SimulatedClock, seconds: float) -> None:
     clock.wait_until(clock.now_utc_ns() + round(seconds * NS))
 
 
-@pytest.fixture
-def mount(observatory: Observatory, tmp_path: Path) -> Iterator[IndiMount]:
-    config = Config.model_validate({"indi": {"port": observatory.port, "simulated": True}})
+@pytest.fixture(params=CLIENTS)
+def mount(
+    request: pytest.FixtureRequest, observatory: Observatory, tmp_path: Path
+) -> Iterator[IndiMount]:
+    there = {"port": observatory.port, "simulated": True, "client": request.param}
+    config = Config.model_validate({"indi": there})
     mount = IndiMount(config.indi, tmp_path / "mount.log", config.mount)
     mount.start()
     yield mount
@@ -241,7 +245,7 @@ def test_keep_waits_for_nobody_and_starts_nothing(mount):
 class Child:
     """A mount's process whose parent does as a test likes."""
 
-    def __init__(self, observatory: Observatory, log: Path) -> None:
+    def __init__(self, observatory: Observatory, log: Path, client: str) -> None:
         with log.open("ab") as errors:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "rsoconsole.instruments.mount.mount_child"],
@@ -252,6 +256,7 @@ class Child:
         self.number = 0
         self.order(
             "start",
+            client=client,
             host=observatory.host,
             port=observatory.port,
             device=observatory.mount_name,
@@ -303,12 +308,19 @@ class Child:
             stream.close()
 
 
+@pytest.fixture(params=CLIENTS)
+def client(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture
-def children(observatory: Observatory, tmp_path: Path) -> Iterator[Callable[[], Child]]:
+def children(
+    client: str, observatory: Observatory, tmp_path: Path
+) -> Iterator[Callable[[], Child]]:
     made: list[Child] = []
 
     def make() -> Child:
-        made.append(Child(observatory, tmp_path / "mount.log"))
+        made.append(Child(observatory, tmp_path / "mount.log", client))
         return made[-1]
 
     yield make
@@ -392,10 +404,10 @@ def test_it_leaves_the_mount_to_whichever_moves_it(children, observatory, clock)
     assert not stands(observatory)
 
 
-def test_it_ends_with_the_server(tmp_path):
+def test_it_ends_with_the_server(client, tmp_path):
     with start_observatory("plain", 1, 0, stage=STAGE) as own:
         clock = SimulatedClock(own.host, own.port)
-        child = Child(own, tmp_path / "mount.log")
+        child = Child(own, tmp_path / "mount.log", client)
         child.keep(clock, 60.0)
         child.lose_parent()
         clock.close()

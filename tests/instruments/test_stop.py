@@ -14,7 +14,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.after_stop import tracking_after_stop
-from rsoconsole.instruments.indi.indi_child import Vector
+from rsoconsole.instruments.indi.indi_client import Vector
 from rsoconsole.instruments.indi.indi_wire import IndiWire, stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
@@ -22,6 +22,7 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
+from tests.indi_clients import CLIENTS
 
 NS = 1_000_000_000
 STAGE = "tests.stub_stage:open_plain"
@@ -124,8 +125,10 @@ class Post:
         return coordinates.state == "Busy", tracking.values["TRACK_ON"] == "On"
 
 
-@pytest.fixture(scope="module")
-def posts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Post]]:
+@pytest.fixture(scope="module", params=CLIENTS)
+def posts(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, Post]]:
     """One mount each: for a while after a STOP two processes with other ideas would argue."""
     logs = tmp_path_factory.mktemp("logs")
     with ExitStack() as open_until_the_end:
@@ -138,7 +141,11 @@ def posts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Post]]
             open_until_the_end.callback(clock.close)
             config = Config.model_validate(
                 {
-                    "indi": {"port": observatory.port, "simulated": True},
+                    "indi": {
+                        "port": observatory.port,
+                        "simulated": True,
+                        "client": request.param,
+                    },
                     "mount": {"after_stop": after_stop, "lease_s": 600},
                 }
             )
@@ -337,7 +344,6 @@ def heard(name: str, state: str, age_s: float, is_definition: bool = False, **va
     return Vector(
         name=name,
         state=state,
-        timestamp="",
         values=values,
         serial=1,
         is_definition=is_definition,

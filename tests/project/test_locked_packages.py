@@ -23,7 +23,7 @@ PROJECT = ROOT / "pyproject.toml"
 pytestmark = pytest.mark.skipif(
     not (ROOT / FILES[0]).exists(), reason="no checkout: the lock is not here"
 )
-NEVER_IMPORTED = {"bottle", "dbus-python"}
+NEVER_IMPORTED = frozenset({"bottle", "dbus-python"})
 """What pyindi-client declares and this program leaves out."""
 
 
@@ -47,7 +47,19 @@ def declared(extra: str = "") -> list[Requirement]:
     return [*plain, *(each for extra in nested for each in declared(extra))]
 
 
-def everything_below(wanted: list[Requirement]) -> set[str]:
+def declared_by(name: str) -> list[str]:
+    """What an installed package needs; nothing is known of what is left out of an installation."""
+    try:
+        return importlib.metadata.requires(name) or []
+    except importlib.metadata.PackageNotFoundError:
+        if name in NEVER_IMPORTED:
+            return []
+        raise
+
+
+def everything_below(
+    wanted: list[Requirement], left_out: frozenset[str] = NEVER_IMPORTED
+) -> set[str]:
     """Names of what is needed, and of what that needs, as the installed packages declare it."""
     found: set[str] = set()
     waiting = [(each, extra) for each in wanted for extra in ("", *each.extras)]
@@ -55,11 +67,11 @@ def everything_below(wanted: list[Requirement]) -> set[str]:
     while waiting:
         each, extra = waiting.pop()
         name = canonical(each.name)
-        if name in NEVER_IMPORTED or (name, extra) in seen:
+        if name in left_out or (name, extra) in seen:
             continue
         seen.add((name, extra))
         found.add(name)
-        for line in importlib.metadata.requires(name) or ():
+        for line in declared_by(name):
             needed = Requirement(line)
             if needed.marker is None or needed.marker.evaluate({"extra": extra}):
                 waiting += [(needed, inner) for inner in ("", *needed.extras)]
@@ -90,9 +102,23 @@ def test_what_the_project_declares_is_locked_within_its_range(names, extra):
 def test_the_lock_holds_all_that_is_needed_and_nothing_else():
     product, beside = pinned(FILES[0]), pinned(FILES[1])
     assert not product.keys() & beside.keys()
-    needed = everything_below(declared())
+    # The README's command installs libindi's client, too; a plain installation does without.
+    needed = everything_below([*declared(), *declared("pyindi")])
     assert product.keys() == needed
     assert beside.keys() >= everything_below(declared("test")) - needed
+
+
+def test_a_plain_installation_needs_no_header_of_the_system():
+    """`pip install .`, `.[notebook]` and `.[dask]`: nothing that they pull declares dbus-python."""
+    wanted = [each for extra in ("", "notebook", "dask") for each in declared(extra)]
+    needed = everything_below(wanted, left_out=frozenset())
+    assert {"indipyclient", "indipydriver"} <= needed
+    assert not needed & (NEVER_IMPORTED | {"pyindi-client"})
+
+
+def test_it_would_show_if_one_did():
+    needed = everything_below(declared("pyindi"), left_out=frozenset())
+    assert needed >= {"pyindi-client", "dbus-python"}
 
 
 def test_those_that_need_headers_of_the_system_are_left_out():

@@ -3,8 +3,6 @@
 No check raises, none changes anything, and each says what to do when it is not well.
 """
 
-import json
-import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,6 +18,7 @@ from rsoconsole.engine.doctor import (
     doctor_system,
 )
 from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_imports import import_faults
 from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
@@ -37,19 +36,8 @@ STALE_DAYS = 14.0
 SITE_KM = 1.0
 """0.01 deg of sky, which the engine demands of the mount too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
-_LIBRARIES_OF_PROCESSES = ("PyIndi", "indipydriver", "indipyserver", "textual", "plotext")
+_LIBRARIES_OF_PROCESSES = ("indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
-_IMPORT_ALL = """
-import importlib, json, sys
-for name in sys.argv[1:]:
-    print(json.dumps([name, "it ends the process"]), flush=True)
-    try:
-        importlib.import_module(name)
-        fault = None
-    except BaseException as error:
-        fault = f"{type(error).__name__}: {error}"
-    print(json.dumps([name, fault]), flush=True)
-"""
 
 
 def run_checks(config: Config) -> Iterator[Check]:
@@ -63,6 +51,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("index files", check_index_files),
         ("catalogue", check_catalogue),
         ("site", check_site),
+        ("INDI client", doctor_indi.check_client),
         ("INDI server", check_indi_server),
         ("mount site", check_mount_site),
         ("clock", lambda _: check_clock()),
@@ -103,19 +92,7 @@ def check_system() -> Check:
 def check_libraries(_config: Config) -> Check:
     """Every library loads here, tried in a process that may crash."""
     names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    faults: dict[str, str | None] = {}
-    for line in done.stdout.splitlines():
-        if line.startswith("["):
-            name, fault = json.loads(line)
-            faults[name] = fault
-    broken = {n: faults.get(n, "not tried") for n in names if faults.get(n, "not tried")}
+    broken = import_faults(names)
     if any(runtime not in broken for runtime in _RUNTIMES):
         broken = {name: fault for name, fault in broken.items() if name not in _RUNTIMES}
     version = ".".join(str(part) for part in sys.version_info[:3])

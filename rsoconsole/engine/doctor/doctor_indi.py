@@ -1,14 +1,46 @@
-"""What an INDI server says, asked by plain TCP: which devices it has, where the mount stands."""
+"""Which library speaks INDI here, and what a server says, asked by plain TCP.
+
+Which devices it has, and where the mount stands.
+"""
 
 import html
 import re
 import socket
 import time
 
-from rsoconsole.instruments.indi import IndiWire
+from rsoconsole.config import Config
+from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.instruments.indi import IndiWire, meant_libraries
 from rsoconsole.records import Site
 
 _DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
+
+
+def check_client(config: Config) -> Check:
+    """The library that is to speak INDI is installed and loads."""
+    name, setting = "INDI client", config.indi.client
+    if "indi" not in (config.instruments.mount, config.instruments.camera):
+        return Check(check=name, ok=True, detail="not used: neither mount nor camera speaks INDI")
+    meant = meant_libraries(setting)
+    faults = import_faults([each.module for each in meant])
+    told = [
+        f"{each.title} does not load: {faults[each.module]}"
+        for each in meant
+        if each.is_there and each.module in faults
+    ]
+    usable = [each for each in meant if each.module not in faults]
+    if usable:
+        detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *told])
+        return Check(check=name, ok=True, detail=detail)
+    told += [f"{each.package} is not installed" for each in meant if not each.is_there]
+    remedy = f"'{meant[-1].install}'"
+    return Check(
+        check=name,
+        ok=False,
+        detail="; ".join(told),
+        remedy=remedy if setting == "auto" else f"{remedy}, or set indi.client to auto",
+    )
 
 
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:

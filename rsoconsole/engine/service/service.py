@@ -28,6 +28,7 @@ from rsoconsole.engine.service.desk import Desk
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments import Instruments, MountPort, return_what_is_freed
+from rsoconsole.instruments.indi import client_library
 from rsoconsole.instruments.observatory import connect_instruments
 from rsoconsole.pipeline.frame import Reduction, day_of, kept_pixels, open_reducer, shutter_words
 from rsoconsole.session.upkeep import cut_off_session, new_session_folder
@@ -38,7 +39,7 @@ log = logging.getLogger(__name__)
 
 START_AGAIN_US = 60_000_000
 """How much longer the service manager is to wait for an engine that says what it waits for."""
-VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy", "pyindi-client")
+VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +97,7 @@ def run_engine(
             "is_simulated": instruments.clock.is_simulated,
             "model_sha256": model_sha256,
             "clock_offset_s": None if instruments.clock.is_simulated else read_clock().offset_s,
-            "versions": _versions(),
+            "versions": _versions(config),
             "pid": os.getpid(),
             "continues": None if cut_off is None else str(cut_off),
         }
@@ -277,9 +278,12 @@ def _signals(queue: CommandQueue) -> Iterator[Callable[[], None]]:
             signal.signal(number, handler)
 
 
-def _versions() -> dict[str, str]:
+def _versions(config: Config) -> dict[str, str]:
     versions = {}
-    for name in VERSIONS_OF:
+    names = [*VERSIONS_OF]
+    with contextlib.suppress(InstrumentError):
+        names.append(client_library(config.indi.client).package)
+    for name in names:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             versions[name] = importlib.metadata.version(name)
     return versions

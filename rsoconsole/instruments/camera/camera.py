@@ -60,6 +60,7 @@ class IndiCamera:
             name="camera",
             module="rsoconsole.instruments.camera.camera_child",
             settings={
+                "client": config.client,
                 "host": config.host,
                 "port": config.port,
                 "device": config.camera,

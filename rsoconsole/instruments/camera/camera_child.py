@@ -1,7 +1,7 @@
 """The camera's process: takes FITS BLOBs from INDI and lays their pixels into shared memory.
 
 Run as ``python -m rsoconsole.instruments.camera.camera_child``. A plain FITS file of 16 bits a
-pixel is read where libindi has decoded it, straight into the slot that the parent has named with
+pixel is read where the client has decoded it, straight into the slot that the parent has named with
 its order; whatever takes longer to understand is copied and understood on a thread of its own.
 """
 
@@ -19,13 +19,13 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import return_free_pages, return_what_is_freed
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames import frame_from_bytes, read_plain
-from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, run_child
+from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, open_client, run_child
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
-"""What libindi puts before a driver's words."""
+"""What the client puts before a driver's words."""
 
 
 class CameraChild:
@@ -44,13 +44,13 @@ class CameraChild:
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
         """Connect to server and camera."""
-        import PyIndi
-
         self._ring = FrameRing(order["ring"], order["slot_bytes"])
-        client = IndiClient(order["device"], self._on_vector, self._on_message)
+        client, library = open_client(
+            order["client"], order["device"], self._on_vector, self._on_message
+        )
         self._answer_s = float(order["answer_s"])
         client.open(order, (_EXPOSURE, _IMAGE), self._mouth)
-        client.setBLOBMode(PyIndi.B_ALSO, order["device"], _IMAGE)
+        client.take_blobs(_IMAGE)
         if client.get("UPLOAD_MODE") is not None:
             before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
             client.wait("UPLOAD_MODE", lambda _: True, self._answer_s, before)
@@ -59,7 +59,7 @@ class CameraChild:
         if exposure is not None and exposure.state == "Busy":
             # Left behind by the process before this one; its frame must not pass for ours.
             self.abort({})
-        return {}
+        return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
         """Open the shutter; answers when the camera has taken the order."""
@@ -76,7 +76,7 @@ class CameraChild:
             raise InstrumentError(
                 f"the camera refused the exposure: {client.last_message or 'no reason given'}"
             )
-        # libindi has read the last frame as text: there is time now to give that memory back.
+        # The client has read the last frame as text: there is time now to give that memory back.
         return_free_pages()
         return {}
 
@@ -213,7 +213,7 @@ def main() -> None:
             urgent={"abort": child.abort},
         )
     finally:
-        # PyIndi's threads do not survive an orderly end of the interpreter.
+        # The client's threads do not survive an orderly end of the interpreter.
         os._exit(0)
 
 

@@ -1,4 +1,4 @@
-"""INDI: by PyIndi in child processes, by plain TCP for STOP, weather and dome."""
+"""INDI: by PyIndi or indipyclient in child processes, by plain TCP for STOP, weather and dome."""
 
 from lazy_loader import attach_stub
 

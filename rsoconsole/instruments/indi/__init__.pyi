@@ -1,8 +1,11 @@
+from .client_choice import client_library as client_library
+from .client_choice import meant_libraries as meant_libraries
+from .client_choice import open_client as open_client
 from .guard import open_guard as open_guard
-from .indi_child import IndiClient as IndiClient
 from .indi_child import Mouth as Mouth
-from .indi_child import Vector as Vector
 from .indi_child import run_child as run_child
+from .indi_client import IndiClient as IndiClient
+from .indi_client import Vector as Vector
 from .indi_process import IndiProcess as IndiProcess
 from .indi_wire import IndiVector as IndiVector
 from .indi_wire import IndiWire as IndiWire

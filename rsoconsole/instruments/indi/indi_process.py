@@ -127,6 +127,8 @@ class IndiProcess:
             )
         if "error" in answer:
             raise InstrumentError(str(answer["error"]))
+        if "client" in answer:
+            log.info("the %s speaks INDI by %s", self.name, answer["client"])
 
     def restart(self) -> None:
         """A fresh child in place of this one, dead or alive. Raises InstrumentError."""

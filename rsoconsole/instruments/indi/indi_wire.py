@@ -1,6 +1,7 @@
 """INDI by plain TCP and the standard library: the second way to STOP, and the simulated clock.
 
-A stream of XML elements without a root. Nothing here depends on PyIndi or on another process.
+A stream of XML elements without a root. Nothing here depends on a client library or
+on another process.
 """
 
 import socket

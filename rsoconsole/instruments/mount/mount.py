@@ -53,6 +53,7 @@ class IndiMount:
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
             settings={
+                "client": config.client,
                 "host": config.host,
                 "port": config.port,
                 "device": config.mount,

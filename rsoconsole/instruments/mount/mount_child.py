@@ -12,7 +12,7 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import AfterStop
-from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, run_child
+from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, open_client, run_child
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
     COORDINATES,
@@ -53,7 +53,7 @@ class MountChild:
         """Connect to server and mount."""
         self._is_simulated = bool(order["simulated"])
         self._after_stop = order["after_stop"]
-        client = IndiClient(order["device"], self._on_vector)
+        client, library = open_client(order["client"], order["device"], self._on_vector)
         self._answer_s = float(order["answer_s"])
         client.open(order, (COORDINATES, "ON_COORD_SET"), self._mouth)
         self._client, self._mirror = client, MountMirror(client, self._is_simulated)
@@ -72,7 +72,7 @@ class MountChild:
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
             self._expect(client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report")
-        return {}
+        return {"client": library.title}
 
     def on_order(self) -> None:
         """An order has come: somebody is there."""
@@ -366,7 +366,7 @@ def main() -> None:
         )
         child.leave(is_orderly=is_orderly)
     finally:
-        # PyIndi's threads do not survive an orderly end of the interpreter.
+        # The client's threads do not survive an orderly end of the interpreter.
         os._exit(0)
 
 

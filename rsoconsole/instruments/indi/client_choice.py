@@ -1,0 +1,103 @@
+"""Which client library speaks INDI: the configured one, or the first that is installed."""
+
+import importlib.metadata
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rsoconsole.errors import InstrumentError
+
+if TYPE_CHECKING:
+    from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClientLibrary:
+    """One library that speaks INDI."""
+
+    name: str
+    """As ``indi.client`` has it."""
+    module: str
+    package: str
+    install: str
+    """How it is had where it is missing."""
+
+    @property
+    def is_there(self) -> bool:
+        """Its module is installed; whether it loads is another question."""
+        return importlib.util.find_spec(self.module) is not None
+
+    @property
+    def title(self) -> str:
+        """Package and version."""
+        try:
+            return f"{self.package} {importlib.metadata.version(self.package)}"
+        except importlib.metadata.PackageNotFoundError:
+            return self.package
+
+
+LIBRARIES = (
+    ClientLibrary(
+        name="pyindi",
+        module="PyIndi",
+        package="pyindi-client",
+        install="pip install --no-deps pyindi-client",
+    ),
+    ClientLibrary(
+        name="indipyclient",
+        module="indipyclient",
+        package="indipyclient",
+        install="pip install indipyclient",
+    ),
+)
+"""In the order in which ``auto`` takes them."""
+
+
+def client_library(setting: str) -> ClientLibrary:
+    """The library that ``indi.client`` means here. Raises InstrumentError where it is missing."""
+    for library in meant_libraries(setting):
+        if library.is_there:
+            return library
+    raise InstrumentError(_missing(setting))
+
+
+def open_client(
+    setting: str,
+    device: str,
+    on_vector: "Callable[[Vector], None]",
+    on_message: Callable[[str], None] | None = None,
+) -> "tuple[IndiClient, ClientLibrary]":
+    """A client by the first meant library that loads. Raises InstrumentError where none does."""
+    fault: ImportError | None = None
+    for library in meant_libraries(setting):
+        try:
+            return _maker(library)(device, on_vector, on_message), library
+        except ImportError as error:
+            fault = fault or error
+    raise InstrumentError(f"{_missing(setting)} ({fault})") from fault
+
+
+def meant_libraries(setting: str) -> tuple[ClientLibrary, ...]:
+    """Those that ``indi.client`` allows, the first choice first."""
+    return LIBRARIES if setting == "auto" else tuple(x for x in LIBRARIES if x.name == setting)
+
+
+def _maker(library: ClientLibrary) -> "type[IndiClient]":
+    if library.name == "pyindi":
+        from rsoconsole.instruments.indi.by_pyindi import PyIndiClient
+
+        return PyIndiClient
+    from rsoconsole.instruments.indi.by_indipyclient import IndipyClient
+
+    return IndipyClient
+
+
+def _missing(setting: str) -> str:
+    meant = meant_libraries(setting)
+    if setting == "auto":
+        return f"no INDI client is installed here: '{meant[-1].install}'"
+    return (
+        f"indi.client is '{setting}', but {meant[0].package} is not installed here or does not "
+        f"load: '{meant[0].install}', or set indi.client to auto"
+    )

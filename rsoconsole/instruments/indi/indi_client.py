@@ -1,0 +1,225 @@
+"""One device's properties as plain values, whichever client library reads them from the server.
+
+Runs only in a child process. The library's news come on a thread of its own; what it calls here
+is guarded and does no more than copy values out.
+"""
+
+import contextlib
+import os
+import sys
+import threading
+import time
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.indi_port import indi_port_option
+from rsoconsole.instruments.indi.indi_child import Mouth
+from rsoconsole.instruments.indi.indi_process import SERVER_LOST, WAITING
+
+_LOOK_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vector:
+    """One property as last heard of; numbers as float, switches as bool, texts as str."""
+
+    name: str
+    state: str
+    values: Mapping[str, Any]
+    serial: int
+    """Counts up with every update of any property."""
+    is_definition: bool
+    """The answer to what there is, however old the values are by then."""
+    arrived_monotonic_s: float
+    """When the library handed it over; time.monotonic(), the same in all processes of a machine."""
+    blobs: Mapping[str, memoryview] = field(default_factory=dict)
+    """Contents of a BLOB vector, in the library's memory: there only while ``on_vector`` runs."""
+
+
+class IndiClient(ABC):
+    """Mirrors one device's properties as plain values."""
+
+    def __init__(
+        self,
+        device: str,
+        on_vector: Callable[[Vector], None],
+        on_message: Callable[[str], None] | None = None,
+    ) -> None:
+        """``on_vector`` and ``on_message`` are called on the library's thread, must return soon.
+
+        Nothing of a BLOB is kept beyond the call: ``on_vector`` takes what it wants of it.
+        """
+        self.device = device
+        self._on_vector = on_vector
+        self._on_message = on_message
+        self._vectors: dict[str, Vector] = {}
+        self._changed = threading.Condition()
+        self._sending = threading.Lock()
+        self._serial = 0
+        self._told = 0
+        self._ready = False
+        self.last_message = ""
+        self.has_connected_device = False
+        """Whether this client switched the device's connection on: all it tells is new."""
+
+    # What a library does.
+
+    @abstractmethod
+    def _connect(self, host: str, port: int) -> bool:
+        """Connect to the server and ask for the device; False when nobody answers."""
+
+    @abstractmethod
+    def _connect_device(self) -> None:
+        """Switch the device's connection on."""
+
+    @abstractmethod
+    def _send_numbers(self, name: str, values: Mapping[str, float]) -> None:
+        """Ask for new numbers."""
+
+    @abstractmethod
+    def _send_switch(self, name: str, member: str) -> None:
+        """Ask for one switch to be on."""
+
+    @abstractmethod
+    def take_blobs(self, name: str) -> None:
+        """Have the server send the contents of this BLOB vector, too."""
+
+    @abstractmethod
+    def _let_go(self, content: memoryview) -> None:
+        """A BLOB has been handed on: its memory may go."""
+
+    # For the library's thread.
+
+    def _store(self, vector: Vector) -> None:
+        """A property was defined or changed."""
+        with self._changed:
+            self._vectors[vector.name] = replace(vector, blobs={})
+        # The parent hears of a change before the order that brought it about is answered.
+        try:
+            self._on_vector(vector)
+        finally:
+            for content in vector.blobs.values():
+                self._let_go(content)
+        with self._changed:
+            self._told = vector.serial
+            self._changed.notify_all()
+
+    def _forget(self, name: str) -> None:
+        """A property went away."""
+        self._vectors.pop(name, None)
+
+    def _note_message(self, text: str) -> None:
+        """The driver said something."""
+        self.last_message = text.strip()
+        if self._on_message is not None:
+            self._on_message(self.last_message)
+
+    def _next_serial(self) -> int:
+        self._serial += 1
+        return self._serial
+
+    def _server_gone(self) -> None:
+        """The server died or hung up: only a fresh process can connect again."""
+        if self._ready:
+            print("the INDI server went away", file=sys.stderr, flush=True)
+            os._exit(SERVER_LOST)
+
+    @staticmethod
+    def _guard(work: Callable[..., Any], *arguments: Any) -> None:
+        try:
+            work(*arguments)
+        except Exception:
+            traceback.print_exc()
+
+    # For the child's own threads.
+
+    def open(self, order: Mapping[str, Any], needed: tuple[str, ...], mouth: Mouth) -> None:
+        """Connect to the server and the device, and wait until ``needed`` are defined.
+
+        ``order`` is the parent's: host, port, setting, and how long to wait.
+        Raises InstrumentError.
+        """
+        host, port = order["host"], order["port"]
+        mouth.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
+        if not self._connect(host, port):
+            raise InstrumentError(
+                f"no INDI server answers at {host}:{port}: start indiserver{indi_port_option(port)}"
+            )
+        self._ready = True
+        self._await_device(order, mouth)
+        if not self._vectors["CONNECTION"].values.get("CONNECT"):
+            self.has_connected_device = True
+            self._connect_device()
+        device_s = float(order["device_s"])
+        deadline_s = time.monotonic() + device_s
+        for name in needed:
+            mouth.say({"event": WAITING, "what": f"{self.device} to offer {name}"})
+            left_s = max(0.1, deadline_s - time.monotonic())
+            if self.wait(name, lambda _: True, left_s) is None:
+                raise InstrumentError(
+                    f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
+                    f"is it connected and powered? {self.last_message}".rstrip()
+                )
+
+    def _await_device(self, order: Mapping[str, Any], mouth: Mouth) -> None:
+        """Wait until the server announces the device. Raises InstrumentError."""
+        words = f"{order['setting'].partition('.')[2]} '{self.device}'"
+        mouth.say({"event": WAITING, "what": words})
+        if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
+            return
+        # Only now: a process that starts in no time needs none of it.
+        from rsoconsole.instruments.indi.devices_there import DevicesThere
+
+        told: tuple[str, ...] = ()
+        with contextlib.closing(DevicesThere(self.device, order)) as there:
+            while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:
+                there.look()
+                if there.others != told:
+                    told = there.others
+                    has = ", ".join(told)
+                    what = f"{words}; the INDI server has announced {has} until now"
+                    mouth.say({"event": WAITING, "what": what})
+
+    def get(self, name: str) -> Vector | None:
+        """A property as last heard of."""
+        with self._changed:
+            return self._vectors.get(name)
+
+    def serial(self) -> int:
+        """Number of the last update."""
+        with self._changed:
+            return self._serial
+
+    def wait(
+        self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1
+    ) -> Vector | None:
+        """The first state of a property later than update ``after`` that is wanted, or None."""
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while True:
+                vector = self._vectors.get(name)
+                is_told = vector is not None and after < vector.serial <= self._told
+                if vector is not None and is_told and is_wanted(vector):
+                    return vector
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0:
+                    return None
+                self._changed.wait(left_s)
+
+    def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
+        """Ask for new numbers; returns the number of the last update before."""
+        with self._sending:
+            before = self.serial()
+            self._send_numbers(name, values)
+        return before
+
+    def send_switch(self, name: str, member: str) -> int:
+        """Turn one switch on; returns the number of the last update before."""
+        with self._sending:
+            before = self.serial()
+            self._send_switch(name, member)
+        return before
