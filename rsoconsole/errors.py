@@ -50,3 +50,16 @@ class ControlError(RsoconsoleError):
 
 class BatchError(RsoconsoleError):
     """Work over many sessions cannot be shared out."""
+
+
+class InputError(RsoconsoleError, ValueError):
+    """A function was given what it cannot use: a unit, a shape, a time without a zone."""
+
+
+class NotSolvedError(RsoconsoleError):
+    """A frame that was to be solved has no plate solution; ``reason`` says why."""
+
+    def __init__(self, frame: str, reason: str, remedy: str = "") -> None:
+        super().__init__(f"{frame} is not solved: {reason}{remedy}")
+        self.frame = frame
+        self.reason = reason

@@ -254,7 +254,7 @@ def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a
 
 def _mismatch(found: MotionMismatch | None) -> str:
     if found is None:
-        return "None"
+        return "one that agrees begins no track by itself"
     match found.kind:
         case "direction":
             return f"streak runs {found.value or 0.0:.0f} deg off the expected motion"

@@ -242,25 +242,21 @@ def detect(
     Example: rsoconsole detect mosaic.fits --extension all
     """
     from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
-    from rsoconsole.pipeline.frame import Calibration, cautions
+    from rsoconsole.pipeline.single import FrameDetector
     from rsoconsole.pipeline.words import detections_report
-    from rsoconsole.vision.detector import ConfidenceCurve, Network, StreakDetector
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    settings, given = whole.detector, with_named(frames, files_from)
-    network = Network.load(settings.model, settings.threads)
-    detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
-    calibration = Calibration(whole)
+    given, detector = with_named(frames, files_from), FrameDetector(whole)
 
     def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
         for frame in read_frames(path, number, extension=extension):
-            prepared, told = calibration.prepare(frame)
+            found, notes = detector.detect(frame)
             yield detections_report(
                 files.name(path),
-                detector.analyse(prepared).detections,
+                found,
                 extension=frame.header.get(EXTENSION_KEY),
-                notes=[each.words for each in (*told, *cautions(frame, None, whole))],
+                notes=notes,
             )
 
     with piped(given) as files:
@@ -291,51 +287,34 @@ def solve(
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
     """
     from rsoconsole.instruments.frames import read_frames
-    from rsoconsole.instruments.solver import PlateSolver, series_name
-    from rsoconsole.pipeline.frame import (
-        Calibration,
-        PlateFinder,
-        WrongHint,
-        cautions,
-        hint_of,
-        overridden,
-        wrong_hints,
-    )
+    from rsoconsole.pipeline.single import MOST_MASKED, FrameSolver
     from rsoconsole.pipeline.words import solved_report
-    from rsoconsole.records import Solution
-    from rsoconsole.vision.stars import find_stars
 
     if (ra is None) != (dec is None):
         raise typer.BadParameter("--ra and --dec go together")
     settings = load_config(config)
     given = with_named(frames, files_from)
-    with (
-        piped(given) as files,
-        PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver,
-    ):
-        finder, calibration = PlateFinder(solver, settings), Calibration(settings)
+    with piped(given) as files, FrameSolver.open(settings) as solver:
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
-            frames_of = read_frames(path, number, extension=extension, max_nonfinite_fraction=0.2)
+            frames_of = read_frames(
+                path, number, extension=extension, max_nonfinite_fraction=MOST_MASKED
+            )
             for frame in frames_of:
-                prepared, calibrated = calibration.prepare(frame)
-                stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
-                hint = overridden(hint_of(frame, settings), ra, dec, radius, scale)
-                solution = finder.solve_in_full(frame, stars, hint)
-                wrong: tuple[WrongHint, ...] = ()
-                missing: tuple[int, ...] = ()
-                if isinstance(solution, Solution):
-                    wrong = wrong_hints(hint, solution, frame, settings)
-                else:
-                    missing = solver.missing_index(hint, frame.width_px, frame.height_px)
-                told = (*calibrated, *cautions(frame, solution, settings))
+                solved = solver.solve(
+                    frame,
+                    ra_icrs_deg=ra,
+                    dec_icrs_deg=dec,
+                    radius_deg=radius,
+                    scale_arcsec_px=scale,
+                )
                 yield solved_report(
                     files.name(path),
-                    solution,
+                    solved.solution,
                     frame,
-                    wrong=wrong,
-                    index_missing=[series_name(number) for number in missing],
-                    notes=[each.words for each in told if not each.kind.endswith(" hint")],
+                    wrong=solved.wrong,
+                    index_missing=solved.index_missing,
+                    notes=solved.notes,
                 )
 
         _each(files, json_, work, _solve_lines)

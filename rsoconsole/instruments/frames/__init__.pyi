@@ -1,3 +1,4 @@
+from .frame_files import frame_from_array as frame_from_array
 from .frame_files import frame_from_bytes as frame_from_bytes
 from .frame_files import read_frame as read_frame
 from .frame_files import read_frames as read_frames

@@ -10,7 +10,7 @@ import io
 import logging
 import stat
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,7 @@ MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
 _FITS_MAGIC = b"SIMPLE  ="
 _MOST_NAMED = 8
+_SCALING = ("BZERO", "BSCALE", "BLANK")
 log = logging.getLogger(__name__)
 OTHERS_KEY = "OTHER_IMAGES"
 """Key under which a frame's header names the other images of its file, a tuple of labels."""
@@ -161,6 +162,50 @@ def frame_from_bytes(
         ) from e
 
 
+def frame_from_array(
+    array: npt.NDArray[Any],
+    frame_id: int,
+    name: str,
+    *,
+    header: Mapping[str, Any] | None = None,
+    max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
+) -> Frame:
+    """The same as ``read_frame`` for pixels that are an array already, (height, width).
+
+    ``array``: integers or real numbers of any size, ADU; it stays as it is. ``header``: cards by
+    name, as FITS has them (without BZERO and BSCALE, which are in the numbers already). Raises
+    FrameError.
+    """
+    raw = np.asarray(array)
+    if raw.ndim != 2:
+        shape = " x ".join(map(str, raw.shape)) or "a single number"
+        raise FrameError(
+            f"{name} has {raw.ndim} axes ({shape}): a frame is (height, width); give one plane of"
+            " it, or a list of frames"
+        )
+    if raw.dtype.kind not in "iuf":
+        raise FrameError(f"{name} holds {raw.dtype} pixels: give integers or real numbers")
+    cards = {key: value for key, value in (header or {}).items() if key not in _SCALING}
+    try:
+        return _frame_of(
+            FitsImage(raw=raw.astype(raw.dtype.newbyteorder("="), copy=False), header=cards),
+            frame_id,
+            name,
+            [],
+            None,
+            bits=raw.dtype.itemsize * 8,
+            allow_8bit=True,
+            expected_size=None,
+            max_nonfinite_fraction=max_nonfinite_fraction,
+            room=lambda _: None,
+        )
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        log.warning("%s cannot be understood", name, exc_info=True)
+        raise FrameError(
+            f"{name}: its header makes no sense ({type(error).__name__}): give it without"
+        ) from error
+
+
 def _room_in(room: Room, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
     """What ``room`` gives; that it has none is said in its own words."""
     try:
@@ -195,7 +240,35 @@ def _frame(
         notes += [COLOURS] if is_coloured else []
     else:
         raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
-    header: dict[str, Any] = dict(image.header)
+    return _frame_of(
+        image,
+        frame_id,
+        name,
+        notes,
+        full_adu,
+        bits=bits,
+        allow_8bit=allow_8bit,
+        expected_size=expected_size,
+        max_nonfinite_fraction=max_nonfinite_fraction,
+        room=room,
+    )
+
+
+def _frame_of(
+    image: FitsImage,
+    frame_id: int,
+    name: str,
+    notes: list[str],
+    full_adu: float | None,
+    *,
+    bits: int,
+    allow_8bit: bool,
+    expected_size: tuple[int, int] | None,
+    max_nonfinite_fraction: float,
+    room: Room,
+) -> Frame:
+    """``full_adu``: where its pixels saturate, None where the numbers have to tell it."""
+    raw, header = image.raw, dict(image.header)
     _check_shape(raw, name, expected_size)
     if bits == 8:
         if not allow_8bit:

@@ -135,7 +135,8 @@ def _track(number: int, own: _Parts, measured: dict[str, Measurement]) -> NightT
     states = tuple(state for _, state in sorted(own.states.items(), key=lambda at: at[0][0]))
     ids: list[str | None] = []
     for state in states:
-        ids += [*(state.begun_with or ())[:1], state.measurement_id]
+        begun = (*(state.begun_with or ())[:1], *state.begun_through)
+        ids += [*begun, state.measurement_id]
     ended = (*own.lost.values(), *own.dropped.values())
     return NightTrack(
         number=number,

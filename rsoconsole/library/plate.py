@@ -1,0 +1,86 @@
+"""A plate solution as an astropy ``WCS`` that knows what it rests on."""
+
+from typing import TYPE_CHECKING, Any
+
+from astropy import units
+from astropy.coordinates import SkyCoord
+from astropy.wcs import WCS
+
+from rsoconsole.records import Solution
+from rsoconsole.sky import wcs_cards
+
+if TYPE_CHECKING:
+    from astropy.units import Quantity
+
+
+class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
+    """An astropy ``WCS`` (ICRS; TAN, with SIP where there is distortion) of a solved frame."""
+
+    frame: str
+    """The frame's name."""
+    matched: int
+    """Catalogue stars that it rests on."""
+    wrong_hints: tuple[str, ...]
+    """What the stars say against the hints, a sentence each."""
+    notes: tuple[str, ...]
+    """What else is to be known of the frame."""
+    is_flipped: bool
+    """The array is a mirror image of the sky as a FITS viewer shows it."""
+    _solution: Solution
+
+    @classmethod
+    def of_solution(
+        cls,
+        solution: Solution,
+        *,
+        name: str,
+        shape: tuple[int, ...],
+        wrong_hints: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (),
+    ) -> "PlateWCS":
+        """``shape``: (height, width) of the frame."""
+        from astropy.io.fits import Header
+
+        cards = wcs_cards(solution.wcs, shape[1], shape[0])
+        made = cls(Header(list(cards.items())))
+        made.array_shape = shape
+        made.frame, made.matched = name, solution.matched
+        made.wrong_hints, made.notes = wrong_hints, notes
+        made.is_flipped, made._solution = solution.is_flipped, solution
+        return made
+
+    @property
+    def rms(self) -> "Quantity":
+        """Root mean square residual of one matched star, per axis."""
+        return self._solution.rms_arcsec * units.arcsec
+
+    @property
+    def center(self) -> SkyCoord:
+        """ICRS direction of the frame's centre, ((width - 1) / 2, (height - 1) / 2)."""
+        found = self._solution
+        return SkyCoord(found.ra_icrs_deg, found.dec_icrs_deg, unit="deg", frame="icrs")
+
+    @property
+    def scale(self) -> "Quantity":
+        """At the centre, arcsec a pixel."""
+        return self._solution.scale_arcsec_px * units.arcsec / units.pix
+
+    @property
+    def rotation(self) -> "Quantity":
+        """Position angle of the array's +y axis, east of north, 0 to 360 deg."""
+        return self._solution.rotation_deg * units.deg
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The figures by name, plain numbers in arcsec and degrees."""
+        found = self._solution
+        return {
+            "frame": self.frame,
+            "matched": found.matched,
+            "rms_arcsec": found.rms_arcsec,
+            "ra_deg": found.ra_icrs_deg,
+            "dec_deg": found.dec_icrs_deg,
+            "scale_arcsec_px": found.scale_arcsec_px,
+            "rotation_deg": found.rotation_deg,
+            "is_flipped": found.is_flipped,
+        }

@@ -1,0 +1,306 @@
+"""``rso.track``: which measurements are of one object, by the live tracker's own fold."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from rsoconsole.config import Config, SiteConfig
+from rsoconsole.errors import InputError, SessionError
+from rsoconsole.library.given import (
+    ConfigLike,
+    Number,
+    Place,
+    config_of,
+    configured_site,
+    number,
+    site_of,
+)
+from rsoconsole.library.observations import (
+    META,
+    Directions,
+    TableLike,
+    column_of,
+    directions_of,
+    expect_table,
+    plain_column,
+)
+from rsoconsole.library.tracks import Track, Tracks
+from rsoconsole.notebook.night import NightTrack, tracks_of
+from rsoconsole.pipeline.cycle import Shown, StarHistory, fold
+from rsoconsole.pipeline.frame import shutter_mid_utc_ns
+from rsoconsole.pipeline.orbits import Orbits
+from rsoconsole.records import (
+    Detections,
+    FrameTaken,
+    Measurement,
+    NotSolved,
+    Record,
+    Site,
+    Solution,
+    measurement_id_of,
+)
+from rsoconsole.session.log import decode
+from rsoconsole.tracking.association import Following
+
+FEWEST_MORE = 3
+"""Directions of a track beside the first telescope's: two agree by chance."""
+USUAL_EXPOSURE_S = 0.1
+"""Of observations that name none: they have no ends, so they are taken for points, as short
+exposures make them. In long ones what moves fast is a streak, and no point may be it."""
+
+
+def track(
+    measurements: TableLike,
+    *,
+    site: Place | None = None,
+    exposure: Number | None = None,
+    sigma: Number | None = None,
+    preset: Literal["adaptive", "tuned", "paper"] | None = None,
+    config: ConfigLike = None,
+) -> Tracks:
+    """Follow what moves through measurements, as the telescope would have followed it.
+
+    ``measurements``: the table of ``rso.measure``, or one of your own (also a pandas data frame):
+    times as a ``Time`` column (``time`` or ``t_mid_utc``; mid-exposure, UTC), directions as a
+    ``SkyCoord`` column or ``ra`` and ``dec`` with units (ICRS), errors as ``sigma``, or
+    ``sigma_ra`` (on the sky), ``sigma_dec`` and ``correlation``, with units; ``exposure_s`` and
+    ``confidence`` where there are such. A column without a unit must have it in its name
+    (``ra_deg``, ``sigma_arcsec``). Rows of one instant are of one frame; several objects in it
+    may be one table.
+
+    ``site``: an ``EarthLocation`` or (latitude, longitude east positive, metres); None: the
+    table's own, else the configured one. ``exposure`` (s; None: 0.1) and ``sigma`` (arcsec): of
+    rows that state none. ``preset``: of the filter; ``config``: with every setting of it.
+
+    A telescope goes with what it follows; what it leaves behind, because that moves otherwise, is
+    looked through by another one until three directions or more agree on nothing any more.
+
+    Returns a dict of ``rso.Track`` by number from 1, in the order in which they began, telescope
+    after telescope: empty where nothing agreed on one motion. ``Tracks.table`` has states, misses
+    and what was not taken, and why.
+
+    Raises InputError saying what the table lacks, ConfigError.
+
+    >>> tracks = rso.track(measured)
+    >>> tracks[1].measurements["t_mid_utc", "direction"], tracks[1].residual_rms
+    """
+    table = expect_table(measurements, "table of measurements")
+    rows = directions_of(table, sigma)
+    where = rows.site if site is None else site_of(site)
+    where = configured_site(config) if where is None else where
+    if where is None:
+        raise InputError(
+            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
+            " longitude, metres)"
+        )
+    settings = _at_site(config_of(config, {"filter.preset": preset}), where)
+    exposure_s = None if exposure is None else number(exposure, "s", "exposure")
+    if exposure_s is not None and exposure_s <= 0.0:
+        raise InputError(f"exposure: {exposure_s:g} s must be above 0")
+    frames = list(_frames(table, rows, settings, exposure_s))
+    records = tuple(followed(frames, settings))
+    found = tracks_of(records)
+    left, last = _left(frames, found.values()), max(found, default=0)
+    while left:
+        more = tuple(followed(left, settings, last_track_id=last))
+        tracks = {n: t for n, t in tracks_of(more).items() if len(t.measurements) >= FEWEST_MORE}
+        left = _left(left, tracks.values()) if tracks else []
+        found, last = found | tracks, max(tracks, default=last)
+        records += more if tracks else ()
+    return Tracks(
+        {number_: Track(site=where, found=each) for number_, each in found.items()}, records
+    )
+
+
+def _left(frames: Sequence[Shown], tracks: Iterable[NightTrack]) -> list[Shown]:
+    """The frames with what no track took; none where that is too little for one more."""
+    taken = {m.measurement_id for each in tracks for m in each.measurements}
+    left = [
+        replace(
+            each,
+            measurements=tuple(m for m in each.measurements if m.measurement_id not in taken),
+        )
+        for each in frames
+    ]
+    return left if sum(bool(each.measurements) for each in left) >= FEWEST_MORE else []
+
+
+def followed(
+    frames: Sequence[Shown], config: Config, *, last_track_id: int = 0
+) -> Iterator[Record]:
+    """Everything that goes on record, frame after frame, as ``process`` has it."""
+    following, stars, orbits = Following(last_track_id=last_track_id), StarHistory(), Orbits(config)
+    for each in frames:
+        shown = replace(each, orbits=orbits.last)
+        folded = fold(following, stars, shown, config)
+        following, stars = folded.following, folded.stars
+        solution = () if shown.solution is None else (shown.solution,)
+        seen = (shown.taken, shown.detections, *solution, *shown.measurements)
+        for record in (*seen, *folded.records):
+            orbits.hear(record)
+            yield record
+        yield from orbits.refine()
+
+
+def _at_site(config: Config, site: Site) -> Config:
+    name = config.site.name if config.site.to_site() == site else "observer"
+    return config.model_copy(
+        update={
+            "site": SiteConfig(
+                name=name,
+                latitude_deg=site.latitude_deg,
+                longitude_deg=site.longitude_deg,
+                elevation_m=site.elevation_m,
+            )
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """A frame that ``rso.measure`` told of."""
+
+    taken: FrameTaken
+    detections: Detections
+    solution: Solution | NotSolved | None
+
+
+def _frames(
+    table: Any, rows: Directions, config: Config, exposure_s: float | None
+) -> Iterator[Shown]:
+    """In order of time, each with its rows, the most confident first."""
+    confidence = plain_column(table, "confidence", float)
+    lengths = column_of(table, ("exposure",), "s")
+    told = _told_frames(table)
+    groups = _of_frames(rows, told, config)
+    for frame_id, (seen, members) in enumerate(groups, start=1):
+        if confidence is not None:
+            members = sorted(members, key=lambda n: -confidence[n])  # noqa: PLW2901
+        if seen is None:
+            length_s = exposure_s or USUAL_EXPOSURE_S
+            if exposure_s is None and lengths is not None:
+                length_s = float(lengths[members[0]])
+            seen = _made_up(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
+        yield Shown(
+            taken=replace(seen.taken, frame_id=frame_id),
+            detections=replace(seen.detections, frame_id=frame_id),
+            solution=None if seen.solution is None else replace(seen.solution, frame_id=frame_id),
+            measurements=tuple(
+                _measurement(table, rows, n, frame_id, place) for place, n in enumerate(members)
+            ),
+        )
+
+
+def _of_frames(
+    rows: Directions, told: Sequence[_Seen], config: Config
+) -> list[tuple[_Seen | None, list[int]]]:
+    """Frames in order of time, with the numbers of their rows."""
+    mids = [(_mid_ns(each, config), each) for each in told]
+    mids.sort(key=lambda pair: pair[0])
+    of_told: list[list[int]] = [[] for _ in mids]
+    alone: dict[int, list[int]] = {}
+    at = np.array([t for t, _ in mids], np.int64)
+    for n, t in enumerate(rows.t_utc_ns):
+        nearest = int(np.argmin(np.abs(at - t))) if len(at) else -1
+        if nearest >= 0 and _is_within(int(t), *mids[nearest]):
+            of_told[nearest].append(n)
+        else:
+            alone.setdefault(int(t), []).append(n)
+    found: list[tuple[int, _Seen | None, list[int]]] = [
+        (t, seen, members) for (t, seen), members in zip(mids, of_told, strict=True)
+    ]
+    found += [(t, None, members) for t, members in alone.items()]
+    found.sort(key=lambda each: each[0])
+    return [(seen, members) for _, seen, members in found]
+
+
+def _is_within(t_utc_ns: int, mid_ns: int, seen: _Seen) -> bool:
+    """Whether an instant may be a row's of that frame, whose shutter may roll."""
+    half_ns = max((seen.taken.exposure_s or 0.0) * 5e8, 1e8)
+    return abs(t_utc_ns - mid_ns) <= half_ns
+
+
+def _mid_ns(seen: _Seen, config: Config) -> int:
+    mid = shutter_mid_utc_ns(seen.taken, config.exposure)
+    if mid is None:
+        raise InputError(f"frame {seen.taken.name} in the table's meta has no time")
+    return mid
+
+
+def _told_frames(table: Any) -> list[_Seen]:
+    """The frames in the ``meta`` of a table that ``rso.measure`` made; none for any other."""
+    said = (getattr(table, "meta", None) or {}).get(META, {}).get("frames", ())
+    found = []
+    for each in said:
+        try:
+            records = [decode(str(kind), str(body)) for kind, body in each]
+        except (SessionError, TypeError, ValueError) as error:
+            raise InputError(f"meta[{META!r}]['frames'] is damaged: {error}") from error
+        taken = next((r for r in records if isinstance(r, FrameTaken)), None)
+        detections = next((r for r in records if isinstance(r, Detections)), None)
+        solution = next((r for r in records if isinstance(r, Solution | NotSolved)), None)
+        if taken is None or detections is None:
+            raise InputError(f"meta[{META!r}]['frames'] is damaged: a frame's record is missing")
+        found.append(_Seen(taken=taken, detections=detections, solution=solution))
+    return found
+
+
+def _made_up(t_mid_ns: int, exposure_s: float, config: Config) -> _Seen:
+    """The frame of observations that say nothing of one: as large as the configured camera's."""
+    optics = config.optics
+    taken = FrameTaken(
+        frame_id=0,
+        name="observation",
+        t_start_utc_ns=t_mid_ns - round(exposure_s * 5e8),
+        exposure_s=exposure_s,
+        width_px=optics.width_px,
+        height_px=optics.height_px,
+        pointing_ra_icrs_deg=None,
+        pointing_dec_icrs_deg=None,
+    )
+    # The row's time is the shutter's already, whatever latency is configured.
+    late_ns = _mid_ns(_Seen(taken=taken, detections=_nothing(optics), solution=None), config)
+    start_ns = 2 * t_mid_ns - late_ns - round(exposure_s * 5e8)
+    return _Seen(
+        taken=replace(taken, t_start_utc_ns=start_ns), detections=_nothing(optics), solution=None
+    )
+
+
+def _nothing(optics: Any) -> Detections:
+    return Detections(
+        frame_id=0, width_px=optics.width_px, height_px=optics.height_px, detections=()
+    )
+
+
+def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int) -> Measurement:
+    names = table.colnames
+    ee, en, nn = rows.cov_sky_arcsec2[n]
+    ends: Any = None
+    if "ends_icrs_deg" in names and not np.any(getattr(table["ends_icrs_deg"][n], "mask", False)):
+        (a, b), (c, d) = np.asarray(table["ends_icrs_deg"][n], float)
+        ends = ((float(a), float(b)), (float(c), float(d)))
+    return Measurement(
+        measurement_id=measurement_id_of(frame_id, place),
+        frame_id=frame_id,
+        t_mid_utc_ns=int(rows.t_utc_ns[n]),
+        ra_icrs_deg=float(rows.ra_icrs_deg[n]),
+        dec_icrs_deg=float(rows.dec_icrs_deg[n]),
+        cov_sky_arcsec2=(float(ee), float(en), float(nn)),
+        x_px=_float(table, "x_px", n, "pix"),
+        y_px=_float(table, "y_px", n, "pix"),
+        confidence=float(table["confidence"][n]) if "confidence" in names else 1.0,
+        source="network",
+        ends_icrs_deg=ends,
+        is_crossing=bool(table["is_crossing"][n]) if "is_crossing" in names else False,
+        is_clipped=bool(table["is_clipped"][n]) if "is_clipped" in names else False,
+        object_class=str(table["object_class"][n]) if "object_class" in names else "undetermined",  # type: ignore[arg-type]
+    )
+
+
+def _float(table: Any, name: str, n: int, unit: str) -> float:
+    if name not in table.colnames:
+        return 0.0
+    value = table[name][n]
+    return float(value.to_value(unit) if hasattr(value, "to_value") else value)

@@ -1,0 +1,5 @@
+from .live import LivePanel as LivePanel
+from .live import live_panel as live_panel
+from .session import Session as Session
+from .session import open_session as open_session
+from .tables import as_table as as_table

@@ -1,0 +1,85 @@
+"""The plates of single frames, as one configuration finds them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rsoconsole.config import Config
+from rsoconsole.instruments.solver import PlateSolver, series_name
+from rsoconsole.pipeline.frame import (
+    Calibration,
+    PlateFinder,
+    WrongHint,
+    cautions,
+    hint_of,
+    overridden,
+    wrong_hints,
+)
+from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.vision.stars import find_stars
+
+MOST_MASKED = 0.2
+"""Of a frame's pixels that may be masked: its stars are still found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved:
+    """A frame's plate, or why it has none."""
+
+    solution: Solution | NotSolved
+    wrong: tuple[WrongHint, ...]
+    """Hints that the stars contradict."""
+    index_missing: tuple[str, ...]
+    """Index files that a field of the hinted scale wants and that are not there."""
+    notes: tuple[str, ...]
+    """What is to be known of the frame, a sentence each."""
+
+
+class FrameSolver:
+    """Solves frames in full, each by itself; ``open`` starts its process."""
+
+    def __init__(self, solver: PlateSolver, config: Config) -> None:
+        self._solver = solver
+        self._config = config
+        self._finder = PlateFinder(solver, config)
+        self._calibration = Calibration(config)
+
+    @classmethod
+    @contextmanager
+    def open(cls, config: Config) -> "Iterator[FrameSolver]":
+        """Raises SolverError without index files."""
+        with PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s) as solver:
+            yield cls(solver, config)
+
+    def solve(
+        self,
+        frame: Frame,
+        *,
+        ra_icrs_deg: float | None = None,
+        dec_icrs_deg: float | None = None,
+        radius_deg: float | None = None,
+        scale_arcsec_px: tuple[float, float] | None = None,
+    ) -> Solved:
+        """Hints come from the header; what is given here overrides them.
+
+        What fails with its hints is tried without them, within the same deadline.
+        """
+        prepared, calibrated = self._calibration.prepare(frame)
+        stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
+        hint = overridden(
+            hint_of(frame, self._config), ra_icrs_deg, dec_icrs_deg, radius_deg, scale_arcsec_px
+        )
+        solution = self._finder.solve_in_full(frame, stars, hint)
+        wrong: tuple[WrongHint, ...] = ()
+        missing: tuple[int, ...] = ()
+        if isinstance(solution, Solution):
+            wrong = wrong_hints(hint, solution, frame, self._config)
+        else:
+            missing = self._solver.missing_index(hint, frame.width_px, frame.height_px)
+        told = (*calibrated, *cautions(frame, solution, self._config))
+        return Solved(
+            solution=solution,
+            wrong=wrong,
+            index_missing=tuple(series_name(number) for number in missing),
+            notes=tuple(each.words for each in told if not each.kind.endswith(" hint")),
+        )
