@@ -1,4 +1,8 @@
 from .detecting import detect as detect
+from .determining import orbit as orbit
+from .identification import Identification as Identification
+from .identifying import identify as identify
+from .known_orbit import Orbit as Orbit
 from .measuring import measure as measure
 from .plate import PlateWCS as PlateWCS
 from .solving import solve as solve

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from rsoconsole.errors import FrameError, InputError
 from rsoconsole.instruments.frames import frame_from_array, frame_from_bytes, read_frames
 from rsoconsole.library.given import (
-    HasDirection,
     Instant,
     Number,
+    SkyCoordLike,
     direction_deg,
     instants_utc_ns,
     number,
@@ -25,7 +25,7 @@ from rsoconsole.records import Frame
 
 
 @runtime_checkable
-class HasPixels(Protocol):
+class ImageLike(Protocol):
     """``astropy.nddata.CCDData``, or an image HDU of ``astropy.io.fits``."""
 
     @property
@@ -35,7 +35,7 @@ class HasPixels(Protocol):
     def header(self) -> Any: ...
 
 
-FrameLike: TypeAlias = str | PathLike[str] | npt.NDArray[Any] | HasPixels
+FrameLike: TypeAlias = str | PathLike[str] | npt.NDArray[Any] | ImageLike
 """FITS (also .gz, .bz2, fpack), TIFF or PNG by its path; pixels (height, width) in ADU."""
 Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
@@ -58,7 +58,7 @@ def told(
     t_start: Instant | Iterable[Instant] | None = None,
     exposure: Number | None = None,
     scale: Number | None = None,
-    pointing: HasDirection | None = None,
+    pointing: SkyCoordLike | None = None,
 ) -> Told:
     """The same with units dealt with. Raises InputError."""
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
@@ -105,7 +105,7 @@ def opened(frames: Frames, said: Told, *, max_masked: float = 0.0) -> Iterator[F
 
 
 def _each(frames: Any) -> Iterable[Any]:
-    if isinstance(frames, str | PathLike | HasPixels) or _is_hdu_list(frames):
+    if isinstance(frames, str | PathLike | ImageLike) or _is_hdu_list(frames):
         return (frames,)
     if isinstance(frames, np.ndarray):
         if frames.dtype == object:
@@ -138,7 +138,7 @@ def _opened(each: Any, number_: int, count: int, said: Told, max_masked: float) 
         raise InputError("extension: only FITS files and HDU lists have several images")
     if isinstance(each, np.ndarray):
         yield frame_from_array(each, number_, name, max_nonfinite_fraction=max_masked)
-    elif isinstance(each, HasPixels):
+    elif isinstance(each, ImageLike):
         yield _of_ccd(each, number_, count, max_masked)
     else:
         raise InputError(

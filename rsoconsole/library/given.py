@@ -18,7 +18,7 @@ _SITE_SETTINGS = ("site.latitude_deg", "site.longitude_deg")
 
 
 @runtime_checkable
-class HasUnit(Protocol):
+class QuantityLike(Protocol):
     """An astropy ``Quantity`` (or ``Angle``, ``Longitude``, a column with a unit)."""
 
     @property
@@ -28,7 +28,7 @@ class HasUnit(Protocol):
 
 
 @runtime_checkable
-class HasScale(Protocol):
+class TimeLike(Protocol):
     """An astropy ``Time``."""
 
     @property
@@ -42,7 +42,7 @@ class HasScale(Protocol):
 
 
 @runtime_checkable
-class HasDirection(Protocol):
+class SkyCoordLike(Protocol):
     """An astropy ``SkyCoord``."""
 
     @property
@@ -50,18 +50,18 @@ class HasDirection(Protocol):
 
 
 @runtime_checkable
-class HasGeodetic(Protocol):
+class EarthLocationLike(Protocol):
     """An astropy ``EarthLocation``."""
 
     @property
     def geodetic(self) -> Any: ...
 
 
-Number: TypeAlias = float | HasUnit
+Number: TypeAlias = float | QuantityLike
 """A quantity; a plain number is of the unit that the parameter's description names."""
-Instant: TypeAlias = HasScale | datetime
+Instant: TypeAlias = TimeLike | datetime
 """``Time``, or a ``datetime`` that knows its zone."""
-Place: TypeAlias = HasGeodetic | Site | tuple[float, float, float]
+Place: TypeAlias = EarthLocationLike | Site | tuple[float, float, float]
 """``EarthLocation``, or (latitude, longitude east positive, metres) in degrees."""
 ConfigLike: TypeAlias = Config | str | PathLike[str] | None
 """A configuration, its file, or None: the user's own file where there is one."""
@@ -87,7 +87,7 @@ def number(value: Number, unit: str, name: str) -> float:
 
 def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     """An array of finite numbers in that unit. Raises InputError."""
-    if isinstance(value, HasUnit) and value.unit is not None:
+    if isinstance(value, QuantityLike) and value.unit is not None:
         from astropy.units import UnitConversionError
 
         try:
@@ -109,7 +109,7 @@ def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.flo
 
 def instants_utc_ns(value: Any, name: str) -> IntArray:
     """(N,) or () UTC nanoseconds. Raises InputError for what has no time scale or zone."""
-    if isinstance(value, HasScale):
+    if isinstance(value, TimeLike):
         return _of_time(value, name)
     if isinstance(value, datetime):
         return np.asarray(_of_datetime(value, name), np.int64)
@@ -148,7 +148,7 @@ def _of_datetime(value: datetime, name: str) -> int:
     return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
 
 
-def direction_deg(value: HasDirection, name: str) -> tuple[float, float]:
+def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
     """ICRS degrees of one direction. Raises InputError."""
     try:
         icrs = value.icrs
@@ -163,7 +163,7 @@ def site_of(place: Place, name: str = "site") -> Site:
     """Where that is. Raises InputError for what is no place on the Earth."""
     if isinstance(place, Site):
         return place
-    if isinstance(place, HasGeodetic):
+    if isinstance(place, EarthLocationLike):
         lon, lat, height = place.geodetic
         triple = (float(lat.deg), float(lon.deg), float(height.to_value("m")))
     else:

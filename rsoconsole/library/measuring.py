@@ -9,10 +9,10 @@ from rsoconsole.library.columns import table_of
 from rsoconsole.library.frames import Frames, opened, told
 from rsoconsole.library.given import (
     ConfigLike,
-    HasDirection,
     Instant,
     Number,
     Place,
+    SkyCoordLike,
     config_of,
     configured_site,
     site_of,
@@ -48,7 +48,7 @@ def measure(
     t_start: Instant | Iterable[Instant] | None = None,
     exposure: Number | None = None,
     scale: Number | None = None,
-    pointing: HasDirection | None = None,
+    pointing: SkyCoordLike | None = None,
     tau: float | None = None,
     site: Place | None = None,
     extension: str | None = None,

@@ -2,13 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import InputError
-from rsoconsole.library.given import HasDirection, HasUnit, Number, instants_utc_ns, number, numbers
+from rsoconsole.library.given import (
+    Number,
+    QuantityLike,
+    SkyCoordLike,
+    instants_utc_ns,
+    number,
+    numbers,
+)
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 
@@ -21,16 +28,13 @@ _OBJECTS = ("object", "track_id", "target", "norad_id")
 
 
 @runtime_checkable
-class HasColumns(Protocol):
+class TableLike(Protocol):
     """An astropy ``Table`` or ``QTable``."""
 
     @property
     def colnames(self) -> Any: ...
 
     def __getitem__(self, item: Any, /) -> Any: ...
-
-
-TableLike: TypeAlias = HasColumns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +56,7 @@ class Directions:
 
 def expect_table(value: Any, what: str) -> Any:
     """The table; a pandas data frame as one. Raises InputError."""
-    if isinstance(value, HasColumns):
+    if isinstance(value, TableLike):
         return value
     if hasattr(value, "to_records") and hasattr(value, "columns"):
         from astropy.table import QTable
@@ -151,7 +155,9 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
                 raise InputError(
                     f"column {each!r} has no unit: table[{each!r}].unit = {unit!r} gives it one"
                 )
-            quantity = values if isinstance(values, HasUnit) else getattr(values, "quantity", None)
+            quantity = (
+                values if isinstance(values, QuantityLike) else getattr(values, "quantity", None)
+            )
             if getattr(values, "unit", None) is None:
                 quantity = np.asarray(values, np.float64)
             return numbers(quantity, unit, f"column {each!r}")
@@ -164,7 +170,7 @@ def _is_masked(values: Any) -> bool:
 
 
 def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
-    sky = [name for name in table.colnames if isinstance(table[name], HasDirection)]
+    sky = [name for name in table.colnames if isinstance(table[name], SkyCoordLike)]
     if sky:
         name = "direction" if "direction" in sky else sky[0]
         if len(sky) > 1 and name != "direction":

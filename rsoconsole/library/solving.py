@@ -7,9 +7,9 @@ from rsoconsole.errors import InputError, NotSolvedError
 from rsoconsole.library.frames import FrameLike, Frames, opened, scale_of, told
 from rsoconsole.library.given import (
     ConfigLike,
-    HasDirection,
-    HasUnit,
     Number,
+    QuantityLike,
+    SkyCoordLike,
     config_of,
     direction_deg,
     number,
@@ -23,7 +23,7 @@ from rsoconsole.records import NotSolved
 def solve(
     frames: FrameLike,
     *,
-    center: HasDirection | None = ...,
+    center: SkyCoordLike | None = ...,
     ra: Number | None = ...,
     dec: Number | None = ...,
     radius: Number | None = ...,
@@ -37,7 +37,7 @@ def solve(
 def solve(
     frames: Sequence[FrameLike],
     *,
-    center: HasDirection | None = ...,
+    center: SkyCoordLike | None = ...,
     ra: Number | None = ...,
     dec: Number | None = ...,
     radius: Number | None = ...,
@@ -50,7 +50,7 @@ def solve(
 def solve(
     frames: Frames,
     *,
-    center: HasDirection | None = None,
+    center: SkyCoordLike | None = None,
     ra: Number | None = None,
     dec: Number | None = None,
     radius: Number | None = None,
@@ -114,7 +114,7 @@ def _is_list(frames: Any) -> bool:
 
 
 def _place(
-    center: HasDirection | None, ra: Number | None, dec: Number | None
+    center: SkyCoordLike | None, ra: Number | None, dec: Number | None
 ) -> tuple[float, float] | None:
     if (ra is None) != (dec is None):
         raise InputError("ra and dec go together")
@@ -140,7 +140,7 @@ def _scales(
         if len(scale) != 2:
             raise InputError("scale: one value, or the lowest and the highest")
         low, high = scale_of(scale[0], "scale"), scale_of(scale[1], "scale")
-    elif isinstance(scale, HasUnit) and getattr(scale, "shape", ()) == (2,):
+    elif isinstance(scale, QuantityLike) and getattr(scale, "shape", ()) == (2,):
         pair: Any = scale
         low, high = scale_of(pair[0], "scale"), scale_of(pair[1], "scale")
     else:

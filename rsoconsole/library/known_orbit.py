@@ -1,0 +1,296 @@
+"""An orbit as an astronomer asks it: elements, errors, places ahead, elements for SGP4."""
+
+import time
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.library.given import Instant, Place, instants_utc_ns, site_of
+from rsoconsole.orbits.determination import Orbit as Determined
+from rsoconsole.orbits.elements import ANALYST_NUMBERS, omm
+from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.motion import period_s, predict
+from rsoconsole.pipeline.orbits import FittedElements, Found, Part, orbit_elements
+from rsoconsole.pipeline.words import element_sigmas, elements_by_name, orbit_report
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import icrs_to_altaz, jd_utc, lit_fraction
+
+if TYPE_CHECKING:
+    from astropy.coordinates import SkyCoord
+    from astropy.table import QTable
+    from astropy.time import Time
+    from astropy.units import Quantity
+
+Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
+OmmForm = Literal["kvn", "xml", "json"]
+_UNITS = {"a_km": "km", "i_deg": "deg", "raan_deg": "deg", "argp_deg": "deg", "m_deg": "deg"}
+
+
+class Orbit:
+    """An orbit that was found, made by ``rso.orbit``.
+
+    State, covariance and elements are osculating, along GCRS axes, at ``epoch``; those for SGP4
+    (``tle``, ``omm``) are mean elements in TEME, as all such are.
+    """
+
+    def __init__(self, found: Found, orbit: Determined) -> None:
+        self._found = found
+        self._orbit = orbit
+        self._elements = elements_by_name(orbit.r_km, orbit.v_km_s)
+
+    # -- how well it is known --------------------------------------------------------------------
+
+    @property
+    def label(self) -> Label:
+        """What the directions determine; ``reason`` says why."""
+        return self._orbit.label
+
+    @property
+    def reason(self) -> str:
+        """Why it is labelled so."""
+        return self._found.reason
+
+    @property
+    def prior(self) -> str:
+        """The one in use; "none" for a free orbit."""
+        return self._orbit.prior
+
+    @property
+    def observations(self) -> int:
+        """Directions that were used."""
+        return len(self._found.seen)
+
+    @property
+    def outliers(self) -> int:
+        """Those of them that were left out of the fit."""
+        return self._orbit.outliers
+
+    @property
+    def rivals(self) -> int:
+        """Other orbits that fit as well."""
+        return self._orbit.rivals
+
+    @property
+    def rms(self) -> "Quantity":
+        """Of the used directions' residuals, per axis."""
+        return _quantity(self._orbit.rms_arcsec, "arcsec")
+
+    @property
+    def arc(self) -> "Quantity":
+        """From the first to the last direction."""
+        seen = self._found.seen
+        return _quantity(float(seen.t_s[-1] - seen.t_s[0]), "s")
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The arcs, and how likely each further one is of the same object."""
+        return self._found.parts
+
+    # -- what it is ------------------------------------------------------------------------------
+
+    @property
+    def epoch(self) -> "Time":
+        """UTC."""
+        return _time(np.asarray(self._orbit.epoch_utc_ns))
+
+    @property
+    def a(self) -> "Quantity":
+        """Semi-major axis."""
+        return self._element("a_km")
+
+    @property
+    def e(self) -> float:
+        """Eccentricity."""
+        return self._elements["e"]
+
+    @property
+    def i(self) -> "Quantity":
+        """Inclination."""
+        return self._element("i_deg")
+
+    @property
+    def raan(self) -> "Quantity":
+        """Right ascension of the ascending node."""
+        return self._element("raan_deg")
+
+    @property
+    def argp(self) -> "Quantity":
+        """Argument of perigee."""
+        return self._element("argp_deg")
+
+    @property
+    def mean_anomaly(self) -> "Quantity":
+        """At the epoch."""
+        return self._element("m_deg")
+
+    @property
+    def period(self) -> "Quantity":
+        """Of one revolution."""
+        return _quantity(period_s(self._elements["a_km"]), "s")
+
+    @property
+    def sigma_a(self) -> "Quantity":
+        """One sigma of the semi-major axis."""
+        return _quantity(self._orbit.sigma_a_km, "km")
+
+    @property
+    def sigmas(self) -> "dict[str, Quantity | float | None]":
+        """One sigma of each element by its name here; None where the orbit does not fix one.
+
+        The node of an orbit in the equator and the perigee of a circle are such.
+        """
+        names = {"a_km": "a", "i_deg": "i", "raan_deg": "raan", "argp_deg": "argp"}
+        names |= {"m_deg": "mean_anomaly"}
+        return {
+            names.get(key, key): value
+            if value is None or key not in _UNITS
+            else _quantity(value, _UNITS[key])
+            for key, value in element_sigmas(self._orbit).items()
+        }
+
+    @property
+    def r(self) -> "Quantity":
+        """(3,) position at the epoch, GCRS, geocentric."""
+        return _quantity(self._orbit.r_km, "km")
+
+    @property
+    def v(self) -> "Quantity":
+        """(3,) velocity at the epoch, GCRS."""
+        return _quantity(self._orbit.v_km_s, "km / s")
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(6, 6) of ``r`` and ``v``, km and km/s."""
+        return self._orbit.covariance.copy()
+
+    @property
+    def site(self) -> Site:
+        """Where its longest arc was seen from."""
+        return self._found.observed.site
+
+    # -- where it will be ------------------------------------------------------------------------
+
+    def gcrs(self, times: Instant) -> "SkyCoord":
+        """Where it is at these times, geocentric in GCRS, with distance and velocity.
+
+        ``times``: a ``Time``, () or (N,). NaN where it has come down.
+        """
+        from astropy import units
+        from astropy.coordinates import (
+            GCRS,
+            CartesianDifferential,
+            CartesianRepresentation,
+            SkyCoord,
+        )
+
+        t = instants_utc_ns(times, "times")
+        r, v = (each.T.reshape(3, *t.shape) for each in self._orbit.states(np.atleast_1d(t)))
+        velocity = CartesianDifferential(v * units.km / units.s)
+        at = CartesianRepresentation(r * units.km, differentials=velocity)
+        return SkyCoord(at, frame=GCRS(obstime=_time(t)))
+
+    def predict(self, times: Instant, site: Place | None = None) -> "QTable":
+        """Where it will be seen at these times, and how sure that is.
+
+        ``times``: a ``Time``, () or (N,). ``site``: None for that of the observations.
+
+        A row an instant: ``time``, ``direction`` (``SkyCoord``, ICRS, astrometric, as a plate
+        solution would measure it: light time and the Earth's motion are in it), ``range``,
+        ``sigma`` (the longer half axis of the one-sigma ellipse), ``cov_ee``, ``cov_en``,
+        ``cov_nn`` (on the sky), ``rate_ra`` (on the sky: times cos dec), ``rate_dec``,
+        ``altitude``, ``azimuth`` (without refraction), and ``lit``, the share of the Sun that it
+        sees. NaN where it has come down. Raises InputError.
+        """
+        from astropy import units
+        from astropy.coordinates import SkyCoord
+        from astropy.table import QTable
+
+        t = np.atleast_1d(instants_utc_ns(times, "times"))
+        where = self.site if site is None else site_of(site)
+        found = predict(self._orbit, where, t)
+        places, cov = found.places, found.cov_sky_arcsec2
+        altitude, azimuth = icrs_to_altaz(where, places.ra_icrs_deg, places.dec_icrs_deg, t)
+        cos_dec = np.cos(np.radians(places.dec_icrs_deg))
+        arcsec_s = units.arcsec / units.s
+        table = QTable(meta={"label": self.label, "epoch": self.epoch.isot, "frame": "ICRS"})
+        table["time"] = _time(t)
+        table["direction"] = SkyCoord(
+            places.ra_icrs_deg, places.dec_icrs_deg, unit="deg", frame="icrs"
+        )
+        table["range"] = places.range_km * units.km
+        table["sigma"] = found.sigma_arcsec * units.arcsec
+        for n, name in enumerate(("cov_ee", "cov_en", "cov_nn")):
+            table[name] = cov[:, n] * units.arcsec**2
+        table["rate_ra"] = places.ra_rate_deg_s * cos_dec * 3600.0 * arcsec_s
+        table["rate_dec"] = places.dec_rate_deg_s * 3600.0 * arcsec_s
+        table["altitude"] = altitude * units.deg
+        table["azimuth"] = azimuth * units.deg
+        table["lit"] = lit_fraction(places.position_gcrs_km, t)
+        return table
+
+    # -- for others ------------------------------------------------------------------------------
+
+    def tle(self, *, norad_id: int | None = None, name: str = "UNKNOWN", cospar: str = "") -> str:
+        """Two lines for SGP4 below a line with the name; TEME.
+
+        ``norad_id``: None for an analyst's number. ``cospar``: as ``2009-064A``. Raises
+        OrbitError where the orbit is not known well enough for elements, SGP4 does not follow it,
+        or the number does not fit.
+        """
+        fitted = self._fitted(norad_id, name, cospar)
+        if fitted.tle is None:
+            raise OrbitError(f"no elements: {fitted.reason}")
+        return "\n".join((name, *fitted.tle)) + "\n"
+
+    def omm(
+        self,
+        form: OmmForm = "kvn",
+        *,
+        norad_id: int | None = None,
+        name: str = "UNKNOWN",
+        cospar: str = "",
+    ) -> str:
+        """A CCSDS Orbit Mean-Elements Message; as ``tle``, with all digits and any number."""
+        fitted = self._fitted(norad_id, name, cospar)
+        if fitted.mean is None:
+            raise OrbitError(f"no elements: {fitted.reason}")
+        return omm(fitted.mean, created_utc_ns=time.time_ns(), form=form)
+
+    def report(self) -> dict[str, Any]:
+        """What ``rsoconsole orbit --json`` says, but for what lies ahead and elements."""
+        return orbit_report(self._found, None)
+
+    @property
+    def seen(self) -> Sightings:
+        """The directions that it is of."""
+        return self._found.seen
+
+    def __repr__(self) -> str:
+        a, sigma = self._elements["a_km"], self._orbit.sigma_a_km
+        return (
+            f"<Orbit {self.label}: a {a:.1f} ± {sigma:.1f} km, e {self.e:.5f},"
+            f" i {self._elements['i_deg']:.3f} deg, {self.observations} directions over"
+            f" {self.arc.to_value('min'):.1f} min>"
+        )
+
+    def _element(self, key: str) -> "Quantity":
+        return _quantity(self._elements[key], _UNITS[key])
+
+    def _fitted(self, norad_id: int | None, name: str, cospar: str) -> FittedElements:
+        number = ANALYST_NUMBERS.start if norad_id is None else norad_id
+        return orbit_elements(self._found, norad_id=number, name=name, cospar=cospar)
+
+
+def _quantity(value: Any, unit: str) -> "Quantity":
+    from astropy.units import Quantity
+
+    return Quantity(value, unit)
+
+
+def _time(t_utc_ns: Any) -> "Time":
+    from astropy.time import Time
+
+    found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
+    found.format, found.precision = "isot", 9
+    return found

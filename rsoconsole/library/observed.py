@@ -1,0 +1,135 @@
+"""Of whatever was observed, the directions of one object from one site: what orbits are made of."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rsoconsole.errors import InputError
+from rsoconsole.export import ReadAs, read_observations
+from rsoconsole.library.given import (
+    ConfigLike,
+    Number,
+    Place,
+    configured_site,
+    number,
+    site_of,
+)
+from rsoconsole.library.observations import (
+    TableLike,
+    directions_of,
+    expect_one_object,
+    expect_table,
+)
+from rsoconsole.library.tracks import Track
+from rsoconsole.notebook import Session
+from rsoconsole.orbits.first import sightings
+from rsoconsole.pipeline.orbits import Observed
+from rsoconsole.records import Site
+
+Observations: TypeAlias = str | PathLike[str] | Session | Track | TableLike
+"""A session or a file of observations by its path, a session, a track, a table of one object."""
+Group: TypeAlias = tuple[Observed, ...]
+"""A session's tracks, the longest first, or one object alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What the caller says of observations that do not say it themselves."""
+
+    sigma: Number | None = None
+    site: Place | None = None
+    track: int | None = None
+    target: str | None = None
+    radians: bool | None = None
+    config: ConfigLike = None
+
+
+def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[Group]:
+    """One after another, as ``rsoconsole orbit`` reads its arguments.
+
+    Raises InputError for what holds no observations, and as reading files and sessions does.
+    """
+    if isinstance(what, list | tuple):
+        if not what:
+            raise InputError("no observations: the list is empty")
+        return [group for each in what for group in _groups(each, ask)]
+    return _groups(what, ask)
+
+
+def _groups(what: Any, ask: Asked) -> list[Group]:
+    if isinstance(what, Session):
+        return list(read_observations(what.path, _read_as(ask), track=ask.track))
+    if isinstance(what, str | PathLike):
+        path = Path(fspath(what)).expanduser()
+        return list(read_observations(path, _read_as(ask), track=ask.track))
+    if isinstance(what, Track):
+        return [(_of_track(what),)]
+    if isinstance(what, Mapping):
+        raise InputError(
+            f"{len(what)} tracks: an orbit is of one object; take one of them, as in tracks[1]"
+        )
+    return [(_of_table(what, ask),)]
+
+
+def _read_as(ask: Asked) -> ReadAs:
+    sigma = 1.0 if ask.sigma is None else number(ask.sigma, "arcsec", "sigma")
+    if sigma <= 0.0:
+        raise InputError(f"sigma: {sigma:g} arcsec must be above 0")
+    return ReadAs(
+        sigma_arcsec=sigma,
+        site=None if ask.site is None else site_of(ask.site),
+        target=ask.target,
+        is_radians=ask.radians,
+    )
+
+
+def _of_track(track: Track) -> Observed:
+    taken = track.taken
+    return Observed(
+        name=f"track {track.number}",
+        site=track.site,
+        limits=None,
+        seen=_sightings(
+            track.site,
+            np.array([m.t_mid_utc_ns for m in taken], np.int64),
+            np.array([m.ra_icrs_deg for m in taken]),
+            np.array([m.dec_icrs_deg for m in taken]),
+            np.array([m.cov_sky_arcsec2 for m in taken]),
+        ),
+        number=track.number,
+        track_id=track.number,
+    )
+
+
+def _of_table(value: Any, ask: Asked) -> Observed:
+    table = expect_table(value, "file, session, track or table of observations")
+    if "is_crossing" in table.colnames:
+        table = table[~np.asarray(table["is_crossing"], bool)]  # nobody knows when it was where
+    rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
+    expect_one_object(table)
+    site = rows.site if ask.site is None else site_of(ask.site)
+    site = configured_site(ask.config) if site is None else site
+    if site is None:
+        raise InputError(
+            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
+            " longitude, metres)"
+        )
+    return Observed(
+        name="the table",
+        site=site,
+        limits=None,
+        seen=_sightings(
+            site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
+        ),
+    )
+
+
+def _sightings(site: Site, t: Any, ra: Any, dec: Any, cov: Any) -> Any:
+    try:
+        return sightings(site, t, ra, dec, cov)
+    except ValueError as error:
+        raise InputError(str(error)) from error
