@@ -87,6 +87,8 @@ def track(
     >>> tracks[1].measurements["t_mid_utc", "direction"], tracks[1].residual_rms
     """
     table = expect_table(measurements, "table of measurements")
+    if not len(table) and META in (getattr(table, "meta", None) or {}):
+        return Tracks({}, ())  # frames that show nothing
     rows = directions_of(table, sigma)
     where = rows.site if site is None else site_of(site)
     where = configured_site(config) if where is None else where

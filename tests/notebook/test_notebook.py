@@ -51,12 +51,12 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("review")
     copy = folder / "sessions"
     copy.mkdir()
-    for name in ("review.ipynb", "execute_review.py"):
+    for name in ("review.ipynb", "execute_notebooks.py"):
         shutil.copy(SESSIONS / name, copy)
     shutil.copytree(SAMPLE, copy / SAMPLE.name)
     before = {p: p.stat().st_mtime_ns for p in (copy / SAMPLE.name).rglob("*")}
     run = subprocess.run(
-        [sys.executable, str(copy / "execute_review.py"), "--out", str(folder / "done.ipynb")],
+        [sys.executable, str(copy / "execute_notebooks.py"), "review.ipynb", "--out", str(folder)],
         env=environment_of(folder / "home", PYTHONWARNINGS=""),
         cwd=folder,
         capture_output=True,
@@ -65,7 +65,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     )
     assert run.returncode == 0, run.stderr[-3000:]
     assert {p: p.stat().st_mtime_ns for p in (copy / SAMPLE.name).rglob("*")} == before
-    return read(folder / "done.ipynb")
+    return read(folder / "review.ipynb")
 
 
 def test_it_runs_without_an_error_and_shows_its_figures(executed):
@@ -80,7 +80,7 @@ def test_its_words_and_tables_are_those_it_is_shipped_with(executed):
     assert [cell["source"] for cell in shipped] == [cell["source"] for cell in executed]
     for old, new in zip(shipped, executed, strict=True):
         assert words(new) == words(old), (
-            f"{''.join(old['source'])}\nis out of date: python sessions/execute_review.py"
+            f"{''.join(old['source'])}\nis out of date: python sessions/execute_notebooks.py"
         )
     assert pictures(shipped) == FIGURES
 

@@ -1,6 +1,6 @@
-"""Run review.ipynb again and keep its outputs, so that they can be read without running anything.
+"""Run the notebooks again and keep their outputs, so that they are read without running anything.
 
-    python sessions/execute_review.py [--out FILE]
+    python sessions/execute_notebooks.py [NOTEBOOK...] [--out FOLDER]
 
 Needs rsoconsole[notebook]. Nothing of the machine is kept: no run times, no versions.
 """
@@ -11,7 +11,8 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-NOTEBOOK = Path(__file__).parent / "review.ipynb"
+FOLDER = Path(__file__).parent
+NOTEBOOKS = ("review.ipynb", "own-frames.ipynb", "orbit-to-name.ipynb")
 CELL_S = 120
 
 
@@ -31,12 +32,15 @@ def execute(source: Path, folder: Path) -> nbformat.NotebookNode:
 
 
 def main() -> None:
-    """Run it, put it in place."""
+    """Run them, put them in place."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=NOTEBOOK)
+    parser.add_argument("notebooks", nargs="*", default=NOTEBOOKS, metavar="NOTEBOOK")
+    parser.add_argument("--out", type=Path, default=FOLDER)
     options = parser.parse_args()
-    nbformat.write(execute(NOTEBOOK, NOTEBOOK.parent), options.out)
-    print(f"{options.out}: {options.out.stat().st_size / 1e6:.2f} MB")
+    for name in options.notebooks:
+        target = options.out / Path(name).name
+        nbformat.write(execute(FOLDER / Path(name).name, FOLDER), target)
+        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":
