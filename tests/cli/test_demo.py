@@ -75,6 +75,22 @@ def test_the_same_seed_gives_the_same_night_at_another_speed_and_in_a_world_with
     assert again == {key: first_night[key] for key in again}
 
 
+def test_either_indi_client_gives_the_same_night(first_night, tmp_path, monkeypatch):
+    """Frames, measurements, orbit and name to the last digit; only what a stage took differs."""
+    by_pyindi = SessionReader(first_night["session"])
+    if "pyindi-client" not in by_pyindi.about()["versions"]:
+        pytest.skip("pyindi-client is not installed")
+    monkeypatch.setenv("RSOCONSOLE_INDI__CLIENT", "indipyclient")
+    other = night(tmp_path / "other", "--seed", "1")
+    assert {"indipyclient"} == SessionReader(other["session"]).about()["versions"].keys() & {
+        "indipyclient",
+        "pyindi-client",
+    }
+    for key in ("session", "latency_ms"):
+        del other[key]
+    assert other == {key: first_night[key] for key in other}
+
+
 def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
     """A replay of what is on record gives every record of the fold again."""
     reader = SessionReader(first_night["session"])

@@ -50,20 +50,50 @@ def test_latin_1_is_read_as_what_it_means():
     assert stream().cleaned('label="\xb0"'.encode("latin-1")).decode() == 'label="\xb0"'
 
 
-@pytest.mark.parametrize("size", [100, 5000, 70_000])
-def test_a_blob_keeps_its_content_and_loses_the_ends_of_its_lines(size):
-    content = bytes(range(256)) * 4000
+def blob_message(content: bytes, line: int = 72) -> bytes:
     text = base64.b64encode(content)
-    lines = b"\n".join(text[i : i + 72] for i in range(0, len(text), 72))
-    data = (
-        b'<setBLOBVector a="b">\n<oneBLOB name="x">\n' + lines + b"\n</oneBLOB>\n</setBLOBVector>"
-    )
+    lines = b"\n".join(text[i : i + line] for i in range(0, len(text), line))
+    head = b'<setBLOBVector a="b">\n<oneBLOB name="x" size="9">\n'
+    return head + lines + b"\n</oneBLOB>\n</setBLOBVector>\n"
+
+
+def contents(own: IndiStream, mended: bytes) -> list[bytes]:
+    """What the parser's owner finds."""
+    found = ET.fromstring(b"<all>" + mended + b"</all>").iter("oneBLOB")
+    return [bytes(own.content_of(base64.b64decode(one.text or ""))) for one in found]
+
+
+@given(
+    st.lists(st.binary(max_size=500), min_size=1, max_size=4),
+    st.lists(st.integers(0, 10_000), max_size=12),
+    st.sampled_from([3, 72, 10_000]),
+)
+def test_blobs_come_whole_wherever_they_are_cut(blobs, cuts, line):
+    data = VECTORS[0].encode().join(blob_message(each, line) for each in blobs)
     own = stream()
-    mended = b"".join(own.cleaned(data[i : i + size]) for i in range(0, len(data), size))
-    (blob,) = ET.fromstring(mended)
-    assert base64.b64decode(blob.text or "") == content
-    # All but those of the pieces in which it begins and ends.
-    assert size < 4096 or mended.count(b"\n") <= 2 * size / 72 + 4
+    mended = b"".join(map(own.cleaned, pieces(data, cuts)))
+    assert contents(own, mended) == blobs
+
+
+@pytest.mark.parametrize("text", ["*!", "QUJD=QUJD", "QUJ", "QQ"])
+def test_what_is_no_base64_is_no_content_and_the_next_one_is(text):
+    own = stream()
+    bad = f'<s><oneBLOB name="x">{text}</oneBLOB></s>'.encode()
+    assert contents(own, own.cleaned(bad + blob_message(b"good"))) == [b"", b"good"]
+
+
+def test_a_blob_is_handed_over_once_and_those_that_nobody_fetches_are_not_kept():
+    own = stream()
+    mended = own.cleaned(b"".join(blob_message(b"%d" % number) for number in range(9)))
+    assert contents(own, mended) == [b""] * 5 + [b"5", b"6", b"7", b"8"]
+    assert contents(own, mended) == [b""] * 9
+    assert own.content_of(b"no ticket") == b""
+
+
+def test_a_blob_without_content_is_none():
+    own = stream()
+    data = b'<s><oneBLOB name="x" size="0"></oneBLOB><oneBLOB name="y" size="0"/></s>'
+    assert contents(own, own.cleaned(data))[0] == b""
 
 
 def test_a_long_text_keeps_the_ends_of_its_lines():

@@ -11,7 +11,7 @@ import typer
 
 from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
 from rsoconsole.cli.words import JsonOption, SessionOption, completion, output
-from rsoconsole.config import Config, SessionConfig, load_config
+from rsoconsole.config import Config, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
 from rsoconsole.records import Site
@@ -109,7 +109,7 @@ def demo(
     Opens the console where there is a terminal, else prints a line for each
     frame. A simulated mount and camera speak INDI on this machine; everything
     behind them is the real program. Your configuration file has no part in it,
-    but for the folder of the sessions.
+    but for the folder of the sessions and the library that speaks INDI.
 
     The console is at its best from 80 x 24; x is STOP, q leaves, F1 shows the
     other keys. Left running, the demo ends by itself some time after its night.
@@ -320,10 +320,12 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
 def demo_config(
     site: Site, *, preset: Preset, keep_frames: KeepFrames, catalogue: Sequence[Path] = ()
 ) -> Config:
-    """The defaults at the scenario's site; of the user's own settings only the sessions' folder.
+    """The defaults at the scenario's site; of the user's own settings only what is this machine's.
 
-    The defaults describe the telescope that the scenarios simulate.
+    That is the sessions' folder and the library that speaks INDI. The defaults describe the
+    telescope that the scenarios simulate.
     """
+    own = _own_settings()
     return Config.model_validate(
         {
             "site": {
@@ -332,19 +334,22 @@ def demo_config(
                 "longitude_deg": site.longitude_deg,
                 "elevation_m": site.elevation_m,
             },
+            "indi": {"client": own.indi.client},
             "exposure": {"frame_timeout_s": FRAME_TIMEOUT_S},
             "solver": {"deadline_s": SOLVER_DEADLINE_S},
             "filter": {"preset": preset},
             "catalogue": {"tle_files": tuple(catalogue)},
-            "session": {"root": _sessions_root(), "keep_frames": keep_frames},
+            "session": {"root": own.session.root, "keep_frames": keep_frames},
         }
     )
 
 
-def _sessions_root() -> Path:
+def _own_settings() -> Config:
+    """The user's, as far as they can be read."""
     try:
-        return load_config().session.root
+        return load_config()
     except (ConfigError, OSError) as error:
-        root = SessionConfig().root
+        own = Config()
+        root = own.session.root
         output.complain(f"rsoconsole: {error}; the demo does without, its session goes to {root}")
-        return root
+        return own

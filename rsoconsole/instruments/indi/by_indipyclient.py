@@ -66,7 +66,7 @@ class IndipyClient(IndiClient):
         self._send(enable)
 
     def _let_go(self, content: memoryview) -> None:
-        """The library has forgotten it before it was handed on."""
+        """Nobody else holds it."""
 
     def _send_numbers(self, name: str, values: Mapping[str, float]) -> None:
         self._send_new("Number", name, {each: repr(float(value)) for each, value in values.items()})
@@ -109,6 +109,12 @@ class IndipyClient(IndiClient):
         elif event.eventtype in _CHANGES or self._is_new_definition(event):
             self._store(self._vector(event, arrived_s))
 
+    def _blob(self, ticket: bytes) -> memoryview:
+        """What came in the place of a ticket; read only."""
+        assert self._loop is not None
+        assert self._loop.stream is not None
+        return memoryview(self._loop.stream.content_of(ticket)).toreadonly()
+
     def _is_new_definition(self, event: Any) -> bool:
         """As libindi sees it: what is defined already stays as it is."""
         return event.eventtype in _DEFINITIONS and event.vectorname not in self._vectors
@@ -125,8 +131,9 @@ class IndipyClient(IndiClient):
             case "TextVector":
                 values = {k: each.membervalue for k, each in vector.members().items()}
             case "BLOBVector" if event.eventtype == "SetBLOB":
-                blobs = {k: memoryview(content) for k, content in event.items()}
-                _drop(event)
+                blobs = {
+                    k: content for k, ticket in event.items() if (content := self._blob(ticket))
+                }
         return Vector(
             name=vector.name,
             state=vector.state,
@@ -136,16 +143,6 @@ class IndipyClient(IndiClient):
             arrived_monotonic_s=arrived_s,
             blobs=blobs,
         )
-
-
-def _drop(event: Any) -> None:
-    """The library keeps a BLOB, and the text it was, until the next one: twice a frame's size."""
-    for one in event.root:
-        one.text = None
-    for member in event:
-        # It takes no empty one.
-        event.vector.member(member).membervalue = b"\0"
-    event.data.clear()
 
 
 class _Library(indipyclient.IPyClient):  # type: ignore[misc]
@@ -181,16 +178,17 @@ class _Loop(asyncio.SelectorEventLoop):
         super().__init__()
         self._on_end = on_end
         self.has_failed = False
+        self.stream: IndiStream | None = None
+        """Of the only connection that is made."""
         self.on_failure: Callable[[], None] = lambda: None
 
     async def create_connection(  # type: ignore[override]
         self, protocol_factory: Callable[[], asyncio.Protocol], *arguments: Any, **options: Any
     ) -> tuple[asyncio.Transport, asyncio.Protocol]:
         """As of every loop, with a stream between the socket and who asked."""
+        stream = self.stream = IndiStream(protocol_factory(), self._on_end)
         try:
-            return await super().create_connection(
-                lambda: IndiStream(protocol_factory(), self._on_end), *arguments, **options
-            )
+            return await super().create_connection(lambda: stream, *arguments, **options)
         except OSError:
             self.has_failed = True
             self.on_failure()
