@@ -88,17 +88,26 @@ def streak_of(
     exposure_s: float = 0.2,
     bias_s: float = 0.0,
     scatter_s: float = SCATTER_S,
+    shake_arcsec: float = 0.0,
+    hidden: float = 0.0,
     site: Site = SITE,
 ) -> StreakEnds:
-    """What a frame shows, ends to 0.3 px, the shutter late at random; in either sense."""
+    """What a frame shows, ends to 0.3 px, the shutter late at random; in either sense.
+
+    ``shake_arcsec``: what the ends are off beyond what is said of them; ``hidden``: the share of
+    the streak that is not to be seen at its end.
+    """
     half_ns = round(exposure_s / 2.0 * NS_PER_S)
     t = np.array([t_mid_utc_ns - half_ns, t_mid_utc_ns + half_ns])
     late_ns = round(float(random.normal(bias_s, scatter_s)) * NS_PER_S)
     places = one.satellite.astrometric_place(site, t + late_ns)
-    off_deg = random.normal(0.0, END_ARCSEC / 3600.0, (2, 2))
+    if hidden:
+        t = np.array([t[0], t[1] - round(hidden * exposure_s * NS_PER_S)])
+        places = one.satellite.astrometric_place(site, t + late_ns)
+    off_deg = random.normal(0.0, np.hypot(END_ARCSEC, shake_arcsec) / 3600.0, (2, 2))
     streak = StreakEnds(
         t_open_utc_ns=int(t[0]),
-        t_close_utc_ns=int(t[1]),
+        t_close_utc_ns=int(t_mid_utc_ns + half_ns),
         ra_icrs_deg=places.ra_icrs_deg + off_deg[0] / np.cos(np.radians(places.dec_icrs_deg)),
         dec_icrs_deg=places.dec_icrs_deg + off_deg[1],
         sigma_along_arcsec=np.full(2, END_ARCSEC),

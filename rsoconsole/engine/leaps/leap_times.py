@@ -115,23 +115,29 @@ class LeapTimes:
         self._readouts_s.clear()
         self._latencies_s.clear()
 
-    def closed_after_s(self, exposure_s: float) -> float | None:
+    def closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
         """Seconds from the order of an exposure until its shutter has surely closed.
 
-        None where frames have not told it: too few of them, or the camera's clock is off.
+        ``scatter_s``: what streaks have told of the shutter beside its headers. None where frames
+        have not told it (too few of them, or the camera's clock is off), and where the frame
+        itself comes sooner.
         """
-        latency = self._shutter_s()
+        latency = self._shutter_s(scatter_s)
         if latency is None:
             return None
         latest_s = max(latency[1], self._config().exposure.start_latency_s)
+        usual_s = float(np.median(self._latencies_s))
+        if self._readouts_s and latest_s - usual_s > float(np.median(self._readouts_s)):
+            return None
         return latest_s + exposure_s + self._rows_s
 
-    def _shutter_s(self) -> tuple[float, float] | None:
+    def _shutter_s(self, scatter_s: float = 0.0) -> tuple[float, float] | None:
         """From an order to the opening, surely at the least and at the most; None: not known."""
         seen, (low_s, high_s) = self._latencies_s, _LATE_S
         if len(seen) < _LEAST_FRAMES or min(seen) < low_s or max(seen) > high_s:
             return None
-        sigma_s = max(self._config().exposure.timing_sigma_s, float(np.std(seen)), _LEAST_SCATTER_S)
+        stated_s = max(self._config().exposure.timing_sigma_s, scatter_s, _LEAST_SCATTER_S)
+        sigma_s = max(stated_s, float(np.std(seen)))
         middle_s, spread_s = float(np.median(seen)), _CLOSED_SIGMAS * sigma_s
         return min(middle_s - spread_s, *seen), max(middle_s + spread_s, *seen)
 

@@ -132,8 +132,11 @@ class Leaping:
         """The exposure under way was ordered: where the next one is, is found meanwhile."""
         self._exposing, self._next = (frame_id, opened_utc_ns), None
         leap, track = self._leap, self.track
-        closed_s = self.times.closed_after_s(self._control.config.exposure.exposure_s)
-        if leap is None or track is None or closed_s is None or not self._is_sure(track):
+        if leap is None or track is None or not self._is_sure(track):
+            return
+        exposure_s = self._control.config.exposure.exposure_s
+        closed_s = self.times.closed_after_s(exposure_s, track.best.scatter_s)
+        if closed_s is None:
             return
         t_close_ns = opened_utc_ns + round(closed_s * NS)
         pose = self._planner.pose(t_close_ns)

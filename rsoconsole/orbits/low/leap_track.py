@@ -28,6 +28,15 @@ _STRAIGHT_S = 0.1
 _OF_MOTION = 4
 """Numbers of an orbit that say where along its way something is."""
 _SAME_SCATTER = 1.15
+_MOST_SHAKE_ARCSEC, _SAME_SHAKE_ARCSEC = 6.0, 0.3
+_SHAKE_FRAMES = 3.0
+"""For so many frames counts that nothing shakes."""
+_OF_PLANE = 3
+"""Numbers that say where beside the middle of its way something is."""
+_WHOLE_SIGMAS, _RATE_ERROR = 3.0, 0.01
+"""So far off, in errors of its ends and of the rate (share of it), a length is not trusted."""
+_MOST_MISSING = 0.5
+"""Of a streak's length: what a mount that goes on before the shutter has closed hides of it."""
 _MOST_FITS = 3
 _DETECTED = 0.9
 """How surely a streak that was in the frame is found, where nothing else is known."""
@@ -46,6 +55,9 @@ class Hypothesis:
     probability: float
     scatter_s: float
     """Of the shutter, one sigma: as stated at first, then as the streaks have told."""
+    shake_arcsec: float = 0.0
+    """By which each end lies off beyond what its streak tells, one sigma: wind, a mount that
+    settles. The streaks tell it by how far they lie beside their orbit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,7 +162,8 @@ def begin(
 def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
     """With one more streak, later than all others; None where it fits no hypothesis.
 
-    What the shutter scatters is learned on the way, as far as nobody has measured it.
+    What the shutter scatters, as far as nobody has measured it, and what shakes the image are
+    learned on the way.
     """
     found = []
     for number, each in enumerate(track.hypotheses):
@@ -164,11 +177,10 @@ def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
             place = track.ahead(streak.t_mid_utc_ns + round(late_s * NS_PER_S), number)
             if place is None:
                 continue
-        log_likelihood = _log_likelihood(place, turned, each.scatter_s)
-        if log_likelihood is None and np.isfinite(track.timing.scatter_frames):
-            log_likelihood = _log_likelihood(place, turned, MOST_SCATTER_S)
-        if log_likelihood is None:
+        fitting = _as_it_fits(track.timing, each, place, turned)
+        if fitting is None:
             continue
+        turned, log_likelihood = fitting
         after = _with_streak(track, each, turned)
         if after is not None:
             found.append((log_likelihood + np.log(each.probability), after))
@@ -229,20 +241,26 @@ def _ahead(site: Site, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
 def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:
     """With the orbit through all, weighed by what that itself says of the shutter's scatter."""
     streaks, scatter_s = (*each.streaks, streak), each.scatter_s
+    shake_arcsec = each.shake_arcsec
     if each.orbit is None:
         state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
     else:
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
     for _ in range(_MOST_FITS):
         timing = replace(track.timing, scatter_s=scatter_s)
-        orbit = fit_streaks(track.site, streaks, state, epoch, timing)
+        shaken = [one.shaken(shake_arcsec) for one in streaks]
+        orbit = fit_streaks(track.site, shaken, state, epoch, timing)
         if orbit is None or not orbit.is_converged:
             return None
         before_s, scatter_s = scatter_s, _scatter_s(track.timing, streaks, orbit)
-        if 1.0 / _SAME_SCATTER < scatter_s / before_s < _SAME_SCATTER:
+        before_arcsec, shake_arcsec = shake_arcsec, _shake_arcsec(streaks, orbit)
+        is_steady = abs(shake_arcsec - before_arcsec) < _SAME_SHAKE_ARCSEC
+        if is_steady and 1.0 / _SAME_SCATTER < scatter_s / before_s < _SAME_SCATTER:
             break
         state, epoch = (orbit.r_km, orbit.v_km_s), orbit.epoch_utc_ns
-    return replace(each, streaks=streaks, orbit=orbit, scatter_s=scatter_s)
+    return replace(
+        each, streaks=streaks, orbit=orbit, scatter_s=scatter_s, shake_arcsec=shake_arcsec
+    )
 
 
 def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
@@ -261,6 +279,58 @@ def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -
     frames = timing.scatter_frames
     square = frames * timing.scatter_s**2 + float(np.sum(np.square(late_s)))
     return float(np.sqrt(square / (frames + max(len(late_s) - _OF_MOTION, 0))))
+
+
+def _shake_arcsec(streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
+    """Of each end, beyond what the streaks say themselves: by how far they lie beside the orbit."""
+    off = orbit.residuals_arcsec[..., 1]
+    own = np.stack([each.sigma_across_arcsec for each in streaks])
+    spare = max(off.size - _OF_PLANE, 0)
+    square = float(np.sum(np.square(off / own))) + _SHAKE_FRAMES
+    times = square / (spare + _SHAKE_FRAMES)
+    return float(np.sqrt(max(times - 1.0, 0.0) * np.mean(np.square(own))))
+
+
+def _as_it_fits(
+    timing: Timing, each: Hypothesis, place: SkyAhead, streak: StreakEnds
+) -> tuple[StreakEnds, float] | None:
+    """The streak, as sure of its ends as it can be, and its likelihood; None where it is another's.
+
+    First as learned so far, then as late as a frame may be, last in a gust.
+    """
+    streak = _of_sure_length(place, streak, each.shake_arcsec)
+    is_measured = not np.isfinite(timing.scatter_frames)
+    latest_s = each.scatter_s if is_measured else max(MOST_SCATTER_S, each.scatter_s)
+    gust_arcsec = max(_MOST_SHAKE_ARCSEC, each.shake_arcsec)
+    for shake_arcsec, late_s in (
+        (each.shake_arcsec, each.scatter_s),
+        (each.shake_arcsec, latest_s),
+        (gust_arcsec, latest_s),
+    ):
+        found = _log_likelihood(place, streak.shaken(shake_arcsec), late_s)
+        if found is not None:
+            return streak, found
+    return None
+
+
+def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) -> StreakEnds:
+    """The streak, no surer of its ends along it than its length agrees with the rate.
+
+    A mount that goes on before the shutter has closed hides one of them.
+    """
+    if not streak.is_whole:
+        return streak
+    expected_arcsec = place.speed_arcsec_s * float(np.diff(streak.t_utc_ns)[0]) / NS_PER_S
+    missing_arcsec = abs(expected_arcsec - streak.length_arcsec)
+    rate_error_arcsec = _RATE_ERROR * expected_arcsec
+    sigma_arcsec = np.sqrt(
+        float(np.sum(np.square(streak.shaken(shake_arcsec).sigma_along_arcsec)))
+        + rate_error_arcsec**2
+    )
+    is_whole = missing_arcsec < _WHOLE_SIGMAS * sigma_arcsec
+    if is_whole or missing_arcsec > _MOST_MISSING * expected_arcsec:
+        return streak
+    return streak.of_unsure_length(missing_arcsec)
 
 
 def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> float | None:

@@ -76,6 +76,18 @@ class StreakEnds:
         parts = [along * s * s + across * c * c, (along - across) * s * c]
         return np.stack([*parts, along * c * c + across * s * s], axis=-1)
 
+    def shaken(self, arcsec: float) -> "StreakEnds":
+        """Each end by itself less sure by so much, in any direction."""
+        return replace(
+            self,
+            sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec),
+            sigma_across_arcsec=np.hypot(self.sigma_across_arcsec, arcsec),
+        )
+
+    def of_unsure_length(self, arcsec: float) -> "StreakEnds":
+        """Where a piece so long may be missing at either end, or be too much."""
+        return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
+
     @property
     def reversed(self) -> "StreakEnds":
         """The same streak, run through the other way."""
