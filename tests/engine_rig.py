@@ -10,9 +10,9 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome, Request, command_of, sender_of
 from rsoconsole.engine.aim.hands import Hands
-from rsoconsole.engine.control.command_queue import CommandQueue
 from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import (
     ClockFault,

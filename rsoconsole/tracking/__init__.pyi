@@ -1,4 +1,3 @@
-from .company import MANY as MANY
 from .drift import Drift as Drift
 from .drift import Look as Look
 from .drift import PolarHint as PolarHint
@@ -7,6 +6,7 @@ from .drift import drift_of as drift_of
 from .drift import offsets_arcsec as offsets_arcsec
 from .drift import polar_hint as polar_hint
 from .frame_by_frame import follow as follow
+from .further_tracks import MANY as MANY
 from .joint import STRANGERS_ARCSEC2 as STRANGERS_ARCSEC2
 from .pointing import CLIP_ARCSEC as CLIP_ARCSEC
 from .pointing import PointingModel as PointingModel

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from rsoconsole.reasons import Cause, NotTaken
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, StateChange, TrackState
-from rsoconsole.tracking import blended, company, track_words
+from rsoconsole.tracking import blended, further_tracks, track_words
 from rsoconsole.tracking.association import (
     CROSSED,
     NOTHING_SEEN,
@@ -98,7 +98,7 @@ def _follow_tracks(
     """All tracks of a frame, the lead first; where it ends, the next track leads."""
     is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
     if is_joint:
-        before = company.lightened(before)
+        before = further_tracks.lightened(before)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
         before, seen = _with_chosen_lead(before, seen, settings)
     if seen.chosen is None and is_joint:
@@ -125,7 +125,7 @@ def _follow_tracks(
             return before.without_track("ACQUIRE", (done.begins_with,)), records
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
     if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
-        after, records = company.joined_by_new(
+        after, records = further_tracks.joined_by_new(
             before, after, [*ended, *of_dropped], records, seen, settings
         )
     if len(after.tracks) + len(after.dropped) > 1:
@@ -227,10 +227,12 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
             unclear = dict.fromkeys(own.fitting, CANNOT_TELL)
             own = replace(own, reasons={**own.reasons, **unclear})
         step = stepped_track(own, taken, track, replace(seen, measurements=left), settings)
-        steps.append(step if track.track.is_lead else company.ended(step, track, seen, settings))
+        steps.append(
+            step if track.track.is_lead else further_tracks.ended(step, track, seen, settings)
+        )
     if not chains.is_wide(settings):
         return steps
-    return company.without_ghost(steps, all_tracks, seen, settings)
+    return further_tracks.without_ghost(steps, all_tracks, seen, settings)
 
 
 def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
@@ -289,7 +291,7 @@ def _weighed_by(
     expected = expected_motion(predicted, seen.exposure_s)
     asked = seen.measurements
     if not predicted.is_lead and settings.filter.preset == "adaptive":
-        asked = company.within_reach(asked, predicted)
+        asked = further_tracks.within_reach(asked, predicted)
     updated = all_updated_with(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence

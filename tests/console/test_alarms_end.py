@@ -16,7 +16,7 @@ from rsoconsole.console.words.words import alert_text
 from rsoconsole.control import ON_RECORD, Outcome, read_status
 from rsoconsole.control.commands import Seek
 from rsoconsole.control.mount_text import mount_words
-from rsoconsole.engine.control.watch import Watch
+from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done

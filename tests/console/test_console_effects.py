@@ -79,7 +79,7 @@ def by_hand(r: Rig, least_deg: float) -> bool:
     """Whether the operator has sent the mount on its way, so far at least."""
     *_, before, last = r.mount.slews
     is_far = separation_deg(*before, *last) >= least_deg
-    return r.engine.charge.state == "MANUAL" and before != last and is_far
+    return r.engine.authority.state == "MANUAL" and before != last and is_far
 
 
 def setting(r: Rig, name: str) -> Any:
@@ -88,20 +88,20 @@ def setting(r: Rig, name: str) -> Any:
 
 
 EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
-    "stop": (["ctrl+x"], lambda r: r.engine.charge.state == "IDLE" and r.mount.aborts > 0),
-    "stop_by_letter": (["x"], lambda r: r.engine.charge.state == "IDLE" and r.mount.aborts > 0),
-    "arm_or_disarm": (["twice:a"], lambda r: r.engine.charge.holder == "nobody"),
-    "hold_or_resume": (["h"], lambda r: r.engine.charge.is_held),
-    "wait_for_sky": (["w"], lambda r: r.engine.charge.resumes_when_clear),
+    "stop": (["ctrl+x"], lambda r: r.engine.authority.state == "IDLE" and r.mount.aborts > 0),
+    "stop_by_letter": (["x"], lambda r: r.engine.authority.state == "IDLE" and r.mount.aborts > 0),
+    "arm_or_disarm": (["twice:a"], lambda r: r.engine.authority.holder == "nobody"),
+    "hold_or_resume": (["h"], lambda r: r.engine.authority.is_held),
+    "wait_for_sky": (["w"], lambda r: r.engine.authority.resumes_when_clear),
     "goto": (
         ["g", "text:alt 50 az 175", "told", "enter"],
-        lambda r: r.engine.charge.state == "MANUAL",
+        lambda r: r.engine.authority.state == "MANUAL",
     ),
-    "nudge_up": (["twice:up"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_down": (["twice:down"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_left": (["twice:left"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_right": (["twice:right"], lambda r: r.engine.charge.state == "MANUAL"),
-    "centre": (["c", "told", "enter"], lambda r: r.engine.charge.state == "MANUAL"),
+    "nudge_up": (["twice:up"], lambda r: r.engine.authority.state == "MANUAL"),
+    "nudge_down": (["twice:down"], lambda r: r.engine.authority.state == "MANUAL"),
+    "nudge_left": (["twice:left"], lambda r: r.engine.authority.state == "MANUAL"),
+    "nudge_right": (["twice:right"], lambda r: r.engine.authority.state == "MANUAL"),
+    "centre": (["c", "told", "enter"], lambda r: r.engine.authority.state == "MANUAL"),
     "aim": (["i", "text:20", "told", "enter"], lambda r: setting(r, "aim.lead_s") == 20.0),
     "exposure": (["e", "text:5", "enter"], lambda r: setting(r, "exposure.exposure_s") == 5.0),
     "abort_exposure": (["b"], lambda r: is_done(r, "abort")),
@@ -113,7 +113,7 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
     "track_or_stand": (["twice:a", "done:disarm", "k"], lambda r: not r.mount.is_tracking),
     "undo": (
         ["twice:a", "done:disarm", "u"],
-        lambda r: is_done(r, "resume") and r.engine.charge.state == "COAST",
+        lambda r: is_done(r, "resume") and r.engine.authority.state == "COAST",
     ),
     "follow_next": (["twice:d"], lambda r: rulings(r)[-1].taken is not None),
     "accept": (["y"], lambda r: rulings(r)[-1].taken.source == "operator"),

@@ -17,7 +17,7 @@ from rsoconsole.console.picture.picture import (
     draw_field,
     light_of,
 )
-from rsoconsole.engine.control.preview import CLOSEUP_PX, closeup_of
+from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
 from rsoconsole.reasons import Told
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky.angles import separation_deg

@@ -449,10 +449,10 @@ def test_a_hold_until_it_clears_is_refused_in_a_clear_sky_and_taken_under_cloud(
     r.engine.run(frames=9)
     assert desk_of(r).handle(asked("hold", {"until": "clear"})).ok
     r.engine.commands.execute_waiting()
-    assert r.engine.charge.resumes_when_clear
+    assert r.engine.authority.resumes_when_clear
     stars[0] = 400
     r.engine.run(frames=12)
-    assert not r.engine.charge.is_held
+    assert not r.engine.authority.is_held
 
 
 # -- where the telescope really looks -------------------------------------------------------------

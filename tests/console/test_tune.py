@@ -15,7 +15,7 @@ from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, fold, tune_box
 from rsoconsole.console.tuning.lines import tune_lines
 from rsoconsole.console.tuning.presets import load_presets, save_preset
 from rsoconsole.console.tuning.tuning_pane import NAMES, TUNABLES, TunePane, Tuning
-from rsoconsole.engine.control.tunables import TUNABLE
+from rsoconsole.engine.tasks.tunables import TUNABLE
 from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of, what_if
 from rsoconsole.records import Miss, TrackState

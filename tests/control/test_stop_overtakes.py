@@ -50,7 +50,7 @@ def test_a_move_that_is_being_computed_when_stop_comes_is_dropped(armed: Rig):
     assert (outcome.ok, outcome.message) == (False, "dropped by STOP")
     slews = len(armed.mount.slews)
     heed(armed)
-    assert armed.engine.charge.state == "IDLE"
+    assert armed.engine.authority.state == "IDLE"
     assert len(armed.mount.slews) == slews
     (goto,) = [a for a in armed.memory.of(OperatorAction) if a.verb == "goto"]
     assert text(goto.outcome) == "dropped by STOP"
@@ -80,13 +80,13 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
             thread.join()
         heed_again = armed.engine.commands.execute_waiting
         heed_again()
-        assert armed.engine.charge.state == "IDLE"
+        assert armed.engine.authority.state == "IDLE"
         assert len(armed.mount.slews) == slews
         assert [o.ok for o in outcomes].count(False) >= NUDGES - 4
         # What is asked for afterwards is done.
         assert ControlClient(socket, sender=Sender.console("a")).send(Goto(**ASIDE)).ok
         heed_again()
-    assert armed.engine.charge.state == "MANUAL"
+    assert armed.engine.authority.state == "MANUAL"
 
 
 @pytest.mark.parametrize("verb", ["disarm", "shutdown"])
@@ -108,7 +108,7 @@ def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: R
     outcomes = {a.verb: text(a.outcome) for a in armed.memory.of(OperatorAction)}
     assert outcomes["goto"] == "dropped: a limit was met"
     assert outcomes["disarm"] == "done"
-    assert armed.engine.charge.state == "IDLE"
+    assert armed.engine.authority.state == "IDLE"
     assert len(armed.mount.slews) == slews
 
 
@@ -147,5 +147,5 @@ def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(arm
     heed(armed)
     outcomes = {a.verb: text(a.outcome) for a in armed.memory.of(OperatorAction)}
     assert outcomes == {"goto": "dropped: a limit was met", "hold": "done"}
-    assert armed.engine.charge.is_held
+    assert armed.engine.authority.is_held
     assert len(armed.mount.slews) == slews

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.engine.control.preview import PlacesOfInterest
+from rsoconsole.engine.tasks.preview import PlacesOfInterest
 from rsoconsole.records import NotSolved
 from rsoconsole.sky.wcs import pixel_to_sky
 from tests.made_up_night import solution_of

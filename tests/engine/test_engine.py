@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control.commands import Seek
-from rsoconsole.engine.control.tunables import changed
+from rsoconsole.engine.tasks.tunables import changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.frame.reduce import Reduction
@@ -193,7 +193,7 @@ def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_
     assert any("set the clock by -300.0 s" in event.text for event in r.memory.of(Event))
     starts = {f.frame_id: f.t_start_utc_ns for f in r.memory.of(FrameTaken)}
     assert starts[8] < starts[5]
-    assert r.engine.charge.state != "FAULT"
+    assert r.engine.authority.state != "FAULT"
     health = desk_of(r).handle(asked("status")).data["health"]
     assert any("set by -300.0 s" in each["text"] for each in health)
 
@@ -220,7 +220,7 @@ def test_a_clock_that_is_set_while_the_mount_slews_waits_for_it_and_takes_nothin
     assert any("set the clock" in event.text for event in r.memory.of(Event))
     assert opened
     assert not any(opened)
-    assert r.engine.charge.state == "SEARCH"
+    assert r.engine.authority.state == "SEARCH"
 
 
 def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_seek():
@@ -238,7 +238,7 @@ def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_see
     r.reducer.reduce = clouded
     r.clock.set_by(-60.0)
     r.engine.run(frames=8)
-    assert r.engine.charge.state == "SEARCH"
+    assert r.engine.authority.state == "SEARCH"
     answer = desk_of(r).handle(asked("seek"))
     assert not answer.ok
     assert "nothing has been followed" in answer.message

@@ -11,8 +11,8 @@ from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
 from rsoconsole.engine.aim.hands import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
-from rsoconsole.engine.control.slews import Slews
-from rsoconsole.engine.control.watch import LOOP_SILENCE_S
+from rsoconsole.engine.tasks.slews import Slews
+from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
 from rsoconsole.reason_text import text
@@ -269,7 +269,7 @@ def test_bad_weather_stops_and_parks_and_nothing_resumes_by_itself(report, word)
     wait = r.clock.wait_until
 
     def clears_up(t_utc_ns: int) -> bool:
-        if r.engine.charge.state == "IDLE" and r.mount.is_parked:
+        if r.engine.authority.state == "IDLE" and r.mount.is_parked:
             station.report = SkyReport(weather="ok", dome="open")
         if r.clock.t_utc_ns > T0_UTC_NS + 1200 * NS:
             r.queue.request_shutdown()
@@ -298,11 +298,11 @@ def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by
     r = rig(set(range(1, 60)), config, guard=station)
     r.engine.arm()
     r.engine.run(frames=6)
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
     arguments = {"ra_icrs_deg": BESIDE[0], "dec_icrs_deg": BESIDE[1]} if taken_by == "goto" else {}
     assert desk_of(r).handle(asked(taken_by, arguments)).ok
     r.engine.commands.execute_waiting()
-    assert r.engine.charge.is_resumable
+    assert r.engine.authority.is_resumable
     if report is None:
         r.clock.t_utc_ns = T0_UTC_NS + 8 * 3600 * NS
     else:
@@ -314,7 +314,7 @@ def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by
     # The loop, too, which comes to it later.
     with pytest.raises(ValueError, match=word):
         r.engine.resume("operator")
-    assert not r.engine.charge.is_autonomous
+    assert not r.engine.authority.is_autonomous
     assert (len(r.mount.slews), r.mount.is_parked) == (slews, False)
 
 
@@ -455,7 +455,7 @@ def test_a_loop_that_hangs_is_told_and_the_service_manager_hears_no_more(monkeyp
     r = rig(set())
     watch = r.engine.watch
     heard: list[str] = []
-    monkeypatch.setattr("rsoconsole.engine.control.watch.notify", heard.append)
+    monkeypatch.setattr("rsoconsole.engine.tasks.watch.notify", heard.append)
     watch.look()
     assert heard == ["WATCHDOG=1"]
     watch._loop_heard_s -= LOOP_SILENCE_S
@@ -532,7 +532,7 @@ def test_a_fault_is_parked_when_the_weather_turns():
     wait = r.clock.wait_until
 
     def rains_later(t_utc_ns: int) -> bool:
-        if r.engine.charge.state == "FAULT":
+        if r.engine.authority.state == "FAULT":
             station.report = SkyReport(weather="alert", dome=None, detail="rain")
         if r.mount.is_parked:
             r.queue.request_shutdown()

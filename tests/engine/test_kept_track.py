@@ -207,7 +207,7 @@ def kept_by_replay(r: Rig) -> int | None:
 def assert_given_up_on_record(r: Rig) -> None:
     said = [event for event in r.memory.of(Event) if event.topic == "kept"]
     assert [event.text for event in said] == ["track 1 can no longer be followed again"]
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert kept_by_replay(r) is None
 
 
@@ -252,6 +252,6 @@ def test_what_the_engine_keeps_longer_than_the_frames_say_is_kept_by_a_replay_to
     tell(tracking, "nudge", east_arcmin=0.0, north_arcmin=0.01)
     for _ in range(2):
         idle_for(tracking, 0.6 * KEPT_S)
-        tracking.engine.happen(Marked(kept=tracking.engine.charge.kept))
-    assert tracking.engine.charge.kept is not None
+        tracking.engine.happen(Marked(kept=tracking.engine.authority.kept))
+    assert tracking.engine.authority.kept is not None
     assert kept_by_replay(tracking) == 1

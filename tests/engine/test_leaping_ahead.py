@@ -6,8 +6,8 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.hands import Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.aim.states import Held
-from rsoconsole.engine.control.slews import Slews
 from rsoconsole.engine.leaps.leap_times import LeapTimes
+from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.judge.passes import leap_figures

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.engine.control.pace import LONGEST_SHARE, SHORTEST_PX, Pace, wanted
+from rsoconsole.engine.tasks.pace import LONGEST_SHARE, SHORTEST_PX, Pace, wanted
 from rsoconsole.records import TrackState
 
 CONFIG = Config()

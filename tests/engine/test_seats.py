@@ -7,7 +7,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import COMMANDS, Outcome, Sender
-from rsoconsole.engine.control.seats import ASKED_S, GONE_S, Seats, SeatView
+from rsoconsole.engine.tasks.seats import ASKED_S, GONE_S, Seats, SeatView
 from tests.engine_rig import asked, desk_of, rig
 from tests.seat_rig import FakeWire, can_answer, pane, play, until
 

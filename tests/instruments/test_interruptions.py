@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.control.frame_times import FrameTimes
+from rsoconsole.engine.tasks.frame_times import FrameTimes
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import ClockFault, SlewEnd
 from rsoconsole.pipeline.frame.reduce import Reduction
@@ -75,12 +75,12 @@ def test_no_track_goes_on_across_a_clock_that_was_set(step_s: float):
     sky = TrueSky(r)
     r.engine.arm()
     r.engine.run(frames=8)
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
     before = {each.track_id for each in r.memory.of(TrackState)}
     set_clock(r, sky, step_s)
     r.engine.run(frames=16)
     after = {each.track_id for each in r.memory.of(TrackState) if each.frame_id > 8}
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
     assert after
     assert not after & before
     assert worst_innovation_arcsec(r, 9) < ONE_ARCSEC
@@ -120,7 +120,7 @@ def test_a_clock_that_is_set_while_the_camera_is_read_out_spoils_that_frame():
     r.engine.run(frames=16)
     assert wrong[0] not in {each.frame_id for each in r.memory.of(FrameTaken)}
     assert worst_innovation_arcsec(r, 9) < ONE_ARCSEC
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
 
 
 def test_a_leap_second_ends_what_is_followed_and_blames_nobody():
@@ -135,7 +135,7 @@ def test_a_leap_second_ends_what_is_followed_and_blames_nobody():
     assert words.startswith("a leap second has come (-1 s)")
     assert "both are right" in words
     assert worst_innovation_arcsec(r, 9) < ONE_ARCSEC
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0])
@@ -167,7 +167,7 @@ def test_no_frame_is_taken_while_the_clock_runs_wrong_and_the_night_goes_on_afte
     assert any(f"runs {rate:.2f} times as fast" in words for words in said(r))
     assert any("runs right again" in words for words in said(r, "warning"))
     assert worst_innovation_arcsec(r, 9) < ONE_ARCSEC
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
 
 
 def test_what_the_mount_s_own_clock_says_is_told():
@@ -339,7 +339,7 @@ def test_a_disarmed_engine_beside_a_mount_that_is_off_stays_idle_and_parks_nothi
     in_an_idle_engine(r, turns=6)
     assert "FAULT" not in states(r)
     assert sum("how the mount stands" in words for words in said(r)) == 1
-    assert not r.engine.charge.is_responsible
+    assert not r.engine.authority.is_responsible
     silent[0] = False
     r.queue._is_shutdown = False
     r.clock.t_utc_ns += 8 * 3600 * NS

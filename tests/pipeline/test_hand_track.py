@@ -56,7 +56,7 @@ def in_hand(frames: set[int] | None = None) -> Rig:
 
 def nudge(r: Rig) -> None:
     assert say(r, "nudge", east_arcmin=0.0, north_arcmin=0.01).ok
-    assert r.engine.charge.state == "MANUAL"
+    assert r.engine.authority.state == "MANUAL"
 
 
 def place_px(r: Rig, frame_id: int) -> tuple[float, float]:
@@ -93,10 +93,10 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     r = in_hand({7, 8})
     r.engine.run(frames=4)
     assert mark(r, 3).ok
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert mark(r, 4).ok
-    assert r.engine.charge.state == "MANUAL"
-    kept = r.engine.charge.kept
+    assert r.engine.authority.state == "MANUAL"
+    kept = r.engine.authority.kept
     assert kept is not None
     assert kept.taken.source == "operator"
     assert results(r) == [
@@ -124,8 +124,8 @@ def test_a_third_mark_measures_the_track_that_two_began():
     for frame_id in (3, 4, 5):
         assert mark(r, frame_id).ok
     assert results(r)[-1] == "frame 5: used: ±2.5″ RA ±2.5″ Dec"
-    assert r.engine.charge.kept.taken.frame_id == 5
-    assert r.engine.charge.kept.track_id == 1
+    assert r.engine.authority.kept.taken.frame_id == 5
+    assert r.engine.authority.kept.track_id == 1
 
 
 def test_marks_that_agree_on_no_motion_start_nothing_and_the_last_one_waits():
@@ -133,10 +133,10 @@ def test_marks_that_agree_on_no_motion_start_nothing_and_the_last_one_waits():
     r.engine.run(frames=5)
     assert mark(r, 3).ok
     assert mark(r, 4, off_px=900.0).ok
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert not r.memory.of(TrackState)
     assert mark(r, 5, off_px=900.0).ok
-    assert r.engine.charge.kept is not None
+    assert r.engine.authority.kept is not None
 
 
 def test_a_mark_is_taken_back_and_what_it_led_to_with_it():
@@ -145,12 +145,12 @@ def test_a_mark_is_taken_back_and_what_it_led_to_with_it():
     assert mark(r, 3).ok
     assert mark(r, 4).ok
     assert say(r, "take_back").ok
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert results(r)[-1] == "frame 4: as if nothing had been said of it"
     assert mark(r, 5).ok
-    assert r.engine.charge.kept.taken.frame_id == 5
+    assert r.engine.authority.kept.taken.frame_id == 5
     assert say(r, "take_back", frame=3).ok
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert mark(r, 3).ok
     assert say(r, "resume").ok
     r.engine.run(frames=9)
@@ -168,9 +168,9 @@ def test_what_was_followed_before_is_kept_until_the_marks_begin_another():
     r.mount.at_deg = START_DEG[0] - 0.05, START_DEG[1] - 0.3
     r.engine.run(frames=7)
     assert mark(r, 6, off_px=900.0).ok
-    assert r.engine.charge.kept.track_id == before.track_id
+    assert r.engine.authority.kept.track_id == before.track_id
     assert mark(r, 7, off_px=900.0).ok
-    assert r.engine.charge.kept.track_id == before.track_id + 1
+    assert r.engine.authority.kept.track_id == before.track_id + 1
     say(r, "resume")
     r.engine.run(frames=8)
     assert_replayed_alike(r)
@@ -184,7 +184,7 @@ def look_beside(r: Rig, frames: int, later_s: float = 0.0) -> None:
 
 def follow_what_is_kept(r: Rig) -> None:
     """Give the mount back, and one frame more."""
-    if not r.engine.charge.is_resumable:
+    if not r.engine.authority.is_resumable:
         r.engine.arm()
     assert say(r, "resume").ok
     r.engine.run(frames=r.engine.frame_id + 1)
@@ -204,20 +204,20 @@ def test_marks_after_what_leaves_no_track_to_follow_again_are_replayed_as_the_ni
     ended_by: str,
 ):
     r = tracked_and_taken_back()
-    happenings = {
+    triggers = {
         "limit": LimitMet(words="altitude 5 deg, below 20"),
         "clock": ClockSet(step_s=0.4),
         "night": NightEnded(words="rain", parks=False),
     }
-    r.engine.happen(happenings[ended_by])
-    assert r.engine.charge.kept is None
+    r.engine.happen(triggers[ended_by])
+    assert r.engine.authority.kept is None
     last = r.engine.frame_id
     nudge(r)
     look_beside(r, last + 3)
     assert mark(r, last + 2).ok
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     assert mark(r, last + 3).ok
-    assert r.engine.charge.kept.track_id > 1
+    assert r.engine.authority.kept.track_id > 1
     follow_what_is_kept(r)
     assert_replayed_alike(r)
 
@@ -225,15 +225,15 @@ def test_marks_after_what_leaves_no_track_to_follow_again_are_replayed_as_the_ni
 def test_marks_after_what_was_kept_grew_too_old_are_replayed_as_the_night_had_them():
     r = tracked_and_taken_back()
     assert say(r, "disarm").ok
-    assert r.engine.charge.kept is not None
+    assert r.engine.authority.kept is not None
     r.clock.t_utc_ns += round((KEPT_S + 60.0) * NS)
     r.engine._one_turn(is_bounded=False)
-    assert r.engine.charge.kept is None
+    assert r.engine.authority.kept is None
     nudge(r)
     look_beside(r, 9, KEPT_S + 60.0)
     assert mark(r, 8).ok
     assert mark(r, 9).ok
-    assert r.engine.charge.kept.track_id == 2
+    assert r.engine.authority.kept.track_id == 2
     follow_what_is_kept(r)
     assert_replayed_alike(r)
 
@@ -445,7 +445,7 @@ def test_two_slow_marks_start_a_track_and_a_replay_agrees():
     assert say(r, "begin_mark", frame=second).ok
     r.engine.run(frames=second + 2 * KEPT)
     assert mark(r, second).ok
-    assert r.engine.charge.kept is not None
+    assert r.engine.authority.kept is not None
     assert "a track begins with it" in results(r)[-1]
     assert say(r, "resume").ok
     r.engine.run(frames=second + 2 * KEPT + 3)

@@ -408,5 +408,5 @@ def test_a_spiral_without_a_place_left_goes_home_and_ends_nothing():
     wall = SlewRefusal.beyond("altitude", 3.0, 15.0)
     r.engine.slews.refusal = lambda *a, **k: wall if spiral.is_spiral else plain(*a, **k)
     r.engine.run(frames=9)
-    assert r.engine.charge.state == "SEARCH"
+    assert r.engine.authority.state == "SEARCH"
     assert any("nothing left to look at" in event.text for event in r.memory.of(Event))

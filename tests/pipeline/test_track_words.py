@@ -202,7 +202,7 @@ def test_of_two_dropped_with_one_frame_one_alone_is_taken_back():
         assert told(desk, "drop", arguments).ok
         r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [other]
-    assert r.engine.charge.state == "TRACK"
+    assert r.engine.authority.state == "TRACK"
 
 
 def test_the_console_offers_to_take_back_as_long_as_the_engine_does():
@@ -215,7 +215,7 @@ def test_both_dropped_it_searches_and_a_replay_agrees():
     for number in ids(r.engine.following):
         assert told(desk, "drop", {"track": number}).ok
         r.engine.commands.execute_waiting()
-    assert r.engine.charge.state == "SEARCH"
+    assert r.engine.authority.state == "SEARCH"
     r.engine.run(frames=r.engine.frame_id + 4)
     assert not r.engine.following.tracks
     assert [ruling.dropped for ruling in r.memory.of(Ruling)] == [(1,), (1, 2)]

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.engine.control.ledger_night import keep_uncorrelated, read_past
+from rsoconsole.engine.tasks.ledger_night import keep_uncorrelated, read_past
 from rsoconsole.orbits.elements.elements import ElementSet
 from rsoconsole.orbits.identification.uncorrelated import attributable, recognise
 from rsoconsole.pipeline.orbits.naming import Naming

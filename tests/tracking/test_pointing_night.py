@@ -16,8 +16,8 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.hands import Hands
-from rsoconsole.engine.control.command_queue import CommandQueue
 from rsoconsole.engine.loop.loop import Engine
+from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.reason_text import text

@@ -83,7 +83,7 @@ def send(command: Command, verb: str, socket: Path | None, *, json_: bool) -> No
 
 def _check(command: Command) -> None:
     """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
-    from rsoconsole.engine.control import check_tunable
+    from rsoconsole.engine.tasks import check_tunable
 
     try:
         command.check()

@@ -96,7 +96,7 @@ def setting_names(_: Any) -> Iterable[tuple[str, str]]:
 @quietly
 def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
     """Those that an engine can be given while it runs."""
-    from rsoconsole.engine.control import TUNABLE
+    from rsoconsole.engine.tasks import TUNABLE
 
     return [(name, words) for name, _, words in walk(Config()) if name in TUNABLE]
 

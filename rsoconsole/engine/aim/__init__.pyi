@@ -18,12 +18,11 @@ from .planned import Ahead as Ahead
 from .planned import Plan as Plan
 from .states import BY_OPERATOR as BY_OPERATOR
 from .states import Armed as Armed
-from .states import Charge as Charge
+from .states import Authority as Authority
 from .states import ClockSet as ClockSet
 from .states import Disarmed as Disarmed
 from .states import Failed as Failed
 from .states import Followed as Followed
-from .states import Happening as Happening
 from .states import Held as Held
 from .states import LimitMet as LimitMet
 from .states import Marked as Marked
@@ -34,5 +33,6 @@ from .states import Sought as Sought
 from .states import Step as Step
 from .states import Stopped as Stopped
 from .states import Taken as Taken
+from .states import Trigger as Trigger
 from .states import step as step
 from .states import without_kept as without_kept

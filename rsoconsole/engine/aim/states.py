@@ -1,6 +1,6 @@
 """Who is in charge: the states of the loop and the passages between them. Pure.
 
-``step(charge, happening)`` gives the next state and what the hands must do for it; the loop
+``step(authority, trigger)`` gives the next state and what the hands must do for it; the loop
 performs that and writes it down. What frames show passes through ``tracking.follow`` first and
 arrives here as ``Followed``.
 
@@ -26,7 +26,7 @@ NOTHING_HELD = "nothing is held: there is nothing to resume"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Charge:
+class Authority:
     """Who has the mount, and what the loop follows."""
 
     following: Following = field(default_factory=lambda: Following(state="IDLE"))
@@ -183,7 +183,7 @@ class NotPointing:
     words: str
 
 
-Happening = (
+Trigger = (
     Armed
     | Disarmed
     | Stopped
@@ -207,9 +207,9 @@ BY_OPERATOR = Armed | Disarmed | Stopped | Taken | Held | Resumed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """What a happening leads to."""
+    """What a trigger leads to."""
 
-    charge: Charge
+    authority: Authority
     actions: tuple[Action, ...] = ()
     reason: Cause | None = None
     """Of the change of state, for the record."""
@@ -217,199 +217,212 @@ class Step:
     """Why nothing changes, where the operator asked for what cannot be."""
 
 
-def step(charge: Charge, happening: Happening) -> Step:
+def step(authority: Authority, trigger: Trigger) -> Step:
     """The next state of the loop, and what must be done for it."""
-    return _step(happening, charge)
+    return _step(trigger, authority)
 
 
 @singledispatch
-def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
-    raise TypeError(f"nothing is known of a {type(happening).__name__}")
+def _step(trigger: Any, authority: Authority) -> Step:  # noqa: ARG001
+    raise TypeError(f"nothing is known of a {type(trigger).__name__}")
 
 
 @_step.register
-def _(happening: Armed, charge: Charge) -> Step:
-    if charge.is_autonomous:
-        return Step(charge=charge, refusal="it is armed already")
-    armed = Cause(kind="armed", by=happening.by)
-    return _keeping(_enter(charge, "SEARCH", armed, "start search", "forget plate"), charge.kept)
+def _(trigger: Armed, authority: Authority) -> Step:
+    if authority.is_autonomous:
+        return Step(authority=authority, refusal="it is armed already")
+    armed = Cause(kind="armed", by=trigger.by)
+    return _keeping(
+        _enter(authority, "SEARCH", armed, "start search", "forget plate"), authority.kept
+    )
 
 
 @_step.register
-def _(happening: Disarmed, charge: Charge) -> Step:
-    disarmed = _enter(charge, "IDLE", Cause(kind="disarmed", by=happening.by))
-    is_resumable = charge.is_autonomous or charge.is_resumable
-    return _keeping(disarmed, charge.tracked, is_resumable=is_resumable)
+def _(trigger: Disarmed, authority: Authority) -> Step:
+    disarmed = _enter(authority, "IDLE", Cause(kind="disarmed", by=trigger.by))
+    is_resumable = authority.is_autonomous or authority.is_resumable
+    return _keeping(disarmed, authority.tracked, is_resumable=is_resumable)
 
 
 @_step.register
-def _(happening: Stopped, charge: Charge) -> Step:
-    reason = Cause(kind="STOP", by=happening.by)
-    if happening.is_confirmed:
-        return _keeping(_enter(charge, "IDLE", reason, "abort"), charge.tracked)
+def _(trigger: Stopped, authority: Authority) -> Step:
+    reason = Cause(kind="STOP", by=trigger.by)
+    if trigger.is_confirmed:
+        return _keeping(_enter(authority, "IDLE", reason, "abort"), authority.tracked)
     # Nobody knows whether it stands: no calm state.
     reason = replace(reason, detail="NOT CONFIRMED by the mount")
-    unsure = _keeping(_enter(charge, "FAULT", reason, "abort"), charge.tracked)
-    return replace(unsure, charge=replace(unsure.charge, is_stopped=True))
+    unsure = _keeping(_enter(authority, "FAULT", reason, "abort"), authority.tracked)
+    return replace(unsure, authority=replace(unsure.authority, is_stopped=True))
 
 
 @_step.register
-def _(happening: Taken, charge: Charge) -> Step:
-    is_given_back = charge.is_resumable and charge.state == "MANUAL"
-    after = Charge(
-        following=charge.following.without_track("MANUAL"),
-        kept=charge.tracked,
-        is_resumable=charge.is_autonomous or is_given_back,
+def _(trigger: Taken, authority: Authority) -> Step:
+    is_given_back = authority.is_resumable and authority.state == "MANUAL"
+    after = Authority(
+        following=authority.following.without_track("MANUAL"),
+        kept=authority.tracked,
+        is_resumable=authority.is_autonomous or is_given_back,
     )
     return Step(
-        charge=after, actions=("forget plate",), reason=Cause(kind="moved by hand", by=happening.by)
+        authority=after,
+        actions=("forget plate",),
+        reason=Cause(kind="moved by hand", by=trigger.by),
     )
 
 
 @_step.register
-def _(happening: Held, charge: Charge) -> Step:
-    if not charge.is_autonomous:
-        return Step(charge=charge, refusal="autonomy does not have the mount: nothing to hold")
-    held = replace(charge, is_held=True, resumes_when_clear=happening.until_clear)
-    return Step(charge=held)
+def _(trigger: Held, authority: Authority) -> Step:
+    if not authority.is_autonomous:
+        return Step(
+            authority=authority, refusal="autonomy does not have the mount: nothing to hold"
+        )
+    held = replace(authority, is_held=True, resumes_when_clear=trigger.until_clear)
+    return Step(authority=held)
 
 
 @_step.register
-def _(happening: Resumed, charge: Charge) -> Step:
-    if charge.is_autonomous and charge.is_held:
-        return Step(charge=replace(charge, is_held=False, resumes_when_clear=False))
-    refusal = _why_not_resumed(charge)
+def _(trigger: Resumed, authority: Authority) -> Step:
+    if authority.is_autonomous and authority.is_held:
+        return Step(authority=replace(authority, is_held=False, resumes_when_clear=False))
+    refusal = _why_not_resumed(authority)
     if refusal is not None:
-        return Step(charge=charge, refusal=refusal)
-    reason = Cause(kind="resumed", by=happening.by)
-    if charge.kept is None:
-        return _enter(charge, "SEARCH", reason, "start search", "forget plate")
+        return Step(authority=authority, refusal=refusal)
+    reason = Cause(kind="resumed", by=trigger.by)
+    if authority.kept is None:
+        return _enter(authority, "SEARCH", reason, "start search", "forget plate")
     # Numbers are given once: a search may have begun other tracks meanwhile.
-    last_track_id = max(charge.kept.last_track_id, charge.following.last_track_id)
-    again = replace(charge.kept, state="COAST", candidates=(), last_track_id=last_track_id)
-    return Step(charge=Charge(following=again), actions=("forget plate",), reason=reason)
+    last_track_id = max(authority.kept.last_track_id, authority.following.last_track_id)
+    again = replace(authority.kept, state="COAST", candidates=(), last_track_id=last_track_id)
+    return Step(authority=Authority(following=again), actions=("forget plate",), reason=reason)
 
 
-def _why_not_resumed(charge: Charge) -> str | None:
+def _why_not_resumed(authority: Authority) -> str | None:
     """Why autonomy does not go on with what was followed; None where it may."""
-    if charge.is_autonomous and charge.state not in ("TRACK", "COAST"):
-        return None if charge.kept is not None else NOTHING_HELD
-    if charge.state == "MANUAL":
+    if authority.is_autonomous and authority.state not in ("TRACK", "COAST"):
+        return None if authority.kept is not None else NOTHING_HELD
+    if authority.state == "MANUAL":
         # Else a move by hand would be a way round the checklist.
         taken = "it was not armed before you took the mount: arm it"
-        return None if charge.is_resumable else taken
-    if charge.kept is None or charge.is_autonomous:
+        return None if authority.is_resumable else taken
+    if authority.kept is None or authority.is_autonomous:
         return NOTHING_HELD
-    return None if charge.is_resumable else "arm it first: then what was followed can be resumed"
+    return None if authority.is_resumable else "arm it first: then what was followed can be resumed"
 
 
 @_step.register
-def _(happening: Sought, charge: Charge) -> Step:
-    if not charge.is_autonomous:
-        return Step(charge=charge, refusal="autonomy does not have the mount: arm or resume first")
-    if charge.state == "SEARCH":
-        return Step(charge=charge)
-    after = replace(charge, following=charge.following.without_track("SEARCH"), kept=charge.tracked)
-    return Step(charge=after, reason=Cause(kind="looked for again", by=happening.by))
+def _(trigger: Sought, authority: Authority) -> Step:
+    if not authority.is_autonomous:
+        return Step(
+            authority=authority, refusal="autonomy does not have the mount: arm or resume first"
+        )
+    if authority.state == "SEARCH":
+        return Step(authority=authority)
+    after = replace(
+        authority, following=authority.following.without_track("SEARCH"), kept=authority.tracked
+    )
+    return Step(authority=after, reason=Cause(kind="looked for again", by=trigger.by))
 
 
 @_step.register
-def _(happening: Followed, charge: Charge) -> Step:
-    if not charge.is_autonomous:
+def _(trigger: Followed, authority: Authority) -> Step:
+    if not authority.is_autonomous:
         # The mount changed hands while the frame was being reduced.
-        return Step(charge=charge)
-    kept = None if happening.after.state in ("TRACK", "COAST") else charge.kept
-    return Step(charge=replace(charge, following=happening.after, kept=kept, failures=0))
+        return Step(authority=authority)
+    kept = None if trigger.after.state in ("TRACK", "COAST") else authority.kept
+    return Step(authority=replace(authority, following=trigger.after, kept=kept, failures=0))
 
 
 @_step.register
-def _(happening: Marked, charge: Charge) -> Step:
-    if charge.is_autonomous:
-        return Step(charge=charge)  # the mount changed hands meanwhile
-    kept, following = happening.kept, charge.following
+def _(trigger: Marked, authority: Authority) -> Step:
+    if authority.is_autonomous:
+        return Step(authority=authority)  # the mount changed hands meanwhile
+    kept, following = trigger.kept, authority.following
     if kept is not None:
         # Numbers are given once.
         last_track_id = max(kept.last_track_id, following.last_track_id)
         following = replace(following, last_track_id=last_track_id)
-    return Step(charge=replace(charge, kept=kept, following=following))
+    return Step(authority=replace(authority, kept=kept, following=following))
 
 
 @_step.register
-def _(happening: Failed, charge: Charge) -> Step:
-    failures = charge.failures + 1
-    if charge.state == "FAULT":
-        return Step(charge=charge)
-    if happening.is_final or failures >= FAILURES_IN_A_ROW:
-        fault = Cause(kind="instrument", detail=happening.words)
-        return _keeping(_fault(charge, fault, "abort"), charge.tracked)
-    return Step(charge=replace(charge, failures=failures))
+def _(trigger: Failed, authority: Authority) -> Step:
+    failures = authority.failures + 1
+    if authority.state == "FAULT":
+        return Step(authority=authority)
+    if trigger.is_final or failures >= FAILURES_IN_A_ROW:
+        fault = Cause(kind="instrument", detail=trigger.words)
+        return _keeping(_fault(authority, fault, "abort"), authority.tracked)
+    return Step(authority=replace(authority, failures=failures))
 
 
 @_step.register
-def _(happening: LimitMet, charge: Charge) -> Step:
-    if not charge.is_autonomous:
-        return Step(charge=charge)
-    failures = charge.failures + 1
+def _(trigger: LimitMet, authority: Authority) -> Step:
+    if not authority.is_autonomous:
+        return Step(authority=authority)
+    failures = authority.failures + 1
     if failures >= FAILURES_IN_A_ROW:
-        return _fault(charge, Cause(kind="too many limits", detail=happening.words))
+        return _fault(authority, Cause(kind="too many limits", detail=trigger.words))
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     # A hold stays a hold: what the operator has stopped does not go on by itself.
     after = replace(
-        charge, following=charge.following.without_track("SEARCH"), kept=None, failures=failures
+        authority,
+        following=authority.following.without_track("SEARCH"),
+        kept=None,
+        failures=failures,
     )
     actions: tuple[Action, ...] = ("search home", "forget plate")
     return Step(
-        charge=after, actions=actions, reason=Cause(kind="limit met", detail=happening.words)
+        authority=after, actions=actions, reason=Cause(kind="limit met", detail=trigger.words)
     )
 
 
 @_step.register
-def _(happening: ClockSet, charge: Charge) -> Step:
+def _(trigger: ClockSet, authority: Authority) -> Step:
     # A track lives by its times, and those before this are wrong; what was seen is still near.
-    if not charge.is_autonomous:
-        return Step(charge=without_kept(charge))
-    nothing = replace(charge.following.without_track("SEARCH"), dropped=())
-    after = replace(charge, following=nothing, kept=None)
+    if not authority.is_autonomous:
+        return Step(authority=without_kept(authority))
+    nothing = replace(authority.following.without_track("SEARCH"), dropped=())
+    after = replace(authority, following=nothing, kept=None)
     actions: tuple[Action, ...] = ("start search", "forget plate")
     return Step(
-        charge=after, actions=actions, reason=Cause(kind="clock set", step_s=happening.step_s)
+        authority=after, actions=actions, reason=Cause(kind="clock set", step_s=trigger.step_s)
     )
 
 
 @_step.register
-def _(happening: NightEnded, charge: Charge) -> Step:
-    if not charge.is_responsible:
-        return Step(charge=charge)
-    actions: tuple[Action, ...] = ("abort", "park") if happening.parks else ("abort",)
-    return _enter(charge, "IDLE", Cause(kind="night ended", detail=happening.words), *actions)
+def _(trigger: NightEnded, authority: Authority) -> Step:
+    if not authority.is_responsible:
+        return Step(authority=authority)
+    actions: tuple[Action, ...] = ("abort", "park") if trigger.parks else ("abort",)
+    return _enter(authority, "IDLE", Cause(kind="night ended", detail=trigger.words), *actions)
 
 
 @_step.register
-def _(happening: NotPointing, charge: Charge) -> Step:
-    if not charge.is_autonomous:
-        return Step(charge=charge)
-    reason = Cause(kind="not pointing", detail=happening.words)
-    return _keeping(_enter(charge, "IDLE", reason), charge.tracked)
+def _(trigger: NotPointing, authority: Authority) -> Step:
+    if not authority.is_autonomous:
+        return Step(authority=authority)
+    reason = Cause(kind="not pointing", detail=trigger.words)
+    return _keeping(_enter(authority, "IDLE", reason), authority.tracked)
 
 
-def without_kept(charge: Charge) -> Charge:
+def without_kept(authority: Authority) -> Authority:
     """The same once the track that was kept is too old to be followed again."""
-    is_resumable = charge.is_resumable and charge.state == "MANUAL"
-    return replace(charge, kept=None, is_resumable=is_resumable)
+    is_resumable = authority.is_resumable and authority.state == "MANUAL"
+    return replace(authority, kept=None, is_resumable=is_resumable)
 
 
 def _keeping(entered: Step, kept: Following | None, *, is_resumable: bool = False) -> Step:
-    after = replace(entered.charge, kept=kept, is_resumable=is_resumable and kept is not None)
-    return replace(entered, charge=after)
+    after = replace(entered.authority, kept=kept, is_resumable=is_resumable and kept is not None)
+    return replace(entered, authority=after)
 
 
-def _fault(charge: Charge, reason: Cause, *actions: Action) -> Step:
+def _fault(authority: Authority, reason: Cause, *actions: Action) -> Step:
     """A FAULT: whose affair the mount was, it remains."""
-    entered = _enter(charge, "FAULT", reason, *actions)
-    after = replace(entered.charge, was_autonomous=charge.is_autonomous)
-    return replace(entered, charge=after)
+    entered = _enter(authority, "FAULT", reason, *actions)
+    after = replace(entered.authority, was_autonomous=authority.is_autonomous)
+    return replace(entered, authority=after)
 
 
-def _enter(charge: Charge, state: LoopState, reason: Cause, *actions: Action) -> Step:
-    after = Charge(following=charge.following.without_track(state))
-    return Step(charge=after, actions=actions, reason=reason)
+def _enter(authority: Authority, state: LoopState, reason: Cause, *actions: Action) -> Step:
+    after = Authority(following=authority.following.without_track(state))
+    return Step(authority=after, actions=actions, reason=reason)

@@ -5,8 +5,8 @@ import logging
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.engine.control import Chronicle, change_record, changed
 from rsoconsole.engine.leaps.awaiting import LeapControl
+from rsoconsole.engine.tasks import Chronicle, change_record, changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import Instruments
 from rsoconsole.pipeline.leaps import binning_for

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.engine.aim import NS, Hands
-from rsoconsole.engine.control import Chronicle
 from rsoconsole.engine.leaps.awaiting import LeapControl
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leaps.leap_words import last_words, next_pass_of, orbit_words, pass_words
+from rsoconsole.engine.tasks import Chronicle
 from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
 from rsoconsole.orbits.motion import KnownOrbit, PointMass
 from rsoconsole.pipeline.leaps import FrameStreak, Leap, Telescope, plan_pass

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS, Hands
-from rsoconsole.engine.control import Watch
+from rsoconsole.engine.tasks import Watch
 from rsoconsole.pipeline.frame import shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.leaps import (
     LAST_SLEWS,

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from rsoconsole.control import Request
 from rsoconsole.engine.aim import Hands, Interrupted, LimitMet, Stopped, StoppedElsewhere
-from rsoconsole.engine.control import (
+from rsoconsole.engine.operator import Control, Handlers
+from rsoconsole.engine.tasks import (
     Alarm,
     Chronicle,
     CommandQueue,
@@ -16,7 +17,6 @@ from rsoconsole.engine.control import (
     alarm_words,
     dropped_by,
 )
-from rsoconsole.engine.operator import Control, Handlers
 from rsoconsole.errors import InstrumentError
 from rsoconsole.reasons import DONE, CommandResult
 from rsoconsole.records import Topic
@@ -95,20 +95,20 @@ class CommandTurn:
         again = self._hands.instruments.mount.abort()
         for alarm in alarms:
             for request in alarm.dropped:
-                self._chronicle.append(action_record(request, dropped_by(alarm.happening)))
+                self._chronicle.append(action_record(request, dropped_by(alarm.trigger)))
             self._heed(alarm, again.stopped)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
         # The words first: what has to be done may fail.
-        topic: Topic = "limit" if isinstance(alarm.happening, LimitMet) else ""
+        topic: Topic = "limit" if isinstance(alarm.trigger, LimitMet) else ""
         words = alarm_words(alarm, is_stopped_again, self._control.config)
         self._chronicle.say("alarm", words, topic)
-        happening = alarm.happening
-        if not isinstance(happening, Stopped):
-            self._control.happen(happening)
+        trigger = alarm.trigger
+        if not isinstance(trigger, Stopped):
+            self._control.happen(trigger)
             return
         is_confirmed = is_stopped_again or (alarm.result is not None and alarm.result.stopped)
-        stopped = replace(happening, is_confirmed=is_confirmed)
+        stopped = replace(trigger, is_confirmed=is_confirmed)
         self._control.happen(stopped)
         if not is_confirmed:
             self._faults.expect_stop(stopped, words, self._hands.now_utc_ns())

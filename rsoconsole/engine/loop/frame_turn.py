@@ -4,7 +4,9 @@ import time
 from collections.abc import Callable
 
 from rsoconsole.engine.aim import POLL_NS, Followed, NotPointing, Plan, Resumed
-from rsoconsole.engine.control import (
+from rsoconsole.engine.leaps import LEAP_POLL_NS, Leaping
+from rsoconsole.engine.operator import ByHand, Control, Parts, pointing_check
+from rsoconsole.engine.tasks import (
     AimAhead,
     Exposures,
     Faults,
@@ -13,8 +15,6 @@ from rsoconsole.engine.control import (
     Temporary,
     aim_ahead,
 )
-from rsoconsole.engine.leaps import LEAP_POLL_NS, Leaping
-from rsoconsole.engine.operator import ByHand, Control, Parts, pointing_check
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.frame import Reduction
 from rsoconsole.pipeline.orbits import Orbits
@@ -85,7 +85,7 @@ class FrameTurn:
     def look_ahead(self) -> None:
         """Where the exposure after the next one would look, before the mount goes there."""
         ahead = None
-        if self._control.charge.is_autonomous:
+        if self._control.authority.is_autonomous:
             now_ns = self._hands.now_utc_ns()
             ahead = self._planner.ahead(self._control.following, self._plan, now_ns)
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
@@ -97,7 +97,7 @@ class FrameTurn:
         poll_ns, settle_s = POLL_NS, None
         if self._leaping.is_on:
             poll_ns, settle_s = LEAP_POLL_NS, self._leaping.times.settle_s()
-        is_held = self._control.charge.is_held
+        is_held = self._control.authority.is_held
         if self._slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
             self._cycle.forget_plate()
         self._leaping.times.arrived()
@@ -121,8 +121,10 @@ class FrameTurn:
         if self._is_first_look:
             return self._planner.first_look(self._hands.now_utc_ns())
         if self._leaping.is_on:
-            return self._leaping.order_next(is_held=self._control.charge.is_held)
-        return self._slews.order_next(self._control.following, is_held=self._control.charge.is_held)
+            return self._leaping.order_next(is_held=self._control.authority.is_held)
+        return self._slews.order_next(
+            self._control.following, is_held=self._control.authority.is_held
+        )
 
     def one_look(self) -> None:
         """An exposure while the operator has the mount: shown and measured, not followed."""
@@ -159,7 +161,7 @@ class FrameTurn:
             self.last_track = self._control.following.track
         is_cloudy = self._cycle.cloud is not None
         self.clear_frames = 0 if is_cloudy else self.clear_frames + 1
-        if self._control.charge.resumes_when_clear and self.clear_frames >= CLEAR_FRAMES:
+        if self._control.authority.resumes_when_clear and self.clear_frames >= CLEAR_FRAMES:
             self._chronicle.say("info", "the stars are back: slews again")
             self._control.happen(Resumed(by="the sky"))
 
@@ -188,7 +190,7 @@ class FrameTurn:
         if is_first_look and self._must_check_pointing:
             self._check_pointing(result.reduction)
         self._leaping.saw(frame, result.reduction)
-        if self._control.charge.is_autonomous:
+        if self._control.authority.is_autonomous:
             self._plan = self._order_next()
             self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns
         ordered_s = time.perf_counter()

@@ -152,7 +152,7 @@ class Interruptions:
         try:
             report = self._hands.mount_report()
         except InstrumentError as error:
-            if self._control.charge.holder != "nobody":
+            if self._control.authority.holder != "nobody":
                 raise
             # Nobody has the mount: that it is off is no fault of a night.
             self._must_look = False
@@ -194,7 +194,7 @@ class Interruptions:
             site, report.ra_icrs_deg, report.dec_icrs_deg, report.t_utc_ns
         )
         where = f"the mount {how} at altitude {alt_deg:.0f}, azimuth {az_deg:.0f} deg"
-        goes_on = "autonomy goes on" if self._control.charge.is_autonomous else "as it was left"
+        goes_on = "autonomy goes on" if self._control.authority.is_autonomous else "as it was left"
         if self._by_hand.move is not None and not report.is_slewing:
             self._by_hand.move = None
             goes_on = "the move by hand has ended there: ask for it again"

@@ -12,14 +12,13 @@ from rsoconsole.engine.aim import (
     BY_OPERATOR,
     NS,
     Armed,
-    Charge,
+    Authority,
     ClockSet,
     Disarmed,
     Failed,
     Followed,
     Guide,
     Hands,
-    Happening,
     Interrupted,
     LimitMet,
     Marked,
@@ -30,23 +29,9 @@ from rsoconsole.engine.aim import (
     Step,
     StoppedElsewhere,
     Taken,
+    Trigger,
     step,
     without_kept,
-)
-from rsoconsole.engine.control import (
-    Chronicle,
-    CommandQueue,
-    Exposures,
-    Faults,
-    KeptTrack,
-    NowhereError,
-    Parking,
-    Recorder,
-    Slews,
-    Watch,
-    action_record,
-    kept_name,
-    tracks_now,
 )
 from rsoconsole.engine.leaps import Leaping
 from rsoconsole.engine.loop.command_turn import CommandTurn
@@ -63,6 +48,21 @@ from rsoconsole.engine.operator import (
     Settings,
     Verdicts,
     joined,
+)
+from rsoconsole.engine.tasks import (
+    Chronicle,
+    CommandQueue,
+    Exposures,
+    Faults,
+    KeptTrack,
+    NowhereError,
+    Parking,
+    Recorder,
+    Slews,
+    Watch,
+    action_record,
+    kept_name,
+    tracks_now,
 )
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
@@ -102,7 +102,7 @@ class Engine:
         ``past``: what no catalogue knew on earlier nights.
         """
         self.config = config
-        self.charge = Charge()
+        self.authority = Authority()
         self.hands = hands
         self.orbits = Orbits(config, past)
         self.guide = Guide(self.orbits.online, config)
@@ -189,7 +189,7 @@ class Engine:
     @property
     def following(self) -> Following:
         """What is followed."""
-        return self.charge.following
+        return self.authority.following
 
     @property
     def last_track(self) -> TrackState | None:
@@ -199,7 +199,7 @@ class Engine:
     @property
     def may_move(self) -> bool:
         """Whether autonomy has the mount and nobody holds it."""
-        return self.charge.is_autonomous and not self.charge.is_held
+        return self.authority.is_autonomous and not self.authority.is_held
 
     @property
     def hand_move(self) -> HandMove | None:
@@ -209,10 +209,12 @@ class Engine:
     def status(self) -> Status:
         """A snapshot, from any thread."""
         clock = self.hands.instruments.clock
-        charge, now_ns = self.charge, self.chronicle.last_utc_ns()
-        ahead = self.frames.ahead if charge.is_autonomous and charge.following.tracks else None
+        authority, now_ns = self.authority, self.chronicle.last_utc_ns()
+        ahead = (
+            self.frames.ahead if authority.is_autonomous and authority.following.tracks else None
+        )
         return status_of(
-            charge,
+            authority,
             self.watch,
             frame_id=self.frame_id,
             now_utc_ns=now_ns,
@@ -225,7 +227,7 @@ class Engine:
             markable_frames=self.verdicts.frame_ids,
             simulated_speed=clock.speed if clock.is_simulated else None,
             tracks=tracks_now(
-                charge.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
+                authority.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
             ),
             next_aim=None if ahead is None else ahead.aim,
             orbits=self.orbits,
@@ -252,11 +254,11 @@ class Engine:
             self.hands.instruments.mount.unpark()
         # Lifted before it is armed: the watch may look in between.
         before = self.watch.lifted
-        self.watch.take_charge(self.charge.is_responsible, lifted)
+        self.watch.take_over(self.authority.is_responsible, lifted)
         try:
             self.happen(Armed(by=by))
         except ValueError:
-            self.watch.take_charge(self.charge.is_responsible, before)
+            self.watch.take_over(self.authority.is_responsible, before)
             raise
         self._faults.clear()
         if lifted:
@@ -270,7 +272,7 @@ class Engine:
         Raises ValueError where there is nothing to resume, where the mount is parked, and where
         dome, weather or daylight would take it away again.
         """
-        was_autonomous = self.charge.is_autonomous
+        was_autonomous = self.authority.is_autonomous
         report = self.hands.mount_report()
         if report.is_parked and not was_autonomous:
             raise ValueError("the mount is parked: unpark it first")
@@ -281,7 +283,7 @@ class Engine:
 
     def expect_night(self) -> None:
         """Raises ValueError where autonomy would get the mount and it is no night for it."""
-        end = None if self.charge.is_autonomous else self.watch.night_end()
+        end = None if self.authority.is_autonomous else self.watch.night_end()
         if end is not None:
             raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")
 
@@ -332,20 +334,20 @@ class Engine:
 
     def _one_turn(self, *, is_bounded: bool) -> None:
         if self._kept.is_over(self.hands.now_utc_ns()):
-            before = self.charge
+            before = self.authority
             self._enter(without_kept(before), None)
             self._note_given_up(before)
         self.interruptions.look_at_mount()
-        is_at_work = self.charge.is_autonomous or self.charge.state == "MANUAL"
+        is_at_work = self.authority.is_autonomous or self.authority.state == "MANUAL"
         if is_at_work and not self.hands.instruments.clock.is_steady:
             # What is measured now has no time.
             self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
-        elif self.charge.is_autonomous:
+        elif self.authority.is_autonomous:
             self.frames.one_exposure()
-        elif self.charge.state == "MANUAL":
+        elif self.authority.state == "MANUAL":
             self.frames.one_look()
         else:
-            if is_bounded and self.charge.state == "FAULT":
+            if is_bounded and self.authority.state == "FAULT":
                 fault = ("see the session's log", *self._faults.words)[-1]
                 raise _RunFailed(f"in FAULT: {fault}")
             self._parking.see_to_it()
@@ -361,7 +363,7 @@ class Engine:
             # Given once more: nobody knows what the mount has done meanwhile.
             self.chronicle.say("info", "the mount answers again and stands: STOP is over")
             self.happen(replace(stopped, is_confirmed=True))
-        elif self._faults.is_over(self.charge, self.watch):
+        elif self._faults.is_over(self.authority, self.watch):
             self._faults.clear()
             self.chronicle.say("info", "the mount answers again: arming goes on")
 
@@ -389,77 +391,81 @@ class Engine:
                 self.chronicle.append(action_record(request, DONE if is_done else ENGINE_ENDS))
             if not result.stopped:
                 self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
-            self._enter(Charge(), Cause(kind="engine ended"))
+            self._enter(Authority(), Cause(kind="engine ended"))
             if result.stopped:
                 self.chronicle.say("info", "the engine ends, the mount stands", "engine ended")
 
-    def happen(self, happening: Happening) -> Step:
+    def happen(self, trigger: Trigger) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
 
         Raises ValueError with the reason where the step refuses.
         """
-        before = self.charge
-        result = step(before, happening)
+        before = self.authority
+        result = step(before, trigger)
         if result.refusal is not None:
             raise ValueError(result.refusal)
         if "abort" in result.actions:
             # Before all else: what follows may wait for a camera.
             self.hands.instruments.mount.abort()
-        self._enter(result.charge, result.reason)
-        if not isinstance(happening, Followed | Marked):
+        self._enter(result.authority, result.reason)
+        if not isinstance(trigger, Followed | Marked):
             self._forget_since(before)
             self._note_given_up(before)
-        if isinstance(happening, LimitMet | BY_OPERATOR):
+        if isinstance(trigger, LimitMet | BY_OPERATOR):
             self.by_hand.move = None
-        if isinstance(happening, BY_OPERATOR):
+        if isinstance(trigger, BY_OPERATOR):
             self._parking.forget()
-        self._note_giving_up(happening)
-        self._note_end_of_fault(before, happening)
-        if not self.charge.is_autonomous:
+        self._note_giving_up(trigger)
+        self._note_end_of_fault(before, trigger)
+        if not self.authority.is_autonomous:
             self.frames.end_autonomy()
         for action in result.actions:
             if action == "park":
                 self._parking.want()
             elif action == "start search":
                 # Who set the clock has not turned the telescope: a cloud ends no night for that.
-                self.frames.begin_search(checks_pointing=not isinstance(happening, ClockSet))
+                self.frames.begin_search(checks_pointing=not isinstance(trigger, ClockSet))
             elif action == "search home":
                 self.planner.go_home()
             elif action != "abort":
                 self.cycle.forget_plate()
         return result
 
-    def _note_end_of_fault(self, before: Charge, happening: Happening) -> None:
+    def _note_end_of_fault(self, before: Authority, trigger: Trigger) -> None:
         """The operator, or a STOP that is confirmed at last, has ended it."""
-        is_ended = isinstance(happening, BY_OPERATOR) or before.state != "IDLE"
-        if (self.charge.state == "IDLE" and is_ended) or (
-            before.state == "FAULT" != self.charge.state
+        is_ended = isinstance(trigger, BY_OPERATOR) or before.state != "IDLE"
+        if (self.authority.state == "IDLE" and is_ended) or (
+            before.state == "FAULT" != self.authority.state
         ):
             self._faults.clear()
 
-    def _forget_since(self, before: Charge) -> None:
+    def _forget_since(self, before: Authority) -> None:
         """Something from outside: words on frames before it lead nowhere, nor does the plan."""
-        if self.charge.following is not before.following:
+        if self.authority.following is not before.following:
             self.cycle.folds.forget()
-        if self.charge.state != before.state:
+        if self.authority.state != before.state:
             self.cycle.hand.forget()
         self.frames.forget_plan()
 
-    def _note_given_up(self, before: Charge) -> None:
+    def _note_given_up(self, before: Authority) -> None:
         """A kept track is worth nothing any more, and no change of state says so."""
         given_up = before.kept
-        if given_up is None or self.charge.kept is not None or self.charge.state != before.state:
+        if (
+            given_up is None
+            or self.authority.kept is not None
+            or self.authority.state != before.state
+        ):
             return
         words = f"{kept_name(given_up, self.orbits.names)} can no longer be followed again"
         self.chronicle.say("info", words, "kept")
 
-    def _note_giving_up(self, happening: Happening) -> None:
-        if self.charge.state != "IDLE":
+    def _note_giving_up(self, trigger: Trigger) -> None:
+        if self.authority.state != "IDLE":
             self._gave_up, self._has_dawned = None, False
-        elif isinstance(happening, NightEnded) and happening.is_dawn:
+        elif isinstance(trigger, NightEnded) and trigger.is_dawn:
             self._has_dawned = True
-        elif isinstance(happening, NotPointing | NightEnded):
-            self._gave_up = happening.words
+        elif isinstance(trigger, NotPointing | NightEnded):
+            self._gave_up = trigger.words
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
@@ -479,16 +485,16 @@ class Engine:
         """Disarm and send the mount to its park position, again and again until it is there."""
         self.happen(Disarmed(by=by))
         # What was followed before is gone back to only after the checklist.
-        self._enter(replace(self.charge, is_resumable=False), None)
+        self._enter(replace(self.authority, is_resumable=False), None)
         self._parking.want()
 
     def _forgive(self) -> None:
         """An exposure came through: what failed before is over."""
-        self.charge = replace(self.charge, failures=0)
+        self.authority = replace(self.authority, failures=0)
         self._faults.clear()
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
-        if self.charge.state == "FAULT":
+        if self.authority.state == "FAULT":
             if self.hands.instruments.clock.is_simulated:
                 raise InstrumentError(words)
             time.sleep(1.0)  # whatever is broken passes no time by itself
@@ -501,20 +507,20 @@ class Engine:
             self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
         self.happen(Failed(words=words, is_final=is_final))
 
-    def _enter(self, charge: Charge, reason: Cause | None) -> None:
-        before, self.charge = self.charge.state, charge
+    def _enter(self, authority: Authority, reason: Cause | None) -> None:
+        before, self.authority = self.authority.state, authority
         # What was overridden stands as long as the mount can be given back without a checklist.
-        over = charge.state in ("IDLE", "FAULT") and not charge.is_resumable
-        self._kept.see(charge, self.config.filter, self.chronicle.last_utc_ns())
-        self.watch.take_charge(charge.is_responsible, frozenset() if over else None)
+        over = authority.state in ("IDLE", "FAULT") and not authority.is_resumable
+        self._kept.see(authority, self.config.filter, self.chronicle.last_utc_ns())
+        self.watch.take_over(authority.is_responsible, frozenset() if over else None)
         # Without a reason it is the fold's own passage, which is on record already.
-        if before != charge.state and reason is not None:
+        if before != authority.state and reason is not None:
             self.chronicle.append(
                 StateChange(
                     frame_id=self.frame_id,
                     before=before,
-                    after=charge.state,
+                    after=authority.state,
                     reason=reason,
-                    kept_track_id=0 if charge.kept is None else charge.kept.track_id,
+                    kept_track_id=0 if authority.kept is None else authority.kept.track_id,
                 )
             )

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rsoconsole.control import NextAim, Status, TrackNow, pairs_now, unseen_now
-from rsoconsole.engine.aim import Charge
-from rsoconsole.engine.control import Watch, kept_name
+from rsoconsole.engine.aim import Authority
+from rsoconsole.engine.tasks import Watch, kept_name
 from rsoconsole.pipeline.orbits import Orbits
 
 
 def status_of(
-    charge: Charge,
+    authority: Authority,
     watch: Watch,
     *,
     frame_id: int,
@@ -31,24 +31,25 @@ def status_of(
 
     ``names``: of identified tracks, by track id; ``orbits``: knows the field as a whole.
     """
-    last_pairs = () if orbits is None or not charge.following.tracks else orbits.pairs.last
+    last_pairs = () if orbits is None or not authority.following.tracks else orbits.pairs.last
     expected = None if orbits is None else orbits.expected
-    track = charge.following.track
+    track = authority.following.track
     limit = watch.next_limit
     report = watch.last_report
     ahead = None
     if limit is not None:
         ahead = f"{limit[1].limit} in {(limit[0] - now_utc_ns) / 60e9:.0f} min"
     return Status(
-        state=charge.state,
-        holder=charge.holder,
-        is_held=charge.is_held,
-        resumes_when_clear=charge.resumes_when_clear,
+        state=authority.state,
+        holder=authority.holder,
+        is_held=authority.is_held,
+        resumes_when_clear=authority.resumes_when_clear,
         frame_id=frame_id,
-        target=names.get(charge.following.track_id or 0),
-        kept=kept_name(charge.kept, names),
-        kept_until_utc_ns=None if charge.kept is None else kept_until_utc_ns,
-        is_resumable=charge.is_resumable or (charge.is_autonomous and charge.kept is not None),
+        target=names.get(authority.following.track_id or 0),
+        kept=kept_name(authority.kept, names),
+        kept_until_utc_ns=None if authority.kept is None else kept_until_utc_ns,
+        is_resumable=authority.is_resumable
+        or (authority.is_autonomous and authority.kept is not None),
         ra_icrs_deg=None if track is None else track.x[0] % 360.0,
         dec_icrs_deg=None if track is None else track.x[2],
         t_utc_ns=None if track is None else track.t_utc_ns,

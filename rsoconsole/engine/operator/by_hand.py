@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from rsoconsole.control import Beside, Goto, MovePreview, Nudge, Preview, Track, Unpark
 from rsoconsole.engine.aim import NS, Guide, Hands, Planner, Taken
-from rsoconsole.engine.control import LIFTS, Chronicle, Slews, Watch, changed
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.engine.tasks import LIFTS, Chronicle, Slews, Watch, changed
 from rsoconsole.pipeline.aim import follow_direction, slew_to
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
@@ -123,7 +123,7 @@ class ByHand:
         return done("on its way")
 
     def _expect_free(self, _command: Track, _by: str) -> None:
-        if self._control.charge.is_autonomous:
+        if self._control.authority.is_autonomous:
             raise ValueError("autonomy has the mount: disarm it first")
         if self._hands.mount_report().is_parked:
             raise ValueError("the mount is parked: unpark it first")

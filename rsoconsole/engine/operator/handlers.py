@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from rsoconsole.config import Config
 from rsoconsole.control import Command
-from rsoconsole.engine.aim import Charge, Happening, Step
+from rsoconsole.engine.aim import Authority, Step, Trigger
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import TrackState
 from rsoconsole.tracking.association import Following
@@ -26,7 +26,7 @@ class Control(Protocol):
         """The configuration in force."""
 
     @property
-    def charge(self) -> Charge:
+    def authority(self) -> Authority:
         """Who has the mount, and what the loop follows."""
 
     @property
@@ -41,7 +41,7 @@ class Control(Protocol):
     def last_track(self) -> TrackState | None:
         """What was followed last this night."""
 
-    def happen(self, happening: Happening) -> Step:
+    def happen(self, trigger: Trigger) -> Step:
         """Pass through one step. Raises ValueError with the reason where it refuses."""
 
     def configure(self, config: Config) -> None:

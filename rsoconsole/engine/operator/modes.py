@@ -1,7 +1,7 @@
 """The commands on who has the mount: arm, disarm, hold, resume, park, and the engine's end."""
 
 from rsoconsole.control import Abort, Arm, Command, Disarm, Hold, Park, Resume, Shutdown
-from rsoconsole.engine.aim import Armed, Disarmed, Happening, Held, Resumed, step
+from rsoconsole.engine.aim import Armed, Disarmed, Held, Resumed, Trigger, step
 from rsoconsole.engine.operator.handlers import Control, Handler, Handlers
 from rsoconsole.reasons import DONE, CommandResult, done
 
@@ -27,7 +27,7 @@ class Modes:
 
     def _expect(self, command: Command, by: str) -> None:
         """The state machine itself says whether it would refuse."""
-        refusal = step(self._control.charge, happening_of(command, by)).refusal
+        refusal = step(self._control.authority, trigger_of(command, by)).refusal
         if refusal is not None:
             raise ValueError(refusal)
 
@@ -41,7 +41,7 @@ class Modes:
         self._control.expect_night()
 
     def _pass(self, command: Command, by: str) -> CommandResult:
-        self._control.happen(happening_of(command, by))
+        self._control.happen(trigger_of(command, by))
         return DONE
 
     def _arm(self, command: Arm, by: str) -> CommandResult:
@@ -57,7 +57,7 @@ class Modes:
         return done("parking")
 
 
-def happening_of(command: Command, by: str) -> Happening:
+def trigger_of(command: Command, by: str) -> Trigger:
     """What a command on who has the mount is to the state machine."""
     match command:
         case Arm():

@@ -2,8 +2,8 @@
 
 from rsoconsole.control import Seek
 from rsoconsole.engine.aim import Guide, Hands, Planner, Sought
-from rsoconsole.engine.control import Slews
 from rsoconsole.engine.operator.handlers import Control, Handler, Handlers
+from rsoconsole.engine.tasks import Slews
 from rsoconsole.pipeline.cycle import direction_at
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
@@ -41,12 +41,12 @@ class Seeking:
 
         Raises ValueError where it cannot be looked for.
         """
-        track, charge = self._control.last_track, self._control.charge
+        track, authority = self._control.last_track, self._control.authority
         if track is None:
             raise ValueError("nothing has been followed this night that could be looked for")
-        if not charge.is_autonomous:
+        if not authority.is_autonomous:
             raise ValueError("autonomy does not have the mount: arm or resume first")
-        if charge.is_held:
+        if authority.is_held:
             raise ValueError("the mount is held: resume first")
         now_ns = self._hands.now_utc_ns()
         # A line on the sky leads astray within the hour, an orbit does not.

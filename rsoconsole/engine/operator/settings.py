@@ -1,8 +1,8 @@
 """The command that changes a setting, for good or for some frames."""
 
 from rsoconsole.control import Set
-from rsoconsole.engine.control import Chronicle, Temporary, change_record, changed
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.engine.tasks import Chronicle, Temporary, change_record, changed
 from rsoconsole.reasons import DONE, CommandResult
 
 

@@ -23,7 +23,6 @@ from rsoconsole.control import (
     TakeBack,
 )
 from rsoconsole.engine.aim import Followed, Marked
-from rsoconsole.engine.control import Chronicle
 from rsoconsole.engine.operator.hand_marks import (
     automatic_of,
     better_known,
@@ -39,6 +38,7 @@ from rsoconsole.engine.operator.hand_marks import (
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.operator.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
+from rsoconsole.engine.tasks import Chronicle
 from rsoconsole.pipeline.cycle import Cycle, Shown
 from rsoconsole.pipeline.frame import refined_mark
 from rsoconsole.reason_text import text
@@ -119,7 +119,7 @@ class Verdicts:
     @property
     def _frames(self) -> Frames:
         """Those that are followed, or while nobody follows those that are looked at."""
-        is_autonomous = self._control.charge.is_autonomous
+        is_autonomous = self._control.authority.is_autonomous
         return self._cycle.folds if is_autonomous else self._cycle.hand
 
     def begin_mark(self, begun: BeginMark) -> int:
@@ -205,7 +205,7 @@ class Verdicts:
     def _follow_again(self, decision: Decision, ruling: Ruling) -> CommandResult:
         """By a ruling, in whatever state this is."""
         before = self._control.following
-        if not self._control.charge.is_autonomous:
+        if not self._control.authority.is_autonomous:
             return self._rule_by_hand(ruling)
         after, records = self._cycle.rule(ruling)
         result = result_of(ruling, records)
@@ -231,9 +231,9 @@ class Verdicts:
 
     def _rule_by_hand(self, ruling: Ruling) -> CommandResult:
         """Of a frame that nobody followed: what is kept is what the marks make of it."""
-        charge = self._control.charge
+        authority = self._control.authority
         kept, records = self._cycle.rule_by_hand(
-            ruling, charge.kept, charge.following.last_track_id
+            ruling, authority.kept, authority.following.last_track_id
         )
         for record in records:
             self._chronicle.append(record)
@@ -242,7 +242,7 @@ class Verdicts:
 
     def _ruling(self, decision: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
-        if isinstance(decision, Drop | Keep) and not self._control.charge.is_autonomous:
+        if isinstance(decision, Drop | Keep) and not self._control.authority.is_autonomous:
             raise ValueError("nothing is followed: autonomy does not have the mount")
         if isinstance(decision, Drop | Keep):
             of = frame_of(decision, self._cycle.folds.rulings())

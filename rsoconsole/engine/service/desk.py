@@ -27,14 +27,6 @@ from rsoconsole.control import (
     printable,
     status_json,
 )
-from rsoconsole.engine.control import (
-    OVERTAKEN,
-    CommandQueue,
-    OvertakenError,
-    Seats,
-    action_record,
-    seat_name,
-)
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.operator import (
     Accepted,
@@ -47,6 +39,14 @@ from rsoconsole.engine.operator import (
 from rsoconsole.engine.service.health import HealthMeter
 from rsoconsole.engine.service.machine_watch import MachineState
 from rsoconsole.engine.service.stop_now import REMEDY, stop_now, stop_outcome, stop_status
+from rsoconsole.engine.tasks import (
+    OVERTAKEN,
+    CommandQueue,
+    OvertakenError,
+    Seats,
+    action_record,
+    seat_name,
+)
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline.frame import HELD
@@ -236,7 +236,7 @@ class Desk:
         last = self._last_stop
         if last is None or last.is_confirmed:
             return last
-        is_open = self._engine.charge.is_stopped or self._queue.is_stopping
+        is_open = self._engine.authority.is_stopped or self._queue.is_stopping
         return dataclasses.replace(last, is_over=not is_open)
 
     def _horizontal(

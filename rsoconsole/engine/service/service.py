@@ -19,13 +19,13 @@ from rsoconsole.alerting import AlertProcess
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
 from rsoconsole.engine.aim import Hands
-from rsoconsole.engine.control import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
 from rsoconsole.engine.doctor import read_clock
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
 from rsoconsole.engine.operator import CHECKS, arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.service.desk import Desk
 from rsoconsole.engine.service.machine_watch import MachineWatch
+from rsoconsole.engine.tasks import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments import Instruments, MountPort, return_what_is_freed
 from rsoconsole.instruments.indi import client_library

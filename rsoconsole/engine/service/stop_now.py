@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from rsoconsole.control import LastStop
 from rsoconsole.engine.aim import Stopped
-from rsoconsole.engine.control import CommandQueue
+from rsoconsole.engine.tasks import CommandQueue
 from rsoconsole.instruments import MountPort, StopResult
 from rsoconsole.reasons import CommandResult
 

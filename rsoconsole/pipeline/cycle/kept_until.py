@@ -1,6 +1,6 @@
 """What an ended track leaves to be followed again, and until when. Pure but for its memory.
 
-The engine knows it by its clock (``engine/control/kept.py``) and puts it on record; a replay of a
+The engine knows it by its clock (``engine/tasks/kept.py``) and puts it on record; a replay of a
 session from before that goes by the times of its frames.
 """
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.engine.control.tunables import change_record, changed
+from rsoconsole.engine.tasks.tunables import change_record, changed
 from rsoconsole.records import ParameterChange
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.control import IN_ENGINE, Request
-from rsoconsole.engine.aim import Happening, LimitMet, NightEnded, Stopped
+from rsoconsole.engine.aim import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
@@ -25,7 +25,7 @@ class OvertakenError(ValueError):
 class Alarm:
     """Something that cut the loop short: an operator's STOP, a limit, the end of the night."""
 
-    happening: Happening
+    trigger: Trigger
     result: StopResult | None = None
     """What the mount answered, where its motion was ended before the loop was told; None where
     it was not, or where that broke."""
@@ -47,7 +47,7 @@ class CommandQueue:
         self._stops = 0
         self._are_under_way = False
         self._is_executing = False
-        self._cut_by: Happening | None = None
+        self._cut_by: Trigger | None = None
         """What cut the loop short last."""
         self._is_shutdown = False
 
@@ -87,16 +87,16 @@ class CommandQueue:
         with self._lock:
             return not (self._waiting or self._are_under_way or self.is_stopping)
 
-    def stop(self, happening: Happening, abort: Callable[[], StopResult]) -> StopResult:
+    def stop(self, trigger: Trigger, abort: Callable[[], StopResult]) -> StopResult:
         """Raise the flag, then stop the mount, then keep what came of it for the record.
 
         From the first instant on the loop gives no order to the mount any more.
         """
         with self._lock:
             self._stops_under_way += 1
-            self._stops += isinstance(happening, Stopped)
-            self._cut_by = happening
-            dropped = tuple(r for r in self._waiting if is_undone(r, happening))
+            self._stops += isinstance(trigger, Stopped)
+            self._cut_by = trigger
+            dropped = tuple(r for r in self._waiting if is_undone(r, trigger))
             self._waiting = deque(r for r in self._waiting if r not in dropped)
         result: StopResult | None = None
         try:
@@ -104,15 +104,15 @@ class CommandQueue:
         finally:
             # Also where the abort broke: the loop must hear what happened.
             with self._lock:
-                self._alarms.append(Alarm(happening=happening, result=result, dropped=dropped))
+                self._alarms.append(Alarm(trigger=trigger, result=result, dropped=dropped))
                 self._stops_under_way -= 1
         return result
 
-    def interrupt(self, happening: Happening) -> None:
+    def interrupt(self, trigger: Trigger) -> None:
         """Cut the loop short for something that it must act on itself (any thread)."""
         with self._lock:
-            self._cut_by = happening
-            self._alarms.append(Alarm(happening=happening))
+            self._cut_by = trigger
+            self._alarms.append(Alarm(trigger=trigger))
 
     def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
         """These were taken and not executed: they wait again, before all others.
@@ -175,18 +175,18 @@ def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
     )
 
 
-def is_undone(request: Request, happening: Happening) -> bool:
+def is_undone(request: Request, trigger: Trigger) -> bool:
     """Whether what cuts the loop short undoes a command that has not been executed."""
-    if isinstance(happening, Stopped):
+    if isinstance(trigger, Stopped):
         return not request.command.survives_stop
     return request.command.moves_mount
 
 
-def dropped_by(happening: Happening) -> CommandResult:
+def dropped_by(trigger: Trigger) -> CommandResult:
     """What came of a command that waited and was not executed."""
-    if isinstance(happening, Stopped):
+    if isinstance(trigger, Stopped):
         return OVERTAKEN
-    is_limit = isinstance(happening, LimitMet)
+    is_limit = isinstance(trigger, LimitMet)
     return CommandResult(kind="dropped", dropped_by="limit met" if is_limit else "night ended")
 
 
@@ -195,11 +195,11 @@ def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
 
     ``is_stopped_again``: the loop's own stop, which follows every alarm, was confirmed.
     """
-    happening = alarm.happening
-    if isinstance(happening, LimitMet):
-        return f"limit: {happening.words}; motion and tracking ended"
-    if isinstance(happening, NightEnded):
-        return f"the night ends: {happening.words}; armed again only when asked"
+    trigger = alarm.trigger
+    if isinstance(trigger, LimitMet):
+        return f"limit: {trigger.words}; motion and tracking ended"
+    if isinstance(trigger, NightEnded):
+        return f"the night ends: {trigger.words}; armed again only when asked"
     result = alarm.result
     told = ""
     if result is not None and result.ordered_ms is not None:

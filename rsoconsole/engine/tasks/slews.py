@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from rsoconsole.engine.aim import FAR_OFF_DEG, POLL_NS, Hands, Plan, Planner, StoppedElsewhere
-from rsoconsole.engine.control.chronicle import Chronicle
-from rsoconsole.engine.control.watch import Watch
+from rsoconsole.engine.tasks.chronicle import Chronicle
+from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import MountReport
 from rsoconsole.pipeline.aim import slew_to

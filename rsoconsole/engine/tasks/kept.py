@@ -3,29 +3,29 @@
 from collections.abc import Mapping
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.engine.aim import Charge
+from rsoconsole.engine.aim import Authority
 from rsoconsole.pipeline.cycle import kept_until_utc_ns
 from rsoconsole.tracking.association import Following
 
 
 class KeptTrack:
-    """Knows until when the charge's kept track is worth anything."""
+    """Knows until when the kept track is worth anything."""
 
     def __init__(self) -> None:
         self._following: Following | None = None
         self.until_utc_ns: int | None = None
         """None while nothing is kept."""
 
-    def see(self, charge: Charge, settings: FilterConfig, now_utc_ns: int) -> None:
+    def see(self, authority: Authority, settings: FilterConfig, now_utc_ns: int) -> None:
         """The state has changed. In MANUAL a track is kept as long as it would be coasted."""
-        kept = charge.kept
+        kept = authority.kept
         if kept is None:
             self._following = self.until_utc_ns = None
             return
-        if kept is self._following and charge.state != "MANUAL":
+        if kept is self._following and authority.state != "MANUAL":
             return
         self._following = kept
-        is_lent = charge.state == "MANUAL" and charge.is_resumable
+        is_lent = authority.state == "MANUAL" and authority.is_resumable
         self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
 
     def is_over(self, now_utc_ns: int) -> bool:

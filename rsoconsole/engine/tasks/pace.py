@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config, OpticsConfig
-from rsoconsole.engine.control.tunables import change_record, changed
+from rsoconsole.engine.tasks.tunables import change_record, changed
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking.filters import sky_rate_arcsec_s
 

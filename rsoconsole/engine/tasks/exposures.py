@@ -6,10 +6,10 @@ from typing import NoReturn
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS, Hands, Interrupted, LimitMet, Plan, Planner
-from rsoconsole.engine.control.chronicle import Chronicle
-from rsoconsole.engine.control.command_queue import CommandQueue
-from rsoconsole.engine.control.frame_times import FrameTimes
-from rsoconsole.engine.control.watch import Watch
+from rsoconsole.engine.tasks.chronicle import Chronicle
+from rsoconsole.engine.tasks.command_queue import CommandQueue
+from rsoconsole.engine.tasks.frame_times import FrameTimes
+from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.camera import ARRIVED_KEY
 from rsoconsole.pipeline.cycle import taken_record

@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.engine.control.preview import closeup_of, preview_of
+from rsoconsole.engine.tasks.preview import closeup_of, preview_of
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.records import Closeup, Event, Frame, Record, Topic
 

@@ -1,7 +1,7 @@
 """What is broken at this moment: each thing once, until its cause is over."""
 
-from rsoconsole.engine.aim import Charge, Stopped
-from rsoconsole.engine.control.watch import Watch
+from rsoconsole.engine.aim import Authority, Stopped
+from rsoconsole.engine.tasks.watch import Watch
 
 
 class Faults:
@@ -46,9 +46,9 @@ class Faults:
         self._stop = None
         return stopped
 
-    def is_over(self, charge: Charge, watch: Watch) -> bool:
+    def is_over(self, authority: Authority, watch: Watch) -> bool:
         """Whether the mount, whose silence was the cause of a FAULT, answers again: once."""
-        if charge.state != "FAULT" or charge.is_stopped or not self._words:
+        if authority.state != "FAULT" or authority.is_stopped or not self._words:
             self._was_blind = False
             return False
         if watch.is_blind:

@@ -1,7 +1,7 @@
 """Sends the mount to its park position and does not let go until it is there."""
 
 from rsoconsole.engine.aim import NS, Hands
-from rsoconsole.engine.control.chronicle import Chronicle
+from rsoconsole.engine.tasks.chronicle import Chronicle
 from rsoconsole.errors import InstrumentError
 
 RETRY_NS = 30 * NS

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import LimitMet, NightEnd, NightEnded, lasting_overrides, night_end
-from rsoconsole.engine.control.command_queue import CommandQueue
 from rsoconsole.engine.machine import notify
+from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import Instruments, MountReport, StopResult
 from rsoconsole.records import Event
@@ -90,7 +90,7 @@ class Watch:
         """Checks that the operator has overridden by name, as long as their reason stands."""
         return self._lifted
 
-    def take_charge(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
+    def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
         """Whether the mount is autonomy's affair, so that the end of the night concerns it.
 
         ``lifted``: checks that are overridden by name from now on; None: those that were.
