@@ -22,6 +22,7 @@ from rsoconsole.reasons import Told, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reading.reader import SessionReader
 from tests.export_nights import MISSED, T0, closed_night, written_night
+from tests.leap_samples import leap_of, pass_of
 from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
 from tests.samples import SCHEMA_1
 
@@ -202,6 +203,37 @@ def test_it_says_how_tracks_moved_to_each_other_and_who_was_expected_in_vain(tmp
 
 def test_a_night_of_one_track_has_no_section_of_the_field(sample: Page):
     assert "The field" not in sample.texts
+
+
+def test_it_says_what_came_of_each_pass_and_of_its_leaps(tmp_path: Path):
+    writer = written_night(tmp_path / "low")
+    for n in range(1, 6):
+        off = {"off_along_arcsec": 10.0 * n, "off_across_arcsec": -0.5 * n}
+        missed = {"result": "another streak", "off_along_arcsec": None, "off_across_arcsec": None}
+        writer.append(leap_of(n, **(off if n != 2 else missed)), T0 + 5 * n * 10**9)
+    writer.append(pass_of(name="<b>COSMOS</b> 1"), T0 + 30 * 10**9)
+    # One of which a single streak is all: no orbit, nothing planned, no next pass.
+    none = "epoch_utc_ns r_gcrs_km v_gcrs_km_s covariance a_km e i_deg along_rms_arcsec"
+    none += " across_rms_arcsec t_next_rise_utc_ns sigma_next_s sigma_next_across_deg scatter_s"
+    nothing = dict.fromkeys(none.split())
+    lone = pass_of(begun_frame_id=40, streaks=1, planned_leaps=0, ended="given up", **nothing)
+    writer.append(lone, T0 + 60 * 10**9)
+    writer.close()
+    html = render_report(tmp_path / "low").html
+    said = " ".join(" ".join(Page(html).texts).split())
+    section = said[said.index("Passes of low satellites") :]
+    assert "<b>COSMOS</b> 1" in section
+    assert "<b>COSMOS" not in html
+    assert "5 streaks in 29 s it sets 4 of 5 (1 another streak) 6 35 1.8" in section
+    assert "6928 km, e 0.0015 (a prior in it), i 53.00° 1.2, 0.8 0.125" in section
+    assert "± 3.5 s, ± 0.02° across" in section
+    assert "not expected" in section
+    assert "given up 0 of 0 0 – – one streak: none – – not within a day" in section
+    assert "2 of 5 5.00 2.25 2.00 0.25 0.25 0.00 0.25" in section
+
+
+def test_a_night_without_leaps_has_no_section_of_passes(sample: Page):
+    assert "Passes of low satellites" not in sample.texts
 
 
 def test_its_figures_are_those_that_a_replay_gives():

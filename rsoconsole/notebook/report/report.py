@@ -26,6 +26,7 @@ from rsoconsole.notebook.report.report_facts import (
 )
 from rsoconsole.notebook.report.report_field import MOST_PAIRS, field_facts
 from rsoconsole.notebook.report.report_figures import inline_figures
+from rsoconsole.notebook.report.report_passes import pass_facts
 from rsoconsole.notebook.report.report_pictures import shown_frames
 from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
 from rsoconsole.pipeline.replay import TrackFigures
@@ -94,6 +95,7 @@ def render_report(session: Path) -> Report:
             pairs=field.pairs[:MOST_PAIRS],
             pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
             unseen=field.unseen,
+            passes=pass_facts(record for _, _, record in SessionReader(session).records()),
             drawings=inline_figures(night, _alts(night, figures), _with_firsts(night, rows)),
             pictures=shown,
             pictures_left_out=len(night.frames) - len(shown),
