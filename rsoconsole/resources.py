@@ -3,6 +3,7 @@
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
+_SAMPLE = "intelsat-14"
 
 
 def resource(*parts: str) -> Path:
@@ -25,3 +26,11 @@ def model_resource(name: str) -> Path:
         if (folder / name).exists():
             return folder / name
     raise FileNotFoundError(f"the network {name} is missing: reinstall rsoconsole")
+
+
+def sample_resource() -> Path:
+    """Folder of the sample session: in the wheel, or in ``sessions/`` of a checkout."""
+    for folder in (_PACKAGE / "_sessions", _PACKAGE.parent / "sessions"):
+        if (folder / _SAMPLE / "session.db").exists():
+            return folder / _SAMPLE
+    raise FileNotFoundError("the sample session is missing: reinstall rsoconsole")

@@ -32,6 +32,12 @@ def review(
         Graphics | None,
         typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
     ] = None,
+    sample: Annotated[
+        bool,
+        typer.Option(
+            "--sample", help="The sample session that comes with the program, copied to yours."
+        ),
+    ] = False,
     socket: SocketOption = None,
 ) -> None:
     """Look through a recorded night: the console's screen as it was at any moment.
@@ -47,6 +53,8 @@ def review(
     too, here or by r in its console, where STOP (x) works as ever.
 
     Example: rsoconsole review sessions/intelsat-14 --at 12
+
+    Example: rsoconsole review --sample
     """
     from rsoconsole.console import run_review
     from rsoconsole.console.timeline import understood
@@ -56,6 +64,12 @@ def review(
             understood(at)
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint="--at") from error
+    if sample:
+        if session is not None:
+            raise typer.BadParameter("--sample is a session itself: leave the other one out")
+        from rsoconsole.session.upkeep import own_sample
+
+        session = own_sample(load_config().session.root)
     if session is not None and not session.exists() and len(session.parts) == 1:
         named = load_config().session.root / session
         session = named if named.exists() else session

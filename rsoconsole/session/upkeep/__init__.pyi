@@ -6,6 +6,7 @@ from .pruning import plan_pruning as plan_pruning
 from .pruning import prune as prune
 from .repair import Repair as Repair
 from .repair import repair_session as repair_session
+from .sample import own_sample as own_sample
 from .store import SessionSummary as SessionSummary
 from .store import cut_off_session as cut_off_session
 from .store import list_sessions as list_sessions
