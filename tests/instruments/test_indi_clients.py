@@ -188,6 +188,15 @@ def test_a_property_that_goes_is_forgotten_and_may_come_back(session):
     assert session.next()["values"] == {"RA": 1.5, "DEC": -0.5}
 
 
+def test_a_driver_that_ends_and_comes_back_defines_everything_again(session):
+    session.send(f'<delProperty device="{DEVICE}" {STAMP} message="the driver ended"/>\n')
+    session.send(set_numbers(number("RA", "7")))
+    session.send(DEFINITIONS)
+    words, *said = session.hear_until_mark()
+    assert words["message"].endswith("the driver ended")
+    assert said == session.said_first
+
+
 def test_a_blob_comes_whole_whatever_its_lines(session):
     content = bytes(range(256)) * 300 + b"\xff"
     session.order("blobs", "CCD1")

@@ -38,6 +38,8 @@ class IndipyClient(IndiClient):
         super().__init__(device, on_vector, on_message)
         self._loop: _Loop | None = None
         self._library: _Library | None = None
+        self._defined: set[str] = set()
+        """What the driver has defined and not taken away."""
 
     def _connect(self, host: str, port: int) -> bool:
         self._loop = _Loop(self._server_gone)
@@ -54,7 +56,11 @@ class IndipyClient(IndiClient):
         assert library is not None
         loop.on_failure = library.is_connected.set
         asyncio.set_event_loop(loop)
-        loop.run_until_complete(library.asyncrun())
+        try:
+            loop.run_until_complete(library.asyncrun())
+        finally:
+            # Nobody reads any more, whatever the reason.
+            self._server_gone()
 
     def _connect_device(self) -> None:
         self._send_switch("CONNECTION", "CONNECT")
@@ -101,11 +107,11 @@ class IndipyClient(IndiClient):
         if event.devicename != self.device:
             return
         # libindi tells the words that come with a change before the change.
-        if words := getattr(event, "message", ""):
+        if (words := getattr(event, "message", "")) and self._defined:
             stamp = event.root.get("timestamp") or time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime())
             self._note_message(f"{stamp}: {words}")
-        if event.eventtype == "Delete" and event.vectorname:
-            self._forget(event.vectorname)
+        if event.eventtype == "Delete":
+            self._take_deletion(event)
         elif event.eventtype in _CHANGES or self._is_new_definition(event):
             self._store(self._vector(event, arrived_s))
 
@@ -115,9 +121,20 @@ class IndipyClient(IndiClient):
         assert self._loop.stream is not None
         return memoryview(self._loop.stream.content_of(ticket)).toreadonly()
 
+    def _take_deletion(self, event: Any) -> None:
+        """Of one property, which is forgotten; or of all: the driver ended, and may come back."""
+        if event.vectorname:
+            self._defined.discard(event.vectorname)
+            self._forget(event.vectorname)
+        else:
+            self._defined.clear()
+
     def _is_new_definition(self, event: Any) -> bool:
         """As libindi sees it: what is defined already stays as it is."""
-        return event.eventtype in _DEFINITIONS and event.vectorname not in self._vectors
+        is_new = event.eventtype in _DEFINITIONS and event.vectorname not in self._defined
+        if is_new:
+            self._defined.add(event.vectorname)
+        return is_new
 
     def _vector(self, event: Any, arrived_s: float) -> Vector:
         vector, is_definition = event.vector, event.eventtype in _DEFINITIONS
