@@ -7,7 +7,7 @@ from typing import Any, get_args
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.export import ExportedNight, MeasuredRow
+from rsoconsole.export import ExportedNight, MeasuredRow, parse_iod, parse_tdm
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -22,6 +22,17 @@ SCALE_DEG = 10.0 * ARCSEC
 MISSED = (7, 8)
 STRAY_ARCSEC = 400.0
 WOBBLE_ARCSEC = 0.2
+
+
+def read_tdm(path: Path) -> Any:
+    """The message in a file."""
+    return parse_tdm(path.read_text(encoding="utf-8"), str(path))
+
+
+def read_iod(path: Path) -> tuple[Any, ...]:
+    """The lines of a file that are observations."""
+    lines = path.read_text(encoding="ascii").splitlines()
+    return tuple(parse_iod(line) for line in lines if line.strip() and not line.startswith("#"))
 
 
 def measurement(frame_id: int, north_arcsec: float = 0.0, **more: Any) -> Measurement:

@@ -5,7 +5,6 @@ from .api import render as render
 from .api import write_file as write_file
 from .frames import parse_numbers as parse_numbers
 from .iod_reader import parse_iod as parse_iod
-from .iod_reader import read_iod as read_iod
 from .night import ExportedNight as ExportedNight
 from .night import read_night as read_night
 from .observed import ReadAs as ReadAs
@@ -17,4 +16,3 @@ from .tables import read_ecsv as read_ecsv
 from .tables import read_jsonl as read_jsonl
 from .target import Target as Target
 from .tdm_reader import parse_tdm as parse_tdm
-from .tdm_reader import read_tdm as read_tdm

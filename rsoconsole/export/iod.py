@@ -16,7 +16,14 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import whole
-from rsoconsole.sky import NS_PER_DAY, largest_sigma, tai_minus_utc_s, utc_ns_to_iso, wrap_360
+from rsoconsole.sky import (
+    NS_PER_DAY,
+    largest_sigma,
+    tai_minus_utc_s,
+    utc_ns_to_iso,
+    wrap_180,
+    wrap_360,
+)
 
 NS_PER_MS = 1_000_000
 STATION = "9999"
@@ -53,7 +60,14 @@ def to_iod(
     rows = [row for track in tracks for row in whole(night.of_track(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
     return "".join(
-        _line(row, target, station, sky, math.hypot(night.time_sigma_s(row), clock_s)) + "\n"
+        _line(
+            row,
+            target,
+            station,
+            sky,
+            (night.shutter_sigma_s(row), math.hypot(night.time_sigma_s(row), clock_s)),
+        )
+        + "\n"
         for row in rows
     )
 
@@ -79,11 +93,15 @@ def check_station(station: str, sky: str) -> None:
         raise ExportError(f"{sky!r} is no state of the sky: one of E, G, F, P, B, T")
 
 
-def _line(row: MeasuredRow, target: Target, station: str, sky: str, time_sigma_s: float) -> str:
+def _line(
+    row: MeasuredRow, target: Target, station: str, sky: str, sigmas_s: tuple[float, float]
+) -> str:
+    """``sigmas_s``: of the time, what the position's error has of it, and all of it."""
+    shutter_s, time_sigma_s = sigmas_s
     instant = utc_ns_to_iso(to_the_millisecond(row.t_mid_utc_ns))
     digits = re.sub(r"\D", "", instant)
     name = target.iod_name(row.track or 0, int(instant[:4]))
-    position = mx(position_sigma_arcsec(row) / 60.0)
+    position = mx(position_sigma_arcsec(row, shutter_s) / 60.0)
     angles = _angles(row.ra_icrs_deg, row.dec_icrs_deg)
     return f"{name} {station} {sky} {digits} {mx(time_sigma_s)} 25 {angles} {position}"
 
@@ -97,13 +115,46 @@ def to_the_millisecond(t_utc_ns: int) -> int:
     return rounded
 
 
-def position_sigma_arcsec(row: MeasuredRow) -> float:
-    """The one error that a line has room for: that of the worst direction, rounding included."""
-    east2, cross, north2 = row.cov_sky_arcsec2
+def position_sigma_arcsec(row: MeasuredRow, shutter_sigma_s: float = 0.0) -> float:
+    """The one error that a line has room for: that of the worst direction, rounding included.
+
+    ``shutter_sigma_s``: what of it the line says as an error of its time. Readers add that to the
+    position along the motion, where the measurement's covariance has it already.
+    """
+    east2, cross, north2 = _without(row.cov_sky_arcsec2, shutter_sigma_s, _rate_arcsec_s(row))
     cos_dec = math.cos(math.radians(row.dec_icrs_deg))
     east2 += (_ARCSEC_PER_RA_STEP * cos_dec * _UNIFORM) ** 2
     north2 += (_ARCSEC_PER_DEC_STEP * _UNIFORM) ** 2
     return largest_sigma(east2, cross, north2)
+
+
+def _without(
+    cov: tuple[float, float, float], sigma_s: float, rate_arcsec_s: tuple[float, float]
+) -> tuple[float, float, float]:
+    """The covariance without what an error of the time makes of it, as far as it has that."""
+    east2, cross, north2 = cov
+    east_s, north_s = rate_arcsec_s
+    det = east2 * north2 - cross * cross
+    along = north2 * east_s**2 - 2.0 * cross * east_s * north_s + east2 * north_s**2
+    if det <= 0.0 or along <= 0.0:
+        return cov
+    variance_s2 = min(sigma_s**2, det / along)
+    return (
+        max(east2 - variance_s2 * east_s**2, 0.0),
+        cross - variance_s2 * east_s * north_s,
+        max(north2 - variance_s2 * north_s**2, 0.0),
+    )
+
+
+def _rate_arcsec_s(row: MeasuredRow) -> tuple[float, float]:
+    """East and north, by the streak and its exposure, of either sign; 0 where it tells none."""
+    ends = (row.ra_a_icrs_deg, row.dec_a_icrs_deg, row.ra_b_icrs_deg, row.dec_b_icrs_deg)
+    a_ra, a_dec, b_ra, b_dec = ends
+    if a_ra is None or a_dec is None or b_ra is None or b_dec is None or not row.exposure_s:
+        return 0.0, 0.0
+    cos_dec = math.cos(math.radians(row.dec_icrs_deg))
+    east = float(wrap_180(b_ra - a_ra)) * cos_dec * 3600.0 / row.exposure_s
+    return east, (b_dec - a_dec) * 3600.0 / row.exposure_s
 
 
 def mx(value: float) -> str:

@@ -8,10 +8,8 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from rsoconsole.errors import ExportError
-from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
@@ -77,25 +75,6 @@ class IodObservation:
     magnitude: float | None
     magnitude_sigma: float | None
     flash_period_s: float | None
-
-
-def read_iod(path: Path) -> tuple[IodObservation, ...]:
-    """The observations of a file; empty lines and lines that begin with # are passed over.
-
-    Raises ExportError naming the line that is none.
-    """
-    try:
-        lines = read_foreign(path, most_bytes=MOST_DATA_BYTES, encoding="ascii").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExportError(f"{path} cannot be read: {error}") from error
-    found = []
-    for number, line in enumerate(lines, start=1):
-        if line.strip() and not line.startswith("#"):
-            try:
-                found.append(parse_iod(line))
-            except ExportError as error:
-                raise ExportError(f"{path}, line {number}: {error}") from error
-    return tuple(found)
 
 
 def parse_iod(line: str) -> IodObservation:

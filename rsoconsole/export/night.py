@@ -82,6 +82,12 @@ class ExportedNight:
             return exposure.timing_sigma_s
         return shutter_time(taken, exposure).total_sigma_s
 
+    def shutter_sigma_s(self, row: MeasuredRow) -> float:
+        """What of it the row's own errors have: the shutter's scatter, without a bias's error."""
+        taken = self.taken.get(row.frame_id)
+        exposure = self.config.exposure
+        return exposure.timing_sigma_s if taken is None else shutter_time(taken, exposure).sigma_s
+
     def facts(self) -> dict[str, Any]:
         """What a table says of where it comes from; plain values."""
         site, optics = self.config.site, self.config.optics

@@ -8,7 +8,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import COLUMNS, DERIVED, MeasuredRow
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.records import Column
+from rsoconsole.sky import jd_utc
 
 _NAMES = tuple(column.name for column in COLUMNS)
 _NEEDED = frozenset(_NAMES) & {*MeasuredRow.__dataclass_fields__, *DERIVED}
 """What another version has beside them may be missing."""
+TIME, DIRECTION = "t_mid_utc", "direction"
 _TRUTH = {"true": True, "false": False}
 _OPTIONAL = frozenset(
     name for name, hint in MeasuredRow.__annotations__.items() if "None" in str(hint)
@@ -87,12 +90,19 @@ def _json_rows(path: Path) -> Iterator[MeasuredRow]:
 
 
 def to_ecsv(night: ExportedNight) -> str:
-    """A table with units, descriptions and, as ``meta``, what ``ExportedNight.facts`` tells."""
+    """A table with units, descriptions and, as ``meta``, what ``ExportedNight.facts`` tells.
+
+    Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
+    """
     from astropy.table import MaskedColumn, Table
 
     types = {"integer": "int64", "real": "float64", "truth": "bool"}
     table = Table(meta=night.facts())
     for column in COLUMNS:
+        if column.name == TIME:
+            table[TIME] = _times([row.t_mid_utc_ns for row in night.rows])
+            table[TIME].info.description = column.meaning
+            continue
         values = [row.value(column.name) for row in night.rows]
         blank: Any = "" if column.type == "text" else 0
         filled = [blank if value is None else value for value in values]
@@ -103,9 +113,32 @@ def to_ecsv(night: ExportedNight) -> str:
             unit=column.unit,
             description=column.meaning,
         )
+    table[DIRECTION] = _directions(night.rows)
+    table[DIRECTION].info.description = "ra_icrs_deg and dec_icrs_deg"
     text = io.StringIO()
-    table.write(text, format="ascii.ecsv")
+    with warnings.catch_warnings():
+        # Astropy doubts UTC some years ahead, where leap seconds are not yet decided.
+        warnings.filterwarnings("ignore", message=".*dubious year")
+        table.write(text, format="ascii.ecsv")
     return text.getvalue()
+
+
+def _times(t_utc_ns: Sequence[int]) -> Any:
+    import numpy as np
+    from astropy.time import Time
+
+    found = Time(*jd_utc(np.array(t_utc_ns, np.int64)), format="jd", scale="utc")
+    found.format, found.precision = "isot", 9  # what is written as text is as exact
+    return found
+
+
+def _directions(rows: Sequence[MeasuredRow]) -> Any:
+    import numpy as np
+    from astropy.coordinates import SkyCoord
+
+    ra = np.array([row.ra_icrs_deg for row in rows], float)
+    dec = np.array([row.dec_icrs_deg for row in rows], float)
+    return SkyCoord(ra, dec, unit="deg", frame="icrs")
 
 
 def read_ecsv(path: Path) -> tuple[tuple[MeasuredRow, ...], dict[str, Any]]:
@@ -115,7 +148,9 @@ def read_ecsv(path: Path) -> tuple[tuple[MeasuredRow, ...], dict[str, Any]]:
     from astropy.table import Table
 
     try:
-        table = Table.read(_text(path), format="ascii.ecsv")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*dubious year")
+            table = Table.read(_text(path), format="ascii.ecsv")
     except (ValueError, InconsistentTableError, StopIteration, IndexError) as error:
         raise ExportError(f"{path} cannot be read as ECSV: {error}") from error
     rows = []
@@ -123,6 +158,7 @@ def read_ecsv(path: Path) -> tuple[tuple[MeasuredRow, ...], dict[str, Any]]:
         values = {
             name: None if np.ma.is_masked(each[name]) else np.asarray(each[name]).item()
             for name in table.colnames
+            if name in _NAMES and name not in DERIVED
         }
         rows.append(_row(values, f"{path}, row {number}"))
     return tuple(rows), dict(table.meta)

@@ -8,11 +8,9 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import date
-from pathlib import Path
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export.tdm_xml import lines_of_xml
-from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 VERSIONS = ("1.0", "2.0")
@@ -102,19 +100,10 @@ class Tdm:
     segments: tuple[TdmSegment, ...]
 
 
-def read_tdm(path: Path) -> Tdm:
-    """The message in a file. Raises ExportError, with the line's number, where it is none."""
-    try:
-        text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExportError(f"{path} cannot be read: {error}") from error
-    return parse_tdm(text, str(path))
-
-
 def parse_tdm(text: str, name: str = "the message") -> Tdm:
     """The message in a text, keyword = value or XML; ``name`` is what errors call it.
 
-    Raises as ``read_tdm`` does.
+    Raises ExportError, with the line's number, where it is none.
     """
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")

@@ -1,7 +1,7 @@
 """A table of directions as a caller has it: from ``rso.measure``, or with columns of its own."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -93,13 +93,14 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
 
 def site_in(table: Any) -> Site | None:
     """Where it was seen from, where its ``meta`` says so."""
-    said = (getattr(table, "meta", None) or {}).get(META, {}).get("site")
+    meta = getattr(table, "meta", None) or {}
+    said = meta.get(META, {}).get("site") or meta.get("site")  # the second: an exported table
     if not isinstance(said, dict):
         return None
     try:
-        return Site(**{key: float(value) for key, value in said.items()})
-    except (TypeError, ValueError) as error:
-        raise InputError(f"meta[{META!r}]['site'] is no site: {said!r}") from error
+        return Site(**{each.name: float(said[each.name]) for each in fields(Site)})
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the table's meta has a site that is none: {said!r}") from error
 
 
 def expect_one_object(table: Any) -> None:

@@ -107,8 +107,10 @@ def _of_track(track: Track) -> Observed:
 
 def _of_table(value: Any, ask: Asked) -> Observed:
     table = expect_table(value, "file, session, track or table of observations")
-    if "is_crossing" in table.colnames:
-        table = table[~np.asarray(table["is_crossing"], bool)]  # nobody knows when it was where
+    # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
+    for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
+        if name in table.colnames:
+            table = table[np.asarray(table[name], bool) == is_wanted]
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
     site = rows.site if ask.site is None else site_of(ask.site)

@@ -44,6 +44,7 @@ from rsoconsole.records import (
 from rsoconsole.session.log import decode
 from rsoconsole.tracking.association import Following
 
+_ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
 FEWEST_MORE = 3
 """Directions of a track beside the first telescope's: two agree by chance."""
 USUAL_EXPOSURE_S = 0.1
@@ -279,10 +280,6 @@ def _nothing(optics: Any) -> Detections:
 def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int) -> Measurement:
     names = table.colnames
     ee, en, nn = rows.cov_sky_arcsec2[n]
-    ends: Any = None
-    if "ends_icrs_deg" in names and not np.any(getattr(table["ends_icrs_deg"][n], "mask", False)):
-        (a, b), (c, d) = np.asarray(table["ends_icrs_deg"][n], float)
-        ends = ((float(a), float(b)), (float(c), float(d)))
     return Measurement(
         measurement_id=measurement_id_of(frame_id, place),
         frame_id=frame_id,
@@ -294,11 +291,28 @@ def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int
         y_px=_float(table, "y_px", n, "pix"),
         confidence=float(table["confidence"][n]) if "confidence" in names else 1.0,
         source="network",
-        ends_icrs_deg=ends,
+        ends_icrs_deg=_ends(table, n),
         is_crossing=bool(table["is_crossing"][n]) if "is_crossing" in names else False,
         is_clipped=bool(table["is_clipped"][n]) if "is_clipped" in names else False,
         object_class=str(table["object_class"][n]) if "object_class" in names else "undetermined",  # type: ignore[arg-type]
     )
+
+
+def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Of the row's streak, where it tells them: as ``rso.measure`` has them, or as exported."""
+    values: Sequence[float] = ()
+    if "ends_icrs_deg" in table.colnames:
+        each = table["ends_icrs_deg"][n]
+        is_missing = bool(np.any(getattr(each, "mask", False)))
+        values = () if is_missing else np.asarray(each, float).ravel().tolist()
+    elif set(_ENDS) <= set(table.colnames):
+        cells = [table[name][n] for name in _ENDS]
+        is_missing = any(np.any(getattr(each, "mask", False)) for each in cells)
+        values = () if is_missing else [_float(table, name, n, "deg") for name in _ENDS]
+    if len(values) != 4 or not np.all(np.isfinite(values)):
+        return None
+    a, b, c, d = map(float, values)
+    return (a, b), (c, d)
 
 
 def _float(table: Any, name: str, n: int, unit: str) -> float:

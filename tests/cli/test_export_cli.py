@@ -15,11 +15,10 @@ from rsoconsole.export import (
     parse_iod,
     read_csv,
     read_night,
-    read_tdm,
 )
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.export_nights import T0, closed_night, written_night
+from tests.export_nights import T0, closed_night, read_tdm, written_night
 from tests.orbit_night import identified_of
 from tests.samples import SCHEMA_1
 

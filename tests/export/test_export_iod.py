@@ -4,17 +4,26 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export import ExportOptions, Target, parse_iod, read_iod, read_night
+from rsoconsole.export import (
+    ExportOptions,
+    ReadAs,
+    Target,
+    parse_iod,
+    read_night,
+    read_observations,
+)
 from rsoconsole.export.api import render
 from rsoconsole.export.iod import mx, position_sigma_arcsec, to_iod, to_the_millisecond
+from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.export_nights import LEAP, NS, closed_night, night_of, taken_rows
+from tests.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
 from tests.samples import SCHEMA_1
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "iod"
@@ -134,7 +143,8 @@ def test_days_and_hours_that_there_are_not_are_refused(day):
 @settings(max_examples=80, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(rows=taken_rows())
 def test_what_is_written_is_read_to_the_formats_precision(rows):
-    lines = to_iod(night_of(rows), (1,), target=Target()).splitlines()
+    night = night_of(rows)
+    lines = to_iod(night, (1,), target=Target()).splitlines()
     assert len(lines) == len(rows)
     for row, line in zip(rows, lines, strict=True):
         assert len(line) == 64
@@ -150,7 +160,9 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
         is_beside_leap = -1_000_000 <= row.t_mid_utc_ns - LEAP <= 0
         assert is_beside_leap or abs(read.t_utc_ns - row.t_mid_utc_ns) <= 500_000
         # One digit: half a step of the smallest, 1, at most.
-        expected = min(position_sigma_arcsec(row), 90.0 * 60.0)
+        written = position_sigma_arcsec(row, night.shutter_sigma_s(row))
+        assert written <= position_sigma_arcsec(row) * (1.0 + 1e-9)
+        expected = min(written, 90.0 * 60.0)
         assert read.position_sigma_arcsec == pytest.approx(expected, rel=0.34)
         assert (read.norad_id, read.station, read.sky) == (99901, "9999", None)
 
@@ -238,6 +250,45 @@ def test_the_position_is_as_sure_as_in_its_worst_direction():
     assert position_sigma_arcsec(sharp) == pytest.approx(0.9 / math.sqrt(12))
 
 
+def test_the_shutters_error_is_read_back_once(tmp_path: Path):
+    """A low satellite, 3,000 arcsec/s to the east: 15 ms of shutter are 45 arcsec of its place."""
+    night = read_night(SCHEMA_1)
+    begin = night.rows[0]
+    rate, own, shutter_s, exposure_s = 3000.0, 2.0, 0.015, 0.2
+    rows = []
+    for n in range(3):
+        ra = 10.0 + n * rate * 5.0 / 3600.0
+        half = rate * exposure_s / 2.0 / 3600.0
+        rows.append(
+            replace(
+                begin,
+                t_mid_utc_ns=begin.t_mid_utc_ns + n * 5_000_000_000,
+                frame_id=1000 + n,
+                exposure_s=exposure_s,
+                ra_icrs_deg=ra,
+                dec_icrs_deg=0.0,
+                sigma_ra_arcsec=math.hypot(own, rate * shutter_s),
+                sigma_dec_arcsec=own,
+                correlation=0.0,
+                ra_a_icrs_deg=ra - half,
+                ra_b_icrs_deg=ra + half,
+                dec_a_icrs_deg=0.0,
+                dec_b_icrs_deg=0.0,
+            )
+        )
+    path = tmp_path / "low.iod"
+    path.write_text(to_iod(night_of(rows), (1,), target=Target()))
+    assert all(1.7 < each.position_sigma_arcsec < 2.5 for each in read_iod(path))
+    site = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+    ((read,),) = read_observations(path, ReadAs(site=site))
+    whitening = read.seen.whitening
+    cov = np.linalg.inv(np.swapaxes(whitening, 1, 2) @ whitening)
+    # The time's field has one digit: 0.01 or 0.02 s for 0.015. Counted twice it would be 64.
+    sigma_east = np.sqrt(cov[:, 0, 0])
+    assert np.all((sigma_east > 25.0) & (sigma_east < 61.0))
+    assert np.all(np.sqrt(cov[:, 1, 1]) < 3.0)
+
+
 def test_the_clocks_offset_is_part_of_the_times_error():
     rows = read_night(SCHEMA_1).rows[:1]
     assert to_iod(night_of(rows), (1,), target=Target())[41:43] == "26"
@@ -284,11 +335,9 @@ def test_numbers_that_no_catalogue_has_are_refused(numbers):
 
 def test_a_damaged_file_names_its_line(tmp_path: Path):
     path = tmp_path / "x.iod"
-    path.write_text(
-        f"# a word before\n\n{HEAD} 25 0000000+000000 39\n{HEAD} 25 0000000 000000 39\n"
-    )
-    with pytest.raises(ExportError, match=r"line 4: .*columns"):
-        read_iod(path)
+    path.write_text(f"# a word before\n\n{HEAD} 25 0000000 000000 39\n{HEAD} 25 000000 000000 39\n")
+    with pytest.raises(ExportError, match=r"line 3: .*columns"):
+        read_observations(path, ReadAs())
 
 
 def test_a_cut_streak_is_not_reported(tmp_path: Path):

@@ -138,11 +138,33 @@ def test_ecsv_says_units_and_where_it_comes_from(session: Path, scratch: Path):
     assert table["residual_ra_arcsec"].unit == units.arcsec
     assert table["rate_ra_arcsec_s"].unit == units.arcsec / units.s
     assert table["exposure_s"].unit == units.s
-    assert all(table[column.name].description == column.meaning for column in COLUMNS)
+    assert all(table[column.name].info.description == column.meaning for column in COLUMNS)
     meta = read_ecsv(path)[1]
     assert meta["site"]["latitude_deg"] == 47.5
     assert meta["title"] == "across 0h"
     assert meta["optics"]["focal_length_mm"] == Config().optics.focal_length_mm
+
+
+def test_ecsv_has_times_and_directions_as_astropy_knows_them(session: Path, scratch: Path):
+    from astropy.coordinates import SkyCoord
+    from astropy.table import QTable
+    from astropy.time import Time
+
+    path = scratch / "mixed.ecsv"
+    export(session, "ecsv", path)
+    table = QTable.read(path)
+    rows = read_night(session).rows
+    assert isinstance(table["t_mid_utc"], Time)
+    assert isinstance(table["direction"], SkyCoord)
+    assert table["t_mid_utc"].scale == "utc"
+    assert table["direction"].frame.name == "icrs"
+    assert table["direction"].ra.deg.tolist() == [row.ra_icrs_deg for row in rows]
+    assert table["direction"].dec.deg.tolist() == [row.dec_icrs_deg for row in rows]
+    for t, row in zip(table["t_mid_utc"], rows, strict=True):
+        assert f"{t.isot}Z" == row.t_mid_utc
+    table.write(scratch / "again.ecsv")
+    again = QTable.read(scratch / "again.ecsv")
+    assert (again["t_mid_utc"] == table["t_mid_utc"]).all()
 
 
 def test_every_column_is_documented_once():

@@ -12,14 +12,22 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from rsoconsole.errors import ExportError
-from rsoconsole.export import ExportOptions, Target, export, parse_tdm, read_night, read_tdm
+from rsoconsole.errors import ExportError, OrbitError
+from rsoconsole.export import (
+    ExportOptions,
+    ReadAs,
+    Target,
+    export,
+    parse_tdm,
+    read_night,
+    read_observations,
+)
 from rsoconsole.export.api import render
 from rsoconsole.export.tdm import LONGEST_LINE, aberration_deg, to_tdm
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.export_nights import NS, closed_night, night_of, taken_rows
+from tests.export_nights import NS, closed_night, night_of, read_tdm, taken_rows
 from tests.samples import SCHEMA_1
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "tdm"
@@ -342,7 +350,7 @@ def test_each_fault_has_its_line_and_its_words(old, new, says):
 def test_what_is_no_text_is_no_message(tmp_path: Path):
     path = tmp_path / "x.tdm"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ExportError, match="cannot be read"):
-        read_tdm(path)
-    with pytest.raises(ExportError, match="cannot be read"):
-        read_tdm(tmp_path / "none.tdm")
+    with pytest.raises(OrbitError, match="cannot be read"):
+        read_observations(path, ReadAs())
+    with pytest.raises(OrbitError, match="does not exist"):
+        read_observations(tmp_path / "none.tdm", ReadAs())

@@ -143,6 +143,17 @@ def test_the_nights_own_measurements_give_the_nights_track_again(night):
     assert tracks[1].orbit.label == "constrained by prior"
 
 
+def test_an_exported_table_says_all_that_a_track_needs(tmp_path):
+    path = tmp_path / "night.ecsv"
+    rso.open_session(SAMPLE).export("ecsv", path)
+    tracks = rso.track(QTable.read(path))
+    assert len(tracks[1]) >= 27
+    assert tracks[1].site.latitude_deg == 29.19
+    tracks[1].measurements.write(tmp_path / "track.ecsv")
+    by_file, by_table = rso.orbit(tmp_path / "track.ecsv"), rso.orbit(tracks[1])
+    assert by_file.a.to_value("km") == pytest.approx(by_table.a.to_value("km"), rel=1e-9)
+
+
 def two_objects(count: int = 8, step_s: float = 30.0) -> QTable:
     """Straight ways at constant rates, one east along the equator, one north; 0.5 arcsec errors."""
     rng = np.random.default_rng(4)

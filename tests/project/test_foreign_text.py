@@ -15,7 +15,7 @@ from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.tuning.presets import load_presets
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ConfigError, ControlError, OrbitError, RsoconsoleError, SessionError
-from rsoconsole.export import read_tdm
+from rsoconsole.export import ReadAs, read_observations
 from rsoconsole.foreign_text import MOST_BYTES, read_foreign
 from rsoconsole.orbits.elements import catalogue
 from rsoconsole.orbits.elements.catalogue import parse_catalogue
@@ -40,7 +40,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "presets": load_presets,
     "world": load_world,
     "elements": lambda path: read_catalogue([path]),
-    "tdm": read_tdm,
+    "tdm": lambda path: read_observations(path, ReadAs()),
 }
 
 
