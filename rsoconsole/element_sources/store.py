@@ -97,7 +97,7 @@ class ElementStore:
                 fetched_utc_ns=now_utc_ns,
                 refused_utc_ns=None,
                 fault=None,
-                **_figures(entries),
+                **element_figures(entries),
             )
 
     def note(self, source: Source, **values: Any) -> Kept:
@@ -225,8 +225,8 @@ class ElementStore:
             os.close(descriptor)
 
 
-def _figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
-    """What elements are, as ``Kept`` has it."""
+def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
+    """How many they are, of how many objects, and how old, as ``Kept`` has it."""
     newest: dict[int, int] = {}
     for each in entries:
         newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
@@ -246,7 +246,7 @@ def _figures_of(path: Path) -> dict[str, Any]:
         fetched_ns = path.stat().st_mtime_ns
     except (OSError, OrbitError):
         return {}
-    return {"file": path.name, "fetched_utc_ns": fetched_ns, **_figures(entries)}
+    return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(entries)}
 
 
 def _read(row: Mapping[str, Any]) -> Kept:

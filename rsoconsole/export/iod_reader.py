@@ -40,7 +40,7 @@ _LINE = re.compile(
 )
 EPOCHS = {"1": 1855, "2": 1875, "3": 1900, "4": 1950, "5": 2000, "6": 2050}
 """Years of the equinox; 0 and blank are that of date."""
-FIRST_SATELLITE = 57
+_FIRST_SATELLITE = 57
 """Two digits of a year from here on are of the last century."""
 _ARCSEC_BY_CODE = {1: 1.0, 2: 60.0, 3: 3600.0, 4: 1.0, 5: 60.0, 6: 3600.0, 7: 3600.0}
 """Unit of the position's uncertainty."""
@@ -85,7 +85,9 @@ def parse_iod(line: str) -> IodObservation:
     found = match.groupdict()
     t_utc_ns, t_step_ns = _instant(found["date"], found["time"] or found["short_time"] or "")
     code = None if found["code"] is None else int(found["code"])
-    first, second = (None, None) if code is None else _angles(code, found)
+    first, second = None, None
+    if code is not None:
+        first, second = angles_of(code, found["first"], found["sign"], found["second"])
     position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
     return IodObservation(
         norad_id=None if found["norad"] is None else int(found["norad"]),
@@ -108,9 +110,13 @@ def parse_iod(line: str) -> IodObservation:
 
 
 def _cospar(found: dict[str, str]) -> str:
-    year = int(found["year"])
-    century = 1900 if year >= FIRST_SATELLITE else 2000
-    return f"{century + year}-{found['launch']}{found['piece'].strip()}"
+    return f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
+
+
+def full_year(two_digits: str) -> int:
+    """Of a satellite's launch or an observation: none is from before the first satellite."""
+    year = int(two_digits)
+    return year + (1900 if year >= _FIRST_SATELLITE else 2000)
 
 
 def _instant(day: str, clock: str) -> tuple[int, int]:
@@ -138,33 +144,38 @@ def _magnitude(found: dict[str, str | None]) -> float | None:
     return size if size is None or found["magnitude_sign"] == "+" else -size
 
 
-def _angles(code: int, found: dict[str, str]) -> tuple[float, float]:
-    """Both angles in degrees, minutes and seconds above 59 carried over as written."""
+def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, float]:
+    """Both angles in degrees, of IOD and UK lines; missing digits at the end are zeros.
+
+    Minutes and seconds above 59 are carried over as written. Raises ExportError beyond the range.
+    """
     first_of, second_of = _FORMATS[code]
-    first = first_of(found["first"].ljust(7, "0"))
-    second = math.copysign(second_of(found["second"].ljust(6, "0")), float(found["sign"] + "1"))
+    one = first_of(first)
+    other = math.copysign(second_of(second), float(sign + "1"))
     what = "azimuth and elevation" if code in HORIZONTAL else "right ascension and declination"
-    if not (0.0 <= first < 360.0 and abs(second) <= 90.0):
-        raise ExportError(f"{what} of {first:.4f} and {second:+.4f} deg are beyond their range")
-    return first, second
+    if not (0.0 <= one < 360.0 and abs(other) <= 90.0):
+        raise ExportError(f"{what} of {one:.4f} and {other:+.4f} deg are beyond their range")
+    return one, other
 
 
 def _sexagesimal(text: str, wholes: int) -> float:
     """Wholes, two digits of minutes, two of seconds, then decimals of these."""
-    tail = text[wholes + 4 :]
-    seconds = int(text[wholes + 2 : wholes + 4]) + (int(tail) / 10.0 ** len(tail) if tail else 0.0)
-    return int(text[:wholes]) + int(text[wholes : wholes + 2]) / 60.0 + seconds / 3600.0
+    text = text.ljust(wholes + 4, "0")
+    minutes, seconds = int(text[wholes : wholes + 2]), text[wholes + 2 : wholes + 4]
+    decimals = text[wholes + 4 :] or "0"
+    return int(text[:wholes]) + minutes / 60.0 + float(f"{seconds}.{decimals}") / 3600.0
 
 
 def _minutes(text: str, wholes: int) -> float:
     """Wholes, two digits of minutes, then decimals of these."""
-    tail = text[wholes + 2 :]
-    minutes = int(text[wholes : wholes + 2]) + int(tail) / 10.0 ** len(tail)
-    return int(text[:wholes]) + minutes / 60.0
+    text = text.ljust(wholes + 2, "0")
+    minutes, decimals = text[wholes : wholes + 2], text[wholes + 2 :] or "0"
+    return int(text[:wholes]) + float(f"{minutes}.{decimals}") / 60.0
 
 
 def _decimal(text: str, wholes: int) -> float:
-    return int(text) / 10.0 ** (len(text) - wholes)
+    text = text.ljust(wholes, "0")
+    return float(f"{text[:wholes]}.{text[wholes:] or '0'}")
 
 
 _Read = Callable[[str], float]

@@ -4,12 +4,10 @@ What is not said is None. Source: The Reporting of Satellite Observations, Radio
 Station, Slough 1973, as posted by D. Brierley on SeeSat-L, 5 February 1998.
 """
 
-import math
 import re
-from collections.abc import Callable
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export.iod_reader import EPOCHS, FIRST_SATELLITE, HORIZONTAL, IodObservation
+from rsoconsole.export.iod_reader import EPOCHS, IodObservation, angles_of, full_year
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
@@ -42,14 +40,12 @@ def parse_uk(line: str) -> IodObservation:
     if match is None:
         raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of a UK line")
     found = match.groupdict()
-    year = int(found["year"])
-    year += 1900 if year >= FIRST_SATELLITE else 2000
     t_utc_ns, step_ns = _instant(found["date"], found["time"])
     code = int(found["code"])
-    first, second = _angles(code, found)
+    first, second = angles_of(code, found["first"], found["sign"], found["second"])
     return IodObservation(
         norad_id=None,
-        cospar=f"{year}-{found['launch']}{_piece(int(found['piece']))}",
+        cospar=f"{full_year(found['year'])}-{found['launch']}{_piece(int(found['piece']))}",
         station=found["station"],
         sky=None,
         t_utc_ns=t_utc_ns,
@@ -83,9 +79,7 @@ def _piece(number: int) -> str:
 
 
 def _instant(day: str, clock: str) -> tuple[int, int]:
-    year = int(day[:2])
-    year += 1900 if year >= FIRST_SATELLITE else 2000
-    fraction = clock[6:]
+    year, fraction = full_year(day[:2]), clock[6:]
     text = f"{year}-{day[2:4]}-{day[4:]}T{clock[:2]}:{clock[2:4]}:{clock[4:6]}.{fraction or '0'}Z"
     try:
         return iso_to_utc_ns(text), NS_PER_S // 10 ** len(fraction)
@@ -112,45 +106,3 @@ def _position_arcsec(code: int, field: str) -> float | None:
     wholes = {1: 3, 2: 2, 4: 3, 5: 2}.get(code, 1)
     scale = {1: 1.0, 2: 60.0, 4: 1.0, 5: 60.0}.get(code, 3600.0)
     return float(f"{digits[:wholes]}.{digits[wholes:] or '0'}") * scale or None
-
-
-def _angles(code: int, found: dict[str, str]) -> tuple[float, float]:
-    first_of, second_of = _FORMATS[code]
-    first = first_of(found["first"])
-    second = math.copysign(second_of(found["second"]), float(found["sign"] + "1"))
-    what = "azimuth and elevation" if code in HORIZONTAL else "right ascension and declination"
-    if not (0.0 <= first < 360.0 and abs(second) <= 90.0):
-        raise ExportError(f"{what} of {first:.4f} and {second:+.4f} deg are beyond their range")
-    return first, second
-
-
-def _sexagesimal(text: str, wholes: int) -> float:
-    text = text.ljust(wholes + 4, "0")
-    minutes, seconds = int(text[wholes : wholes + 2]), text[wholes + 2 : wholes + 4]
-    return (
-        int(text[:wholes])
-        + minutes / 60.0
-        + float(f"{seconds}.{text[wholes + 4 :] or '0'}") / 3600.0
-    )
-
-
-def _minutes(text: str, wholes: int) -> float:
-    text = text.ljust(wholes + 2, "0")
-    minutes = text[wholes : wholes + 2]
-    return int(text[:wholes]) + float(f"{minutes}.{text[wholes + 2 :] or '0'}") / 60.0
-
-
-def _decimal(text: str, wholes: int) -> float:
-    return float(f"{text[:wholes]}.{text[wholes:] or '0'}")
-
-
-_Read = Callable[[str], float]
-_FORMATS: dict[int, tuple[_Read, _Read]] = {
-    1: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _sexagesimal(t, 2)),
-    2: (lambda t: 15.0 * _minutes(t, 2), lambda t: _minutes(t, 2)),
-    3: (lambda t: 15.0 * _minutes(t, 2), lambda t: _decimal(t, 2)),
-    4: (lambda t: _sexagesimal(t, 3), lambda t: _sexagesimal(t, 2)),
-    5: (lambda t: _minutes(t, 3), lambda t: _minutes(t, 2)),
-    6: (lambda t: _decimal(t, 3), lambda t: _decimal(t, 2)),
-    7: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _decimal(t, 2)),
-}

@@ -279,7 +279,9 @@ def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
 
 def _file_row(path: Path) -> dict[str, Any]:
     """Of a file that the configuration names itself."""
+    from rsoconsole.element_sources import element_figures
     from rsoconsole.pipeline.orbits import read_catalogue
+    from rsoconsole.sky import utc_ns_to_iso
 
     row: dict[str, Any] = dict.fromkeys(
         ("fetched_utc", "age_h", "newest_epoch_utc", "middle_age_h", "refused_utc", "next_utc")
@@ -290,22 +292,14 @@ def _file_row(path: Path) -> dict[str, Any]:
         entries = read_catalogue([path])
     except OrbitError as error:
         return {**row, "fault": str(error), "in_use": False}
-    return {**row, **_epochs(entries)}
-
-
-def _epochs(entries: Any) -> dict[str, Any]:
-    from rsoconsole.sky import utc_ns_to_iso
-
-    newest: dict[int, int] = {}
-    for each in entries:
-        newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
-    epochs = sorted(newest.values())
-    middle = epochs[len(epochs) // 2]
+    figures = element_figures(entries)
+    middle_ns = time.time_ns() - figures["middle_epoch_utc_ns"]
     return {
-        "objects": len(newest),
-        "sets": len(entries),
-        "newest_epoch_utc": utc_ns_to_iso(epochs[-1], 0),
-        "middle_age_h": round((time.time_ns() - middle) / NS_PER_HOUR, 2),
+        **row,
+        "objects": figures["objects"],
+        "sets": figures["sets"],
+        "newest_epoch_utc": utc_ns_to_iso(figures["newest_epoch_utc_ns"], 0),
+        "middle_age_h": round(middle_ns / NS_PER_HOUR, 2),
     }
 
 
