@@ -132,6 +132,8 @@ class LowReducer(ScriptedReducer):
         self.blind: set[int] = set()
         """Frames in which nothing is detected."""
         self.unsolved: set[int] = set()
+        self.like_aircraft: set[int] = set()
+        """Frames in which its streak is taken for an aircraft's."""
         self.is_eclipsed = False
         """Whether the Earth's shadow counts."""
         self.in_frame: list[tuple[int, bool]] = []
@@ -187,7 +189,14 @@ class LowReducer(ScriptedReducer):
             width_px=WIDTH_PX,
             height_px=HEIGHT_PX,
             detections=(
-                (_detection(frame.frame_id, x, y),)
+                (
+                    _detection(
+                        frame.frame_id,
+                        x,
+                        y,
+                        "aircraft" if frame.frame_id in self.like_aircraft else "satellite",
+                    ),
+                )
                 if is_in and is_lit and frame.frame_id not in self.blind
                 else ()
             ),
@@ -200,7 +209,7 @@ class LowReducer(ScriptedReducer):
         )
 
 
-def _detection(frame_id: int, x, y) -> Detection:
+def _detection(frame_id: int, x, y, object_class) -> Detection:
     order = slice(None, None, 1 if frame_id % 2 else -1)
     (xa, xb), (ya, yb) = x[order], y[order]
     return Detection(
@@ -220,6 +229,7 @@ def _detection(frame_id: int, x, y) -> Detection:
         sigma_across_px=SIGMA_PX / np.sqrt(2.0),
         is_clipped=False,
         method="line",
+        object_class=object_class,
     )
 
 

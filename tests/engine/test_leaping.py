@@ -148,6 +148,18 @@ def test_what_goes_into_the_earths_shadow_is_told_so() -> None:
     assert met(r) >= 6
 
 
+def test_what_looks_like_an_aircraft_on_its_way_is_met_and_begins_nothing() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.like_aircraft = set(range(14, 60))  # it has begun by then
+    run(r, 30)
+    assert met(r) >= 15
+    assert not any("leap missed" in text for text in words(r))
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.like_aircraft = set(range(60))
+    run(r, 30)
+    assert not any(text.startswith("leap ") for text in words(r))
+
+
 def test_a_few_blind_frames_cost_leaps_and_not_the_satellite() -> None:
     r = leap_rig(orbit_over(heading_deg=50.0))
     r.reducer.blind = {14, 15, 20}

@@ -125,16 +125,26 @@ def _with(frame, pixels):
     return dataclasses.replace(frame, pixels=pixels)
 
 
-def test_what_is_left_of_a_row_is_too_little_for_a_line():
-    """A converter of coarse steps, half a sigma each: four sigmas of what is left along a whole
-    row stay below what a line filter takes for light."""
+@pytest.mark.parametrize(("sigma", "rows"), [(35.0, 60.0), (35.0, 16.0), (12.0, 6.0), (7.0, 4.0)])
+def test_what_is_left_of_a_row_is_too_little_for_a_line(sigma, rows):
+    """A converter of steps of 16, half a sigma each to two: four sigmas of what is left along a
+    whole row stay below what a line filter takes for light. Short exposures have so little noise.
+    """
     random = np.random.default_rng(3)
-    by_row = random.normal(0.0, 60.0, 700)
-    sky = random.normal(1000.0, 35.0, (700, 4656)) + by_row[:, None]
+    by_row = random.normal(0.0, rows, 700)
+    sky = random.normal(1003.0, sigma, (700, 4656)) + by_row[:, None]
     pixels = (np.round(sky / 16.0) * 16.0).astype(np.uint16)
     pattern = find_pattern(pixels)
     assert pattern is not None
     assert pattern.rows is not None
-    left = pattern.rows - by_row
+    assert pattern.noise_adu == pytest.approx(math.hypot(sigma, 16.0 / math.sqrt(12.0)), rel=0.1)
     # From row to row: what changes slowly is the sky's to any local background.
-    assert np.std(np.diff(left)) / math.sqrt(2.0) < 0.035 * 35.0
+    left = pattern.removed(pixels).mean(axis=1)
+    assert np.std(np.diff(left)) / math.sqrt(2.0) < 0.07 * sigma
+
+
+def test_coarse_steps_alone_are_no_stripes():
+    random = np.random.default_rng(4)
+    for sigma in (5.0, 7.0, 12.0, 35.0):
+        sky = random.normal(1003.0, sigma, (700, 4656))
+        assert find_pattern((np.round(sky / 16.0) * 16.0).astype(np.uint16)) is None

@@ -276,7 +276,7 @@ class Leaping:
         config = self._control.config
         for each in found:
             ends = each.ends
-            if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
+            if not each.may_begin or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
             awaited = self._awaiting.awaited
             known = None if awaited is None else came(awaited, self._site, ends)

@@ -30,6 +30,15 @@ class FrameStreak:
     ends: StreakEnds
     detection: Detection
 
+    @property
+    def may_begin(self) -> bool:
+        """Whether a track may begin with it: both ends seen, and by its looks a satellite's.
+
+        What lies where a satellite is expected, runs its way and is as fast, is that one's whatever
+        it looks like: the brightest look like aircraft.
+        """
+        return self.ends.is_whole and self.detection.object_class in MAY_BE_FOLLOWED
+
 
 def streaks_of(
     found: Detections,
@@ -37,7 +46,7 @@ def streaks_of(
     frame: Frame | FrameTaken,
     exposure: ExposureConfig,
 ) -> tuple[FrameStreak, ...]:
-    """Streaks that may be satellites, whole or cut at one end; the most confident first."""
+    """Streaks, whole or cut at one end; the most confident first."""
     t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s
     if t_mid_ns is None or exposure_s is None:
         return ()
@@ -47,8 +56,6 @@ def streaks_of(
     made = []
     for each in sorted(found.detections, key=lambda one: -one.confidence):
         if each.kind == "crossing" or each.method == "box":
-            continue
-        if each.object_class not in MAY_BE_FOLLOWED:
             continue
         along, across = _sigmas(each, solution, exposure_s)
         x = np.array([each.x_a_px, each.x_b_px])

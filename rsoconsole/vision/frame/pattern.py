@@ -24,10 +24,9 @@ _GLANCE, _FULL = 160, 1500
 """Samples of a line, at least, for a first look and for its offset."""
 _NEAR = 2.5
 """Sigmas of a pixel about the median that the mean is of."""
+_FAR, _SOME = 4.0, 200
 _MEDIAN_STEP = 3
 _NOISE_LINES = 32
-_MEDIAN_ERROR = 1.2533
-"""Standard error of a normal's median, of its sigma over the root of the number of samples."""
 _MAD_TO_SIGMA = 1.4826
 _COARSE_ADU = 5.0
 """Where the noise is less, whole numbers would spoil what is left."""
@@ -80,7 +79,21 @@ def _noise(pixels: PixelArray) -> float:
     step = max(3, pixels.shape[0] // _NOISE_LINES)
     lines, below = (pixels[first::step, ::2].astype(np.float32) for first in (0, 2))
     steps = lines[: len(below)] - below
-    return float(np.median(np.abs(steps[:, 1:] - steps[:, :-1]))) * _MAD_TO_SIGMA / 2.0
+    off = np.abs(steps[:, 1:] - steps[:, :-1])
+    # No median alone: of a converter's coarse steps it is a whole number.
+    limit = _FAR * max(_MAD_TO_SIGMA * float(np.median(off)), _step_of(off))
+    for _ in range(2):
+        near = off[off <= limit]
+        spread = float(np.sqrt(np.mean(np.square(near)))) if near.size else 0.0
+        limit = _FAR * spread
+    return spread / 2.0
+
+
+def _step_of(off: Float32Array) -> float:
+    """Least difference that is one; 0 where there is none."""
+    some = off[:, : min(off.shape[1], _SOME)]
+    above = some[some > 0.0]
+    return float(above.min()) if above.size else 0.0
 
 
 def _is_striped(pixels: PixelArray, noise: float) -> bool:
@@ -92,10 +105,12 @@ def _is_striped(pixels: PixelArray, noise: float) -> bool:
         first = (2 * number + 1) * height // (2 * _BANDS) - _BAND // 2
         band = pixels[max(first, 0) : first + _BAND, ::step].astype(np.float32)
         # Against the next but one: no slope of the sky is in it, nor a mosaic's colours.
-        steps = np.median(band[2:] - band[:-2], axis=1)
+        between = band[2:] - band[:-2]
+        middle = np.median(between, axis=1, keepdims=True)
+        steps = middle[:, 0] + _mean_of_near(between - middle, _FAR * noise)
         off.append(steps - np.median(steps))
     spread = _MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(off)))) / float(np.sqrt(2.0))
-    by_chance = _MEDIAN_ERROR * noise / float(np.sqrt(-(-width // step)))
+    by_chance = noise / float(np.sqrt(-(-width // step)))
     return spread**2 - by_chance**2 > (SEEN_SIGMA * noise) ** 2
 
 
@@ -112,11 +127,16 @@ def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = Non
     sample -= cv2.blur(sample, (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
     about = np.median(sample[:, ::_MEDIAN_STEP], axis=1).astype(np.float32)
     sample -= about[:, None]
-    is_near = np.abs(sample) <= np.float32(_NEAR * noise)
-    sample *= is_near
-    near = np.maximum(np.count_nonzero(is_near, axis=1), 1)
-    above = (about + sample.sum(axis=1) / near).astype(np.float32)
+    above = about + _mean_of_near(sample, _NEAR * noise)
     return np.asarray(above + _of_neighbours(above), dtype=np.float32)
+
+
+def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
+    """Along each line, of what lies within ``limit`` of nothing; ``about`` is spent."""
+    is_near = np.abs(about) <= np.float32(limit)
+    about *= is_near
+    near = np.maximum(np.count_nonzero(is_near, axis=1), 1)
+    return np.asarray(about.sum(axis=1) / near, dtype=np.float32)
 
 
 def _of_neighbours(above: Float32Array) -> Float32Array:
