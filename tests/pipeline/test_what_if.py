@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import shutil
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from rsoconsole.pipeline.replay.branches import branches_of, drop_branch, save_b
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.retell import retell
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.pipeline.replay.what_if_log import what_if_session
+from rsoconsole.pipeline.replay.what_if_log import told_again, what_if_session
+from rsoconsole.pipeline.replay.what_if_process import LogOfOneSession
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -135,6 +137,51 @@ def test_a_folder_without_a_session_or_without_frames_is_an_error(tmp_path):
     writer.close()
     with pytest.raises(SessionError, match="no frame that was followed"):
         what_if_session(writer.folder)
+
+
+def test_a_night_that_is_not_kept_gives_the_same_figures_and_the_same_branch(mine):
+    tried = {"filter.r_multiplier": 4.0, "detector.tau": 0.5}
+    kept, alone = what_if_session(mine, tried), what_if_session(mine, tried, keep=False)
+    assert (alone.frames, alone.log, alone.is_kept) == ((), (), False)
+    blank = {"frames": (), "log": (), "is_kept": False}
+    assert dataclasses.replace(kept, **blank) == alone
+    one, other = save_branch(kept, "kept"), save_branch(alone, "alone")
+    assert log_of(one) == log_of(other) == list(kept.log)
+
+
+def test_of_a_night_that_is_not_kept_little_is_in_memory(tmp_path):
+    """A frame takes some 10 kB with its records, and less than 2 kB without."""
+    short = record_night(tmp_path / "short", frames=100, seed=3)
+    long = record_night(tmp_path / "long", frames=400, seed=3)
+    what_if_session(short)  # what is loaded once does not count
+
+    def bytes_a_frame(keep: bool) -> float:
+        peaks = []
+        for folder in (short, long):
+            tracemalloc.start()
+            found = what_if_session(folder, keep=keep)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+            assert found.what_if == found.recorded
+        return (peaks[1] - peaks[0]) / 300
+
+    assert bytes_a_frame(keep=True) > 8000
+    assert bytes_a_frame(keep=False) < 2000
+
+
+def test_frames_that_were_reduced_again_are_not_reduced_a_second_time_unasked():
+    found = what_if_session(SCHEMA_1, detector=True, keep=False)
+    with pytest.raises(ValueError, match="must be kept"):
+        list(told_again(found))
+
+
+@pytest.mark.parametrize("most_kept", [0, 7, 10_000])
+def test_the_log_that_is_asked_of_again_and_again_is_the_same_however_much_is_kept(mine, most_kept):
+    records, log = [r for _, r in log_of(mine)], LogOfOneSession(most_kept)
+    for until in (None, 5, 50, None, 3):
+        wanted = records if until is None else records[:until]
+        assert list(log.until(mine, until)) == wanted
+    assert list(log.until(SCHEMA_1, 4)) == [r for _, r in log_of(SCHEMA_1)][:4]
 
 
 # -- the log retold ---------------------------------------------------------------------------

@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any, TypeVar, assert_never
 
 from rsoconsole.config import Config
+from rsoconsole.console.night.chunks import Chunks, in_chunks
 from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
 from rsoconsole.console.night.last_measured import last_measured
 from rsoconsole.console.night.log_lines import LogLine, is_put_down_to_cloud, left_out, line_of
@@ -57,6 +58,8 @@ UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""
 ELSEWHERE = "not pointed at it"
 """Why a frame that looked somewhere else shows nothing of the track."""
+NOTHING_SEEN = FrameDetail()
+_OfFrame = TypeVar("_OfFrame", FrameRow, FrameDetail)
 FRAMES_IN_DETAIL = 8
 """How many of the last frames keep what a picture of them needs; pictures come late."""
 
@@ -80,9 +83,14 @@ class Night:
         self._rows: dict[int, FrameRow] = {}
         self._details: dict[int, FrameDetail] = {}
         self._log: list[LogLine] = []
+        self._own: dict[int, FrameRow | FrameDetail] = {}
+        """By identity: rows and details that nobody else has seen yet, and that may change."""
+        self._kept_rows: Chunks[FrameRow] = ()
+        self._kept_log: Chunks[LogLine] = ()
 
     def view(self) -> NightView:
         """What has been taken so far."""
+        self._own.clear()
         self._see_horizon()
         now = self._now
         return replace(
@@ -99,19 +107,23 @@ class Night:
 
     def keep(self) -> KeptNight:
         """The night as it is now, to come back to."""
+        self._own.clear()
+        self._kept_rows = in_chunks([*self._rows.values()], self._kept_rows)
+        self._kept_log = in_chunks(self._log, self._kept_log)
         return KeptNight(
             now=replace(self._now),
-            rows=tuple(self._rows.values()),
+            rows=self._kept_rows,
             details=tuple(self._details.items()),
-            log=tuple(self._log),
+            log=self._kept_log,
         )
 
     def go_back(self, kept: KeptNight) -> None:
         """As it was when that was kept, by this fold or by another one of the same night."""
+        self._own.clear()
         self._now = replace(kept.now)
-        self._rows = {row.frame_id: row for row in kept.rows}
+        self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
         self._details = dict(kept.details)
-        self._log = list(kept.log)
+        self._log = [line for chunk in kept.log for line in chunk]
 
     def forget_log(self) -> None:
         """The lines so far are not shown: they leave out much of what came with them."""
@@ -134,6 +146,7 @@ class Night:
 
     def row(self, frame_id: int) -> FrameRow | None:
         """What the plots show of that frame; None for one that has not been taken."""
+        self._own.clear()
         return self._rows.get(frame_id)
 
     @property
@@ -143,7 +156,12 @@ class Night:
 
     def detail(self, frame_id: int) -> FrameDetail:
         """What that frame showed; empty for one long past."""
-        return self._details.get(frame_id, FrameDetail())
+        self._own.clear()
+        return self._seen(frame_id)
+
+    def _seen(self, frame_id: int) -> FrameDetail:
+        """The same, for the fold alone."""
+        return self._details.get(frame_id, NOTHING_SEEN)
 
     def newest_frames(self) -> tuple[int, ...]:
         """The last frames, newest first."""
@@ -165,7 +183,7 @@ class Night:
         now.seq = now.seq + 1 if seq is None else seq
         named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
         self._fold(record, t_utc_ns)
-        detail = self.detail(getattr(record, "frame_id", None) or 0)
+        detail = self._seen(getattr(record, "frame_id", None) or 0)
         is_one_of_several = len(now.tracks_now.tracks) > 1
         now.tracks_now = tracks_after(
             now.tracks_now, record, t_utc_ns, detail.all_measured, detail.detections
@@ -234,6 +252,7 @@ class Night:
         ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
         if ra is not None and dec is not None:
             self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
+        self._own.clear()  # what came before is hardly changed any more
         self._rows[record.frame_id] = FrameRow(
             frame_id=record.frame_id,
             t_utc_ns=record.t_start_utc_ns or t_utc_ns,
@@ -264,7 +283,7 @@ class Night:
         self._detail(record.frame_id, detections=record)
 
     def _solution(self, record: Solution, t_utc_ns: int) -> None:
-        taken = self.detail(record.frame_id).taken
+        taken = self._seen(record.frame_id).taken
         t_ns = taken.t_start_utc_ns if taken is not None else None
         self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
         self._change(
@@ -314,7 +333,7 @@ class Night:
         self._detail(record.frame_id, closeup=record)
 
     def _track_state(self, record: TrackState, _t_utc_ns: int) -> None:
-        detail = self.detail(record.frame_id)
+        detail = self._seen(record.frame_id)
         self._detail(record.frame_id, tracks=with_track(detail.tracks, record))
         if not record.is_lead:
             others = {n: t for n, t in self._now.beside.items() if n != record.replaces}
@@ -390,14 +409,14 @@ class Night:
         """Whether the lead was missed in a frame whose field it was not in by the prediction."""
         if not is_without_detection(record):
             return False
-        detail = self.detail(getattr(record, "frame_id", 0))
+        detail = self._seen(getattr(record, "frame_id", 0))
         return looked_elsewhere(detail.predicted, detail.solution, detail.taken)
 
     def _beside(self, record: Record) -> str:
         """Why a streak that somebody sees in the picture was none for the track."""
         if not isinstance(record, Miss | StateChange) or not is_without_detection(record):
             return ""
-        return left_out(self.detail(record.frame_id).detections, self._now.tau)
+        return left_out(self._seen(record.frame_id).detections, self._now.tau)
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
@@ -436,9 +455,22 @@ class Night:
             self._now.pointing = above_horizon(self._now.pointing, self._site)
 
     def _change(self, frame_id: int, **changes: Any) -> None:
-        row = self._rows.get(frame_id, FrameRow(frame_id=frame_id))
-        self._rows[frame_id] = replace(row, **changes)
+        row = self._rows.get(frame_id)
+        self._rows[frame_id] = self._changed(row or FrameRow(frame_id=frame_id), changes)
 
     def _detail(self, frame_id: int, **changes: Any) -> None:
         if frame_id in self._details:
-            self._details[frame_id] = replace(self._details[frame_id], **changes)
+            self._details[frame_id] = self._changed(self._details[frame_id], changes)
+
+    def _changed(self, of_frame: _OfFrame, changes: dict[str, Any]) -> _OfFrame:
+        """The same with changes: made again once, and changed in its place until others see it.
+
+        A frame has a dozen of them, a night 50,000 frames.
+        """
+        if id(of_frame) in self._own:
+            for name, value in changes.items():
+                object.__setattr__(of_frame, name, value)
+            return of_frame
+        made = replace(of_frame, **changes)
+        self._own[id(made)] = made
+        return made

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.console.night.chunks import Chunks
 from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
 from rsoconsole.console.night.last_measured import LastMeasured
 from rsoconsole.console.night.log_lines import LogLine
@@ -182,13 +183,13 @@ _SHOWN = tuple(
 class KeptNight:
     """A night as it was at one place of the log: what ``Night.go_back`` returns to.
 
-    Rows, details and lines are shared with the night: keeping one costs a word each.
+    Rows, details and lines are shared with the night and among those that are kept.
     """
 
     now: Now
-    rows: tuple[FrameRow, ...]
+    rows: Chunks[FrameRow]
     details: tuple[tuple[int, FrameDetail], ...]
-    log: tuple[LogLine, ...]
+    log: Chunks[LogLine]
 
 
 def above_horizon(pointing: Pointing, site: Site) -> Pointing:

@@ -237,12 +237,16 @@ def _with_state(
         sigma_arcsec=record.sigma_innovation_arcsec or predicted_sigma_arcsec(record),
         nis=record.nis,
     )
-    before = (each for each in known.rows if each.frame_id != record.frame_id)
-    track = replace(known, state=record, is_lead=record.is_lead, rows=(*before, row)[-MOST_ROWS:])
-    if is_measured:
+    rows = (*_without(known.rows, record.frame_id), row)[-MOST_ROWS:]
+    if not is_measured:
+        track = replace(known, state=record, is_lead=record.is_lead, rows=rows)
+    else:
         taken = next((m for m in measurements if m.measurement_id == record.measurement_id), None)
         track = replace(
-            track,
+            known,
+            state=record,
+            is_lead=record.is_lead,
+            rows=rows,
             measured_frame_id=record.frame_id,
             measured_utc_ns=record.t_utc_ns,
             measured_px=None if taken is None else (taken.x_px, taken.y_px),
@@ -255,6 +259,15 @@ def _with_state(
         others = {n: replace(each, is_lead=False) for n, each in others.items()}
     in_frame = now.in_frame if number in now.in_frame else (*now.in_frame, number)
     return replace(now, tracks={**others, number: track}, in_frame=in_frame)
+
+
+def _without(rows: tuple[TrackRow, ...], frame_id: int) -> tuple[TrackRow, ...]:
+    """Without that frame's: mostly it has none yet, or the last."""
+    if rows and rows[-1].frame_id == frame_id:
+        rows = rows[:-1]
+    if not rows or rows[-1].frame_id < frame_id:
+        return rows
+    return tuple(each for each in rows if each.frame_id != frame_id)
 
 
 def _snr_of(taken: Measurement, found: Detections | None) -> float | None:

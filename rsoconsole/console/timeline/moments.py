@@ -7,6 +7,7 @@ said to be so.
 
 from bisect import bisect_right
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Any
@@ -53,6 +54,7 @@ class Moments:
         self._kept_seqs: list[int] = [0]
         self._kept: list[KeptNight] = [self._head.keep()]
         self._frames_since = 0
+        self._reading: Iterator[tuple[int, int, Record]] | None = None
         self._timeline = TimelineFold()
         self._outlined_seq = 0
         self._last_frame: FrameMark | None = None
@@ -99,9 +101,13 @@ class Moments:
     def read_on(self, for_s: float) -> bool:
         """Read for so long, or to the log's end; True when that is reached."""
         until_s = monotonic() + for_s
-        for seq, t_utc_ns, record in self.reader.records(since_seq=self.read_seq):
+        # What has been fetched of the log and not taken yet is there for the next call.
+        reading = self._reading or self.reader.records(since_seq=self.read_seq)
+        self._reading = None
+        for seq, t_utc_ns, record in reading:
             self._take(seq, t_utc_ns, record)
             if monotonic() > until_s:
+                self._reading = reading
                 return False
         self._end_frame(is_over=False)
         return True

@@ -19,7 +19,8 @@ READ_AT_ONCE_S = 0.02
 """So long the log is read before it is looked whether another moment is wanted."""
 BREATH_S = 0.2
 """So long the reading rests after a moment was shown: drawing it comes first."""
-TELL_S = 0.3
+TELL_S, TOLD_RECORDS = 0.3, 40_000
+"""So often the time line is told while the log is read, of one with so many records."""
 CLOSED_CHECK_S = 2.0
 
 OnTimeline = Callable[[Path, Timeline, tuple[LogLine, ...]], None]
@@ -120,7 +121,9 @@ class ReviewWatch(Looker):
     def _tell(self, moments: Moments, *, is_due: bool) -> None:
         """The time line, where it has changed; while the log is read, now and then."""
         now_s = time.monotonic()
-        if self._is_closing or not (is_due or now_s - self._told_s > TELL_S):
+        # Telling costs in proportion to the night, here and where it is drawn.
+        wait_s = TELL_S * max(moments.last_seq / TOLD_RECORDS, 1.0)
+        if self._is_closing or not (is_due or now_s - self._told_s > wait_s):
             return
         told = (moments.read_seq, moments.last_seq, moments.is_closed)
         if told != self._told:

@@ -51,6 +51,8 @@ def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> A
             question.tried,
             detector=question.detector,
             solver=question.solver,
+            # Frames that were reduced again are not reduced a second time to be written.
+            keep=question.save is not None and (question.detector or question.solver),
             on_frame=on_frame,
         )
         branch = None

@@ -17,7 +17,7 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError
-from rsoconsole.pipeline.replay.what_if_log import WhatIf
+from rsoconsole.pipeline.replay.what_if_log import WhatIf, told_again
 from rsoconsole.session.files import put_in_place
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.reading import SessionReader
@@ -171,9 +171,13 @@ def _write(what_if: WhatIf, name: str, folder: Path) -> None:
     }
     if what_if.model_sha256 is not None:
         about["model_sha256"] = what_if.model_sha256
+    records = 0
     with _writing(folder, what_if, about) as writer:
-        for t_utc_ns, record in what_if.log:
+        for t_utc_ns, record in told_again(what_if):
             writer.append(record, t_utc_ns)
+            records += 1
+    if SessionReader(folder).counts().records != records:
+        raise SessionError("the branch could not be written in whole: free some disk and try again")
     for empty in (path for path in folder.iterdir() if path.is_dir()):
         empty.rmdir()
 
@@ -188,5 +192,3 @@ def _writing(folder: Path, what_if: WhatIf, about: dict[str, Any]) -> Iterator[S
         writer.close(_WRITE_S)
     if writer.faults:
         raise SessionError(f"the branch cannot be written: {'; '.join(writer.faults)}")
-    if SessionReader(folder).counts().records != len(what_if.log):
-        raise SessionError("the branch could not be written in whole: free some disk and try again")

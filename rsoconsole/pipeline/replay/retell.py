@@ -5,7 +5,7 @@ it now. A log retold with nothing tried is the log itself, and a retold log repl
 configuration that was tried gives its own records again (on another processor: to the last digits).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -73,21 +73,35 @@ def retell(
     reduce_again: ReduceAgain | None = None,
 ) -> Retold:
     """Retell a log of (t_utc_ns, record); arguments and errors beside it as ``replay``'s."""
-    walk = Walk.begin(config, tried, reduce_again)
-    begun_with = walk.config
-    telling = _Telling(walk)
+    told: list[tuple[int, Record]] = []
+    frames: list[ReplayedFrame] = []
+    telling = Telling(
+        Walk.begin(config, tried, reduce_again),
+        on_record=lambda t_utc_ns, record: told.append((t_utc_ns, record)),
+        on_frame=frames.append,
+    )
     for t_utc_ns, record in log:
         telling.hear(t_utc_ns, record)
     telling.close()
-    return Retold(log=tuple(telling.told), frames=tuple(telling.frames), config=begun_with)
+    return Retold(log=tuple(told), frames=tuple(frames), config=telling.config)
 
 
-class _Telling:
-    """Walks along a log and writes another beside it."""
+class Telling:
+    """Walks along a log and hands on another, record by record: a night may be a long one."""
 
-    def __init__(self, walk: Walk) -> None:
-        self.told: list[tuple[int, Record]] = []
-        self.frames: list[ReplayedFrame] = []
+    def __init__(
+        self,
+        walk: Walk,
+        *,
+        on_record: Callable[[int, Record], None],
+        on_frame: Callable[[ReplayedFrame], None],
+    ) -> None:
+        """``on_record``: takes the other log, (t_utc_ns, record), in order; ``on_frame``: each
+        frame that was folded, as soon as it is complete."""
+        self.config = walk.config
+        """With what is tried: the one that the other log begins with."""
+        self._tell = on_record
+        self._on_frame = on_frame
         self._walk = walk
         self._held: list[tuple[int, Record, Part]] = []
         """Records since the frame that is open was reduced, or began to be followed again."""
@@ -124,7 +138,7 @@ class _Telling:
 
     def _begin_again(self, t_utc_ns: int, record: FollowedAgain) -> None:
         self._tell_ruled()
-        self.told.append((t_utc_ns, record))
+        self._tell(t_utc_ns, record)
         self._t_open_ns, self._is_again = t_utc_ns, True
 
     def _tell_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
@@ -166,17 +180,17 @@ class _Telling:
                 pass  # told as it was
             case _:
                 assert_never(record)
-        self.told.append((t_utc_ns, record))
+        self._tell(t_utc_ns, record)
 
     def _tell_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
         """A change of state that belongs to no frame that is open."""
         if is_from_outside(record):
             change = _passage(record, before, self._walk.following.state)
-            self.told.append((t_utc_ns, change))
+            self._tell(t_utc_ns, change)
         elif self._walk.is_ruled:
             self._tell_ruled(record)
         elif not self._is_void:
-            self.told.append((t_utc_ns, record))
+            self._tell(t_utc_ns, record)
 
     def _tell_ruled(self, recorded: StateChange | None = None) -> None:
         """The change of state that a ruling leads to, if it does."""
@@ -189,7 +203,7 @@ class _Telling:
         again = Cause(kind="operator's word", detail="followed again by the operator's word")
         reason = again if recorded is None else recorded.reason
         change = StateChange(frame_id=ruling.frame_id, before=before, after=after, reason=reason)
-        self.told.append((t_utc_ns, change))
+        self._tell(t_utc_ns, change)
 
     def _at_instant(self, measurement: Measurement) -> Measurement:
         """What the operator marked, at its frame's instant."""
@@ -210,21 +224,23 @@ class _Telling:
         inputs = () if is_again else _inputs(closed.shown)
         folded: tuple[Record, ...] = ()
         if isinstance(closed, ReplayedFrame):
-            self.frames.append(closed)
+            self._on_frame(closed)
             folded = closed.records
         is_same = inputs == tuple(r for _, r, part in held if part == "input") and are_alike(
             folded, tuple(r for _, r, part in held if part == "folded")
         )
         self._is_another_night = self._is_another_night or not is_same
         if is_same and not self._is_another_night:
-            self.told.extend((t, record) for t, record, _ in held)
+            for t_utc_ns, record, _ in held:
+                self._tell(t_utc_ns, record)
             return
         held = list(_without_orbits(held))
         t_inputs_ns = next((t for t, _, part in held if part == "input"), self._t_open_ns)
         t_folded_ns = next((t for t, _, part in held if part == "folded"), t_inputs_ns)
-        self.told.extend((t_inputs_ns, record) for record in inputs)
-        self.told.extend((t_folded_ns, record) for record in folded)
-        self.told.extend((t, record) for t, record, part in held if part == "other")
+        others = [(t, record) for t, record, part in held if part == "other"]
+        told = [*((t_inputs_ns, r) for r in inputs), *((t_folded_ns, r) for r in folded), *others]
+        for t_utc_ns, record in told:
+            self._tell(t_utc_ns, record)
 
 
 def _without_orbits(

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle import was_pointed_at
@@ -120,40 +120,98 @@ def figures_of(
     ``of_lead``: of the lead alone, without the frames in which it was missed because they looked
     elsewhere; else of all that is followed.
     """
-    chosen = every = once_each(frames)
-    if of_lead:
-        chosen = [e for e in every if was_pointed_at(e.records, e.solution, e.taken)]
-    chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
-    records = [r for e in chosen for r in (_of_lead(e.records) if of_lead else e.records)]
-    updates = [r for r in records if isinstance(r, TrackState) and r.innovation_arcsec is not None]
-    predicted = [r for r in records if isinstance(r, TrackState) and r.kind == "predicted"]
-    residuals = [update.innovation_arcsec or (0.0, 0.0) for update in updates]
-    east = _mean_square([residual[0] for residual in residuals])
-    north = _mean_square([residual[1] for residual in residuals])
-    nis = [u.nis for u in updates if u.nis is not None]
-    inside = [_is_inside(u) for u in updates]
-    locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
-    return TrackFigures(
-        frames=len(chosen),
-        locked_after_frames=None if locked is None else chosen[locked].taken.frame_id,
-        locked_after_s=None if locked is None else _seconds_between(chosen[0], chosen[locked]),
-        lock_held=None if locked is None else _share_in_track(chosen[locked + 1 :]),
-        updates=len(updates),
-        misses=sum(isinstance(record, Miss) for record in records),
-        losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
-        residual_rms_arcsec=None if east is None or north is None else math.sqrt(east + north),
-        residual_east_rms_arcsec=None if east is None else math.sqrt(east),
-        residual_north_rms_arcsec=None if north is None else math.sqrt(north),
-        nis_mean=sum(nis) / len(nis) if nis else None,
-        nis_band=mean_band(len(nis)) if nis else None,
-        inside_3sigma=sum(inside) / len(inside) if inside else None,
-        max_3sigma_arcmin=max((three_sigma_deg(p) * 60.0 for p in predicted), default=None),
-        carried_by_orbit=sum(u.foretold_by == "orbit" for u in updates),
-        state=every[-1].state if every else "",
-        states=dict(Counter(each.state for each in chosen)),
-        log_likelihood_mean=_log_likelihood(updates),
-        nis_curve=tuple(_nis_of_lead(each.records) for each in chosen[-CURVE_FRAMES:]),
-    )
+    found = FigureSum(of_lead=of_lead)
+    for each in frames:
+        found.add(each)
+    return found.figures(last)
+
+
+class _Update(NamedTuple):
+    """What figures need of a measurement that a track took."""
+
+    residual_arcsec: tuple[float, float]
+    nis: float | None
+    is_inside: bool
+    is_by_orbit: bool
+    log_likelihood: float | None
+
+
+class _Frame(NamedTuple):
+    """What figures need of a frame: a night of 50,000 has room."""
+
+    frame_id: int
+    t_mid_utc_ns: int | None
+    state: LoopState
+    is_chosen: bool
+    updates: tuple[_Update, ...]
+    misses: int
+    losses: int
+    widest_3sigma_deg: float | None
+    nis_of_lead: float | None
+
+
+class FigureSum:
+    """Figures of a night, frame by frame: nothing else of a frame is kept."""
+
+    def __init__(self, *, of_lead: bool = False) -> None:
+        """``of_lead`` as ``figures_of``."""
+        self._of_lead = of_lead
+        self._frames: dict[int, _Frame] = {}
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def add(self, each: FollowedFrame) -> None:
+        """One frame more, or one that was followed again: what counts in the end."""
+        records = _of_lead(each.records) if self._of_lead else each.records
+        tracks = [r for r in records if isinstance(r, TrackState)]
+        sigmas_deg = [three_sigma_deg(r) for r in tracks if r.kind == "predicted"]
+        taken = each.taken
+        self._frames[taken.frame_id] = _Frame(
+            frame_id=taken.frame_id,
+            t_mid_utc_ns=taken.t_mid_utc_ns,
+            state=each.state,
+            is_chosen=not self._of_lead or was_pointed_at(each.records, each.solution, taken),
+            updates=tuple(_update_of(r) for r in tracks if r.innovation_arcsec is not None),
+            misses=sum(isinstance(record, Miss) for record in records),
+            losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
+            widest_3sigma_deg=max(sigmas_deg, default=None),
+            nis_of_lead=_nis_of_lead(each.records),
+        )
+
+    def figures(self, last: int | None = None) -> TrackFigures:
+        """Of the last so many frames, of all with None."""
+        every = [self._frames[number] for number in sorted(self._frames)]
+        chosen = [each for each in every if each.is_chosen]
+        chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
+        updates = [update for each in chosen for update in each.updates]
+        east = _mean_square([update.residual_arcsec[0] for update in updates])
+        north = _mean_square([update.residual_arcsec[1] for update in updates])
+        nis = [u.nis for u in updates if u.nis is not None]
+        terms = [u.log_likelihood for u in updates if u.log_likelihood is not None]
+        widest = [f.widest_3sigma_deg for f in chosen if f.widest_3sigma_deg is not None]
+        locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
+        return TrackFigures(
+            frames=len(chosen),
+            locked_after_frames=None if locked is None else chosen[locked].frame_id,
+            locked_after_s=None if locked is None else _seconds_between(chosen[0], chosen[locked]),
+            lock_held=None if locked is None else _share_in_track(chosen[locked + 1 :]),
+            updates=len(updates),
+            misses=sum(each.misses for each in chosen),
+            losses=sum(each.losses for each in chosen),
+            residual_rms_arcsec=None if east is None or north is None else math.sqrt(east + north),
+            residual_east_rms_arcsec=None if east is None else math.sqrt(east),
+            residual_north_rms_arcsec=None if north is None else math.sqrt(north),
+            nis_mean=sum(nis) / len(nis) if nis else None,
+            nis_band=mean_band(len(nis)) if nis else None,
+            inside_3sigma=sum(u.is_inside for u in updates) / len(updates) if updates else None,
+            max_3sigma_arcmin=max(widest) * 60.0 if widest else None,
+            carried_by_orbit=sum(update.is_by_orbit for update in updates),
+            state=every[-1].state if every else "",
+            states=dict(Counter(each.state for each in chosen)),
+            log_likelihood_mean=sum(terms) / len(terms) if terms else None,
+            nis_curve=tuple(each.nis_of_lead for each in chosen[-CURVE_FRAMES:]),
+        )
 
 
 def as_recorded(
@@ -185,12 +243,12 @@ def _mean_square(values: Sequence[float]) -> float | None:
     return sum(value**2 for value in values) / len(values) if values else None
 
 
-def _seconds_between(first: FollowedFrame, later: FollowedFrame) -> float | None:
-    begin, end = first.taken.t_mid_utc_ns, later.taken.t_mid_utc_ns
+def _seconds_between(first: _Frame, later: _Frame) -> float | None:
+    begin, end = first.t_mid_utc_ns, later.t_mid_utc_ns
     return None if begin is None or end is None else (end - begin) / 1e9
 
 
-def _share_in_track(frames: Sequence[FollowedFrame]) -> float | None:
+def _share_in_track(frames: Sequence[_Frame]) -> float | None:
     in_track = sum(each.state == "TRACK" for each in frames)
     return in_track / len(frames) if frames else None
 
@@ -202,16 +260,24 @@ def _nis_of_lead(records: Sequence[Record]) -> float | None:
     return next(found, None)
 
 
-def _log_likelihood(updates: Sequence[TrackState]) -> float | None:
-    """Mean over the updates. Source: Bar-Shalom et al. 2001, ch. 5.4."""
-    terms = [
-        -math.log(2.0 * math.pi * sigma[0] * sigma[1]) - 0.5 * update.nis
-        for update in updates
-        if (sigma := update.sigma_innovation_arcsec) is not None
-        and update.nis is not None
-        and min(sigma) > 0.0
-    ]
-    return sum(terms) / len(terms) if terms else None
+def _update_of(update: TrackState) -> _Update:
+    residual = update.innovation_arcsec
+    assert residual is not None
+    return _Update(
+        residual_arcsec=residual,
+        nis=update.nis,
+        is_inside=_is_inside(update),
+        is_by_orbit=update.foretold_by == "orbit",
+        log_likelihood=_log_likelihood(update),
+    )
+
+
+def _log_likelihood(update: TrackState) -> float | None:
+    """Of one update. Source: Bar-Shalom et al. 2001, ch. 5.4."""
+    sigma = update.sigma_innovation_arcsec
+    if sigma is None or update.nis is None or min(sigma) <= 0.0:
+        return None
+    return -math.log(2.0 * math.pi * sigma[0] * sigma[1]) - 0.5 * update.nis
 
 
 def _is_inside(update: TrackState) -> bool:

@@ -1,16 +1,17 @@
 """A recorded session with other settings: its figures, and the log as it would have been."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError, SessionError
-from rsoconsole.pipeline.replay.refold import ReplayedFrame, replay
+from rsoconsole.pipeline.replay.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk
 from rsoconsole.pipeline.replay.rerun import RerunCounts, open_rerun
-from rsoconsole.pipeline.replay.retell import Retold, retell
-from rsoconsole.pipeline.replay.what_if_figures import TrackFigures, figures_of
+from rsoconsole.pipeline.replay.retell import Telling
+from rsoconsole.pipeline.replay.what_if_figures import FigureSum, TrackFigures
+from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
 
 OF_THE_FOLD = (
@@ -44,9 +45,11 @@ class WhatIf:
     config: Config
     """The session's, with what was tried."""
     frames: tuple[ReplayedFrame, ...]
-    """With what was tried."""
+    """With what was tried; empty where they were not kept."""
     log: tuple[tuple[int, Any], ...]
-    """(t_utc_ns, record) of the whole night, as it would have been."""
+    """(t_utc_ns, record) of the whole night, as it would have been; empty where not kept."""
+    is_kept: bool
+    """Whether frames and log are here: of a long night they are large."""
     rerun: RerunCounts | None
     """What of the frames was reduced again; None where that was not asked for."""
     model_sha256: str | None
@@ -59,12 +62,14 @@ def what_if_session(
     *,
     detector: bool = False,
     solver: bool = False,
+    keep: bool = True,
     on_frame: Callable[[], None] = lambda: None,
 ) -> WhatIf:
     """A session with other settings, by their dotted names.
 
     ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
     is called before each frame then. Without them their settings, but for tau, cannot be tried.
+    ``keep``: frames and log too; without them a night takes little memory however long it is.
     Raises SessionError for a folder that holds no session or one without frames, ConfigError for
     a setting that there is not, that cannot have that value, or that has no part in the track.
     """
@@ -72,48 +77,109 @@ def what_if_session(
     config = reader.config()
     tried = dict(tried or {})
     check_tried(tried, config, detector=detector, solver=solver)
-    log = [(t_utc_ns, record) for _, t_utc_ns, record in reader.records()]
-    recorded = tuple(replay((record for _, record in log), config))
-    if not recorded:
+    frames: list[ReplayedFrame] = []
+    log: list[tuple[int, Record]] = []
+    both = _Both(config, keep=(frames, log) if keep else None)
+    counts, sha256 = None, None
+    if detector or solver:
+        begun_with = config
+        for name, value in tried.items():
+            begun_with = with_setting(begun_with, name, value)
+        with open_rerun(
+            reader, begun_with, with_detector=detector, with_solver=solver, on_frame=on_frame
+        ) as (rerun, sha256):
+            begun_with = both.go_through(reader, tried, rerun)
+        counts = rerun.counts
+    else:
+        begun_with = both.go_through(reader, tried, None)
+    if not len(both.recorded):
         raise SessionError(f"{folder} holds no frame that was followed: there is nothing to try on")
-    retold, counts, sha256 = _retold(
-        reader, log, config, tried, detector=detector, solver=solver, on_frame=on_frame
-    )
     return WhatIf(
         session=Path(folder),
         tried=tried,
         before={name: _value(config, name) for name in tried},
-        recorded=figures_of(recorded),
-        what_if=figures_of(retold.frames),
-        is_reproduced=all(each.is_alike for each in recorded),
-        config=retold.config,
-        frames=retold.frames,
-        log=retold.log,
+        recorded=both.recorded.figures(),
+        what_if=both.tried.figures(),
+        is_reproduced=both.is_reproduced,
+        config=begun_with,
+        frames=tuple(frames),
+        log=tuple(log),
+        is_kept=keep,
         rerun=counts,
         model_sha256=sha256,
     )
 
 
-def _retold(
-    reader: SessionReader,
-    log: list[tuple[int, Any]],
-    config: Config,
-    tried: Mapping[str, float | str],
-    *,
-    detector: bool,
-    solver: bool,
-    on_frame: Callable[[], None],
-) -> tuple[Retold, RerunCounts | None, str | None]:
-    if not (detector or solver):
-        return retell(log, config, tried=tried), None, None
-    begun_with = config
-    for name, value in tried.items():
-        begun_with = with_setting(begun_with, name, value)
-    with open_rerun(
-        reader, begun_with, with_detector=detector, with_solver=solver, on_frame=on_frame
-    ) as (rerun, sha256):
-        retold = retell(log, config, tried=tried, reduce_again=rerun)
-    return retold, rerun.counts, sha256
+class _Both:
+    """One way through a log: followed with the recorded settings, and retold with others."""
+
+    def __init__(
+        self,
+        config: Config,
+        keep: tuple[list[ReplayedFrame], list[tuple[int, Record]]] | None,
+    ) -> None:
+        self._config, self._keep = config, keep
+        self.recorded, self.tried = FigureSum(), FigureSum()
+        self.is_reproduced = True
+
+    def go_through(
+        self,
+        reader: SessionReader,
+        tried: Mapping[str, float | str],
+        reduce_again: ReduceAgain | None,
+    ) -> Config:
+        """Each record is read once; the configuration that the other log begins with."""
+        walk = Walk.begin(self._config)
+        telling = Telling(
+            Walk.begin(self._config, tried, reduce_again),
+            on_record=self._keep_record,
+            on_frame=self._add_tried,
+        )
+        for _, t_utc_ns, record in reader.records():
+            self._add_recorded(walk.hear(record))
+            telling.hear(t_utc_ns, record)
+        self._add_recorded(walk.close())
+        telling.close()
+        return telling.config
+
+    def _add_recorded(self, closed: Iterable[ReplayedFrame | LookedAt]) -> None:
+        for each in closed:
+            if isinstance(each, ReplayedFrame):
+                self.is_reproduced = self.is_reproduced and each.is_alike
+                self.recorded.add(each)
+
+    def _add_tried(self, frame: ReplayedFrame) -> None:
+        self.tried.add(frame)
+        if self._keep is not None:
+            self._keep[0].append(frame)
+
+    def _keep_record(self, t_utc_ns: int, record: Record) -> None:
+        if self._keep is not None:
+            self._keep[1].append((t_utc_ns, record))
+
+
+def told_again(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
+    """The log of a what-if as it would have been: what was kept, else it is made once more.
+
+    Raises ValueError where that would mean to reduce all frames once more.
+    """
+    if what_if.is_kept:
+        yield from what_if.log
+        return
+    if what_if.rerun is not None:
+        raise ValueError("frames were reduced again for it: its log must be kept")
+    reader, told = SessionReader(what_if.session), list[tuple[int, Record]]()
+    telling = Telling(
+        Walk.begin(reader.config(), what_if.tried),
+        on_record=lambda t_utc_ns, record: told.append((t_utc_ns, record)),
+        on_frame=lambda _: None,
+    )
+    for _, t_utc_ns, record in reader.records():
+        telling.hear(t_utc_ns, record)
+        yield from told
+        told.clear()
+    telling.close()
+    yield from told
 
 
 def check_tried(

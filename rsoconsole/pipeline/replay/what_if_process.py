@@ -14,7 +14,7 @@ import sys
 import threading
 import traceback
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -32,6 +32,8 @@ log = logging.getLogger(__name__)
 
 IDLE_S = 60.0
 """Without a question the process ends."""
+MOST_KEPT = 60_000
+"""Records that are kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
 """Added to its niceness: it stands behind an engine that observes on the same computer."""
 _PROGRAM = (
@@ -66,22 +68,33 @@ class Unexpected:
 
 
 class LogOfOneSession:
-    """The records of the session that was asked for last; only what is new is read again."""
+    """The records of the session that was asked for last; only what is new is read again.
 
-    def __init__(self) -> None:
+    Of a long one the first are kept, and the others read for each question: they would fill the
+    memory of a small computer.
+    """
+
+    def __init__(self, most_kept: int = MOST_KEPT) -> None:
+        self._most_kept = most_kept
         self._folder: Path | None = None
         self._records: list[Record] = []
         self._seqs: list[int] = []
 
-    def until(self, folder: Path, seq: int | None) -> list[Record]:
+    def until(self, folder: Path, seq: int | None) -> Iterator[Record]:
         """All up to that place, None: all there are. Raises SessionError."""
         if folder != self._folder:
             self._folder, self._records, self._seqs = folder, [], []
+        yield from self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
         since = self._seqs[-1] if self._seqs else 0
+        if seq is not None and since >= seq:
+            return
         for at, _, record in SessionReader(folder).records(since_seq=since):
-            self._records.append(record)
-            self._seqs.append(at)
-        return self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
+            if seq is not None and at > seq:
+                return
+            if len(self._records) < self._most_kept:
+                self._records.append(record)
+                self._seqs.append(at)
+            yield record
 
 
 class WhatIfProcess:

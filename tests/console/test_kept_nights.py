@@ -1,0 +1,62 @@
+"""A night's fold changes rows in their place only until somebody has seen them, and shares them."""
+
+from pathlib import Path
+
+from rsoconsole.console.night import Night
+from rsoconsole.console.night.chunks import CHUNK, in_chunks
+from rsoconsole.session.reading import SessionReader
+from tests import eventful_night
+
+
+def test_versions_of_a_list_share_what_they_have_alike() -> None:
+    items = [object() for _ in range(3 * CHUNK + 5)]
+    first = in_chunks(items[: 2 * CHUNK + 9], ())
+    later = in_chunks(items, first)
+    assert [item for chunk in later for item in chunk] == items
+    assert [a is b for a, b in zip(first, later, strict=False)] == [True, True, False]
+    changed = in_chunks([object(), *items[1:]], later)
+    assert [a is b for a, b in zip(changed, later, strict=True)] == [False, True, True, True]
+    assert in_chunks([], later) == ()
+
+
+def test_what_was_given_away_stays_as_it_was_however_the_night_goes_on(tmp_path: Path) -> None:
+    writer = eventful_night.write(tmp_path / "night", 40)
+    writer.close()
+    reader = SessionReader(writer.folder)
+    alone, looked_at = (Night(reader.folder, reader.about(), reader.config()) for _ in range(2))
+    seen = []
+    for number, (seq, t_utc_ns, record) in enumerate(reader.records()):
+        alone.take(t_utc_ns, record, seq)
+        looked_at.take(t_utc_ns, record, seq)
+        newest = looked_at.newest_frames()
+        given: list[object] = [looked_at.keep() if number % 7 == 0 else None]
+        if number % 3 == 0:
+            view = looked_at.view()
+            given += [view.rows[-3:], view.measured]
+        if newest and number % 2 == 0:
+            given += [looked_at.row(newest[0]), looked_at.detail(newest[0])]
+        seen.append((given, repr(given)))
+    assert len(seen) > 200
+    for given, words in seen:
+        assert repr(given) == words
+    assert looked_at.view() == alone.view()
+
+
+def test_a_night_that_goes_back_is_as_it_was(tmp_path: Path) -> None:
+    writer = eventful_night.write(tmp_path / "night", 30)
+    writer.close()
+    reader = SessionReader(writer.folder)
+    night = Night(reader.folder, reader.about(), reader.config())
+    records = list(reader.records())
+    kept, then = None, None
+    for seq, t_utc_ns, record in records:
+        night.take(t_utc_ns, record, seq)
+        if seq == records[len(records) // 2][0]:
+            kept, then = night.keep(), night.view()
+    assert kept is not None
+    end = night.view()
+    night.go_back(kept)
+    assert night.view() == then
+    for seq, t_utc_ns, record in records[len(records) // 2 + 1 :]:
+        night.take(t_utc_ns, record, seq)
+    assert night.view() == end
