@@ -1,6 +1,6 @@
 """Every way of installing, each into an empty environment, then a demo and the notebooks.
 
-    python -m tests.fresh_installs [plain|notebook|wheel|sdist|uv|pipx ...] [--python PYTHON]
+    python -m tests.fresh_installs [readme|plain|notebook|wheel|sdist|uv|uv-sync|pipx ...]
 
 Run in a checkout; what is installed is its last commit. No header of the system is to be found
 (``PKG_CONFIG_LIBDIR``), as on a fresh Debian. Takes some minutes and gigabytes a way; uv and pipx
@@ -8,7 +8,9 @@ are got by pip. Prints seconds and megabytes; exit 1 where a way fails.
 """
 
 import argparse
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -97,7 +99,28 @@ def by_pipx(place: Place) -> Path:
     return Path(place.environ["PIPX_HOME"]) / "venvs" / "rsoconsole" / "bin" / "python"
 
 
+def by_readme(place: Place) -> Path:
+    """By the README's first command, as it is printed, but for the demo at its end."""
+    (first, _) = re.findall(r"```sh\n(.*?)```", (place.source / "README.md").read_text(), re.DOTALL)
+    command, _, demo = first.strip().rpartition(" && ")
+    if demo != ".venv/bin/rsoconsole demo":
+        raise RuntimeError(f"the README's first command ends with {demo!r}")
+    path = f"{Path(place.python).parent}:{place.environ['PATH']}"
+    place.run("env", f"PATH={path}", "bash", "-euo", "pipefail", "-c", command)
+    return place.source / ".venv" / "bin" / "python"
+
+
+def by_uv_sync(place: Place) -> Path:
+    """By ``uv sync`` in a checkout."""
+    tools = place.new_python("tools")
+    place.run(tools, "-m", "pip", "install", "-q", "uv")
+    place.run(tools.parent / "uv", "sync", "-q", "--python", place.python)
+    return place.source / ".venv" / "bin" / "python"
+
+
 WAYS: dict[str, Callable[[Place], Path]] = {
+    "readme": by_readme,
+    "uv-sync": by_uv_sync,
     "plain": lambda place: by_pip(place, "."),
     "notebook": lambda place: by_pip(place, ".[notebook]"),
     "wheel": by_wheel,
@@ -134,8 +157,15 @@ def try_way(name: str, python: str) -> str:
         size = sum(each.lstat().st_size for each in packages.rglob("*") if each.is_file())
         line = f"{name:9} installed in {took_s:4.0f} s, {size / 1e6:5.0f} MB"
         begun_s = time.monotonic()
-        place.run(installed.parent / "rsoconsole", *DEMO, cwd=folder)
+        program = installed.parent / "rsoconsole"
+        place.run(program, *DEMO, cwd=folder)
         line += f", demo {time.monotonic() - begun_s:3.0f} s"
+        checks = place.run("bash", "-c", f"{program} doctor --json || true", cwd=folder)
+        line += "".join(
+            f", {json.loads(each)['detail']}"
+            for each in checks.splitlines()
+            if "INDI client" in each
+        )
         if name == "notebook":
             begun_s = time.monotonic()
             place.run(installed, NOTEBOOKS, "--out", folder)
