@@ -29,6 +29,7 @@ from rsoconsole.instruments.mount.mount import IndiMount
 
 WIDTH_PX, HEIGHT_PX = 4656, 3520
 ORDERS = 20
+IDLE_S = 10.0
 TICKS = os.sysconf("SC_CLK_TCK")
 PATIENCE_S = 60.0
 MOVES_DEG = (200.0, 240.0)
@@ -127,6 +128,9 @@ def _orders(mount: IndiMount, note: Callable[[str, float], None]) -> None:
         note("order a slew (ms)", ms_of(lambda r=ra_deg: mount.slew(r, 40.0, time.time_ns())))
         note("STOP (ms)", mount.abort().ms)
     note("mount's processor for a slew and a STOP (ms)", (cpu_s(pid) - before_s) / ORDERS * 1e3)
+    before_s = cpu_s(pid)
+    time.sleep(IDLE_S)
+    note("mount's processor in ten idle seconds (ms)", (cpu_s(pid) - before_s) * 1e3)
     note("mount's memory (MiB)", memory_mib(pid, "VmRSS"))
 
 
