@@ -32,10 +32,11 @@ def orbit(
     JSON); or a list of these, several nights of one object. ``prior``: what is believed of the
     orbit beforehand: ``"auto"`` only what is needed, ``"none"``, ``"slot"`` (held over the
     equator), ``"geo"``, ``"meo"`` (nearly circular). ``method``: ``"gooding"`` for Gooding's
-    orbit through three of the directions alone. ``track``: which of a session's, from 1; None:
-    the longest, and others that one orbit fits too. ``sigma`` (arcsec): of directions that
-    state none; None: 1. ``site``: of those that do not say it. ``target``: which object of a
-    file of several. ``radians``: what a file's angles are in where it does not say. ``config``:
+    orbit through three of the directions alone. ``track``: which of a session's, as
+    ``night.tracks`` numbers them; None: the longest, and others that one orbit fits too.
+    ``sigma`` (arcsec): of directions that state none; None: 1. ``site``: of those that do not
+    say it. ``target``: which object of a file of several. ``radians``: what a file's angles are
+    in where it does not say. ``config``:
     for the site of tables without one.
 
     Returns an ``rso.Orbit``: elements as quantities, covariance, label, places ahead, elements

@@ -136,7 +136,9 @@ def _opened(each: Any, number_: int, count: int, said: Told, max_masked: float) 
         return
     if said.extension is not None:
         raise InputError("extension: only FITS files and HDU lists have several images")
-    if isinstance(each, np.ndarray):
+    if isinstance(each, np.ma.MaskedArray):
+        yield _masked((each.data, each.mask), number_, name, header={}, max_masked=max_masked)
+    elif isinstance(each, np.ndarray):
         yield frame_from_array(each, number_, name, max_nonfinite_fraction=max_masked)
     elif isinstance(each, ImageLike):
         yield _of_ccd(each, number_, count, max_masked)
@@ -162,18 +164,26 @@ def _of_hdu(hdu: Any, number_: int, count: int, extension: str | None, masked: f
 def _of_ccd(ccd: Any, number_: int, count: int, max_masked: float) -> Frame:
     """What its mask covers is filled as bad pixels are."""
     name = "the CCDData" if count == 1 else f"CCDData {number_}"
-    pixels = np.asarray(ccd.data)
-    mask = getattr(ccd, "mask", None)
-    if mask is not None and np.any(mask):
-        pixels = pixels.astype(np.float32)
-        pixels[np.broadcast_to(np.asarray(mask, bool), pixels.shape)] = np.nan
-        max_masked = max(max_masked, MOST_MASKED)
     plain = {
         str(key): value
         for key, value in dict(ccd.header).items()
         if isinstance(value, bool | int | float | str)
     }
-    return frame_from_array(pixels, number_, name, header=plain, max_nonfinite_fraction=max_masked)
+    array = (ccd.data, getattr(ccd, "mask", None))
+    return _masked(array, number_, name, header=plain, max_masked=max_masked)
+
+
+def _masked(
+    array: tuple[Any, Any], number_: int, name: str, *, header: Mapping[str, Any], max_masked: float
+) -> Frame:
+    """``array``: the pixels and their mask, which may be None."""
+    data, mask = array
+    pixels = np.asarray(data)
+    if mask is not None and np.any(mask):
+        pixels = pixels.astype(np.float32)
+        pixels[np.broadcast_to(np.asarray(mask, bool), pixels.shape)] = np.nan
+        max_masked = max(max_masked, MOST_MASKED)
+    return frame_from_array(pixels, number_, name, header=header, max_nonfinite_fraction=max_masked)
 
 
 def _as_told(frame: Frame, said: Told) -> Frame:

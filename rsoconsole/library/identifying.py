@@ -14,6 +14,7 @@ from rsoconsole.library.observations import TableLike
 from rsoconsole.library.observed import Asked, Observations, groups_of
 from rsoconsole.library.tracks import Track, Tracks
 from rsoconsole.notebook import Session
+from rsoconsole.notebook.night import NightTrack
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.orbits.first import Sightings
 from rsoconsole.orbits.identification import identify_jointly
@@ -26,7 +27,7 @@ ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 @overload
 def identify(
-    observations: Orbit | Track | str | PathLike[str] | TableLike,
+    observations: Orbit | Track | NightTrack | str | PathLike[str] | TableLike,
     *,
     tle: ElementsLike | None = ...,
     gate: Number = ...,
@@ -41,7 +42,7 @@ def identify(
 
 @overload
 def identify(
-    observations: Tracks | Mapping[int, Track] | Session,
+    observations: Tracks | Mapping[int, Track] | Mapping[int, NightTrack] | Session,
     *,
     tle: ElementsLike | None = ...,
     gate: Number = ...,
@@ -55,7 +56,7 @@ def identify(
 
 
 def identify(
-    observations: Orbit | Observations | Mapping[int, Track],
+    observations: Orbit | Observations | Mapping[int, Track] | Mapping[int, NightTrack],
     *,
     tle: ElementsLike | None = None,
     gate: Number = 0.2,
@@ -74,7 +75,8 @@ def identify(
     ``tle``: files of element sets (TLE; OMM as XML, JSON, CSV), or their text; None: those of
     ``catalogue.tle_files`` in the configuration, or those that a session was recorded with.
     ``gate``: how far off an object may be, degrees. ``track``: which of a session's tracks
-    answers, where a path is given; None: the longest. ``sigma``, ``site``, ``target``, ``radians``
+    answers, as ``night.tracks`` numbers them; None: the longest of a path, all of a session.
+    ``sigma``, ``site``, ``target``, ``radians``
     and ``config`` as ``rso.orbit`` has them; ``config`` also says how far elements may be off.
 
     Returns an ``rso.Identification``; of several tracks a dict of them by number. "ambiguous"
@@ -117,7 +119,8 @@ def _seen(
     else:
         # One station's, which has most.
         tracks = max(groups_of(what, ask), key=lambda group: len(group[0].seen))
-        groups, numbers = list(tracks), [each.number for each in tracks]
+        groups = list(tracks)
+        numbers = [each.number if each.track_id is None else each.track_id for each in tracks]
     seen = {n: each.seen for n, each in zip(numbers, groups, strict=True)}
     if track is not None and track not in seen:
         raise InputError(f"there is no track {track}: there are {', '.join(map(str, seen))}")

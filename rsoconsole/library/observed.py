@@ -26,11 +26,12 @@ from rsoconsole.library.observations import (
 )
 from rsoconsole.library.tracks import Track
 from rsoconsole.notebook import Session
+from rsoconsole.notebook.night import NightTrack
 from rsoconsole.orbits.first import sightings
 from rsoconsole.pipeline.orbits import Observed
-from rsoconsole.records import Site
+from rsoconsole.records import Measurement, Site
 
-Observations: TypeAlias = str | PathLike[str] | Session | Track | TableLike
+Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
 """A session or a file of observations by its path, a session, a track, a table of one object."""
 Group: TypeAlias = tuple[Observed, ...]
 """A session's tracks, the longest first, or one object alone."""
@@ -61,13 +62,20 @@ def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[G
 
 
 def _groups(what: Any, ask: Asked) -> list[Group]:
-    if isinstance(what, Session):
-        return list(read_observations(what.path, _read_as(ask), track=ask.track))
-    if isinstance(what, str | PathLike):
-        path = Path(fspath(what)).expanduser()
-        return list(read_observations(path, _read_as(ask), track=ask.track))
+    if isinstance(what, Session | str | PathLike):
+        path = what.path if isinstance(what, Session) else Path(fspath(what)).expanduser()
+        groups = list(read_observations(path, _read_as(ask)))
+        return groups if ask.track is None else [_only(groups, ask.track)]
     if isinstance(what, Track):
-        return [(_of_track(what),)]
+        return [(_of_taken(f"track {what.number}", what.number, what.site, what.taken),)]
+    if isinstance(what, NightTrack):
+        if ask.site is None:
+            raise InputError(
+                "a session's track does not say where it was seen from: give the session,"
+                f" rso.orbit(night, track={what.number}), or site="
+            )
+        name = f"track {what.number}"
+        return [(_of_taken(name, what.number, site_of(ask.site), what.measurements),)]
     if isinstance(what, Mapping):
         raise InputError(
             f"{len(what)} tracks: an orbit is of one object; take one of them, as in tracks[1]"
@@ -87,21 +95,32 @@ def _read_as(ask: Asked) -> ReadAs:
     )
 
 
-def _of_track(track: Track) -> Observed:
-    taken = track.taken
+def _only(groups: list[Group], track: int) -> Group:
+    """The track of that number, as ``night.tracks`` has it."""
+    known = [each for group in groups for each in group if each.track_id is not None]
+    if not known:
+        raise InputError("track: a file has none; only sessions do")
+    chosen = [each for each in known if each.track_id == track]
+    if not chosen:
+        numbers = ", ".join(str(n) for n in sorted(each.track_id or 0 for each in known))
+        raise InputError(f"there is no track {track}: there are {numbers}")
+    return (chosen[0],)
+
+
+def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
     return Observed(
-        name=f"track {track.number}",
-        site=track.site,
+        name=name,
+        site=site,
         limits=None,
         seen=_sightings(
-            track.site,
+            site,
             np.array([m.t_mid_utc_ns for m in taken], np.int64),
             np.array([m.ra_icrs_deg for m in taken]),
             np.array([m.dec_icrs_deg for m in taken]),
             np.array([m.cov_sky_arcsec2 for m in taken]),
         ),
-        number=track.number,
-        track_id=track.number,
+        number=number_,
+        track_id=number_,
     )
 
 

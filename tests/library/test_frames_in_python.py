@@ -114,10 +114,11 @@ def test_what_a_ccddatas_mask_covers_is_filled(found, pixels, header):
     mask[100:140, 200:260] = True
     spoilt = pixels.astype(np.float32)
     spoilt[mask] = 60_000.0
-    table = rso.detect(CCDData(spoilt, unit="adu", header=header, mask=mask))
-    assert len(table) == 1
-    assert abs(table["x_px"][0] - found["x_px"][0]) < 0.05 * u.pix
-    assert any(f"{mask.sum()} of" in note for note in table.meta["notes"])
+    masked = np.ma.MaskedArray(spoilt, mask)
+    table = rso.detect([CCDData(spoilt, unit="adu", header=header, mask=mask), masked])
+    assert len(table) == 2
+    assert np.all(abs(table["x_px"] - found["x_px"][0]) < 0.05 * u.pix)
+    assert sum(f"{mask.sum()} of" in note for note in table.meta["notes"]) == 2
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,18 @@ def test_a_session_its_path_and_a_table_of_its_track_are_one(found, night):
         assert np.allclose(other.covariance, found.covariance, rtol=1e-6)
 
 
+def test_a_sessions_track_is_named_as_the_night_numbers_it(found, night):
+    for one in (rso.orbit(night, track=1), rso.orbit(night.tracks[1], site=SITE)):
+        assert one.a.to_value("km") == pytest.approx(found.a.to_value("km"), rel=1e-6)
+    with pytest.raises(InputError, match="there is no track 3: there are 1"):
+        rso.orbit(night, track=3)
+    with pytest.raises(InputError, match=r"rso\.orbit\(night, track=1\), or site="):
+        rso.orbit(night.tracks[1])
+    assert rso.identify(night.tracks, tle=CATALOGUE, site=SITE)[1].norad_id == 36097
+    with pytest.raises(InputError, match="2 tracks: an orbit is of one object"):
+        rso.orbit({1: night.tracks[1], 2: night.tracks[1]})
+
+
 def test_places_ahead_are_those_of_the_verb(found):
     said = printed("orbit", SAMPLE, "--json")
     t = Time([each["t_utc"].removesuffix("Z") for each in said["predicted"]], scale="utc")
