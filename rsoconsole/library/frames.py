@@ -105,11 +105,9 @@ def opened(frames: Frames, said: Told, *, max_masked: float = 0.0) -> Iterator[F
 
 
 def _each(frames: Any) -> Iterable[Any]:
-    if isinstance(frames, str | PathLike | ImageLike) or _is_hdu_list(frames):
-        return (frames,)
     if isinstance(frames, np.ndarray):
-        if frames.dtype == object:
-            return tuple(frames)
+        return tuple(frames) if frames.dtype == object else (frames,)
+    if isinstance(frames, str | PathLike | ImageLike) or _is_hdu_list(frames):
         return (frames,)
     if isinstance(frames, Iterable) and not isinstance(frames, bytes | Mapping):
         return frames

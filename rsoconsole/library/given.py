@@ -165,6 +165,8 @@ def site_of(place: Place, name: str = "site") -> Site:
         return place
     if isinstance(place, EarthLocationLike):
         lon, lat, height = place.geodetic
+        if np.ndim(lat):
+            raise InputError(f"{name}: one place is needed, not {np.size(lat)}")
         triple = (float(lat.deg), float(lon.deg), float(height.to_value("m")))
     else:
         try:

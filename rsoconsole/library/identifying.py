@@ -136,6 +136,8 @@ def _entries(
         return parse_catalogue(tle, "the text")
     if isinstance(tle, str | PathLike):
         files = [Path(fspath(tle)).expanduser()]
+    elif tle is not None and not isinstance(tle, Sequence):
+        raise InputError(f"tle: {tle!r} is no file: give paths, or the text of element sets")
     elif tle is not None:
         files = [Path(fspath(each)).expanduser() for each in tle]
         if not files:

@@ -93,14 +93,20 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
 
 def site_in(table: Any) -> Site | None:
     """Where it was seen from, where its ``meta`` says so."""
-    meta = getattr(table, "meta", None) or {}
-    said = meta.get(META, {}).get("site") or meta.get("site")  # the second: an exported table
+    # The second: an exported table.
+    said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
     if not isinstance(said, dict):
         return None
     try:
         return Site(**{each.name: float(said[each.name]) for each in fields(Site)})
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the table's meta has a site that is none: {said!r}") from error
+
+
+def own_meta(table: Any) -> dict[str, Any]:
+    """What ``rso.measure`` wrote into its table beside the rows; empty for others."""
+    own = (getattr(table, "meta", None) or {}).get(META)
+    return own if isinstance(own, dict) else {}
 
 
 def expect_one_object(table: Any) -> None:
@@ -222,7 +228,10 @@ def plain_column(table: Any, name: str, kind: type) -> npt.NDArray[Any] | None:
     """A column without a unit; None where there is none."""
     if name not in table.colnames:
         return None
-    return np.asarray(table[name]).astype(kind)
+    try:
+        return np.asarray(table[name]).astype(kind)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"column {name!r} holds what is no {kind.__name__}: {error}") from error
 
 
 def _first(table: Any, names: tuple[str, ...]) -> str | None:

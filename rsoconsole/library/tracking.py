@@ -24,6 +24,7 @@ from rsoconsole.library.observations import (
     column_of,
     directions_of,
     expect_table,
+    own_meta,
     plain_column,
 )
 from rsoconsole.library.tracks import Track, Tracks
@@ -88,7 +89,7 @@ def track(
     >>> tracks[1].measurements["t_mid_utc", "direction"], tracks[1].residual_rms
     """
     table = expect_table(measurements, "table of measurements")
-    if not len(table) and META in (getattr(table, "meta", None) or {}):
+    if not len(table) and own_meta(table):
         return Tracks({}, ())  # frames that show nothing
     rows = directions_of(table, sigma)
     where = rows.site if site is None else site_of(site)
@@ -234,7 +235,7 @@ def _mid_ns(seen: _Seen, config: Config) -> int:
 
 def _told_frames(table: Any) -> list[_Seen]:
     """The frames in the ``meta`` of a table that ``rso.measure`` made; none for any other."""
-    said = (getattr(table, "meta", None) or {}).get(META, {}).get("frames", ())
+    said = own_meta(table).get("frames", ())
     found = []
     for each in said:
         try:
@@ -300,6 +301,18 @@ def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int
 
 def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Of the row's streak, where it tells them: as ``rso.measure`` has them, or as exported."""
+    try:
+        values = _ends_in(table, n)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"row {n}: the ends of its streak are no directions: {error}") from error
+    if len(values) != 4 or not np.all(np.isfinite(values)):
+        return None
+    a, b, c, d = map(float, values)
+    return (a, b), (c, d)
+
+
+def _ends_in(table: Any, n: int) -> Sequence[float]:
+    """RA and Dec of both, degrees; empty where the row has none."""
     values: Sequence[float] = ()
     if "ends_icrs_deg" in table.colnames:
         each = table["ends_icrs_deg"][n]
@@ -309,10 +322,7 @@ def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]]
         cells = [table[name][n] for name in _ENDS]
         is_missing = any(np.any(getattr(each, "mask", False)) for each in cells)
         values = () if is_missing else [_float(table, name, n, "deg") for name in _ENDS]
-    if len(values) != 4 or not np.all(np.isfinite(values)):
-        return None
-    a, b, c, d = map(float, values)
-    return (a, b), (c, d)
+    return values
 
 
 def _float(table: Any, name: str, n: int, unit: str) -> float:

@@ -128,6 +128,7 @@ def test_what_a_ccddatas_mask_covers_is_filled(found, pixels, header):
         (np.zeros((3, 100, 100)), FrameError, r"has 3 axes \(3 x 100 x 100\): a frame is"),
         (np.zeros(100), FrameError, "has 1 axes"),
         (np.zeros((100, 100), complex), FrameError, "holds complex128 pixels"),
+        (np.zeros((100, 100), "M8[s]"), FrameError, r"holds datetime64\[s\] pixels"),
         (np.zeros((100, 100), bool), FrameError, "holds bool pixels"),
         (np.full((100, 100), np.nan), FrameError, "NaN or infinite values in 10000 of 10000"),
         (np.zeros((20, 100)), FrameError, "at least 64 x 64"),

@@ -130,6 +130,7 @@ def test_places_are_those_of_an_earth_location():
         ("Daytona", "give an EarthLocation"),
         ((29.0, -81.0, 6_378_137.0), "metres are meant"),
         ((29.0, -81.0 * u.km, 0.0), "site, longitude is in km"),
+        (EarthLocation.from_geodetic([1, 2] * u.deg, [3, 4] * u.deg), "one place is needed, not 2"),
     ],
 )
 def test_what_is_no_place_is_refused(place, words):

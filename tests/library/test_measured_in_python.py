@@ -226,6 +226,8 @@ def _set(name, value):
         (_set("sigma", np.zeros(8) * u.arcsec), "sigma: every one must be above 0"),
         (_set("sigma", np.ones(8)), "column 'sigma' has no unit"),
         (_set("correlation", np.full(8, 1.5)), "correlation"),
+        (_set("confidence", ["high"] * 8), "column 'confidence' holds what is no float"),
+        (_set("ends_icrs_deg", ["here"] * 8), "row [0-9]: the ends of its streak"),
         (_set("time", ["2026-01-01T00:00:00"] * 8), "has no time scale"),
         (_set("time", [datetime(2026, 1, 1)] * 8), "has no time zone"),  # noqa: DTZ001
     ],

@@ -251,6 +251,7 @@ def test_what_no_catalogue_knows_is_unknown(found):
     ("said", "error", "words"),
     [
         ({"tle": "nowhere.tle"}, OrbitError, "nowhere.tle does not exist"),
+        ({"tle": 3}, InputError, "tle: 3 is no file"),
         ({"tle": []}, OrbitError, "the list of element files is empty"),
         ({"tle": "not\nelements"}, OrbitError, "the text"),
         ({"gate": 0.0}, InputError, "gate: 0 deg must be above 0"),
