@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 REACHED_S = 30.0
 """How long a scheduler and its workers are waited for."""
+LOOK_S = 5.0
+"""So often it is looked whether there are workers still."""
 
 
 def by_dask(
@@ -26,8 +29,11 @@ def by_dask(
     paths: Sequence[Path],
     on_done: Callable[[], None],
 ) -> Iterator[Result]:
-    """As ``batch_pool.share_out``; ``scheduler`` None: a cluster of this machine's own."""
-    from distributed import as_completed as as_dask_completed
+    """As ``batch_pool.share_out``; ``scheduler`` None: a cluster of this machine's own.
+
+    Raises BatchError too where the scheduler ends, or its last worker, before all is done.
+    """
+    from distributed import KilledWorker
 
     with _client(workers, scheduler) as client:
         if scheduler is not None:
@@ -37,16 +43,59 @@ def by_dask(
         numbers = {future.key: number for number, future in enumerate(futures)}
         done: dict[int, Result] = {}
         given = 0
-        for future in as_dask_completed(futures):
+        for future in _as_they_end(client, futures, scheduler or "this machine's own"):
             number = numbers[future.key]
             if future.status == "finished":
                 done[number] = future.result()
             else:
-                done[number] = failed(tasks[number], f"its worker failed: {future.exception()}")
+                error = future.exception()
+                died = "its worker died: out of memory, or killed from outside"
+                is_killed = isinstance(error, KilledWorker)
+                reason = died if is_killed else f"its worker failed: {error}"
+                done[number] = failed(tasks[number], reason)
             on_done()
             while given in done:
                 yield done.pop(given)
                 given += 1
+
+
+def _as_they_end(client: Any, futures: Sequence[Any], scheduler: str) -> Iterator[Any]:
+    """Each as it ends. Raises BatchError where nobody is left who would end them."""
+    from concurrent.futures import CancelledError
+
+    from distributed import wait
+
+    pending = set(futures)
+    seen_s = time.monotonic()
+    while pending:
+        try:
+            ended = wait(pending, timeout=LOOK_S, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            if client.scheduler_info().get("workers"):
+                seen_s = time.monotonic()
+            elif time.monotonic() - seen_s > REACHED_S:
+                raise BatchError(
+                    f"the Dask scheduler {scheduler} has no worker any more: "
+                    + _left_words(len(futures), len(pending))
+                ) from None
+            continue
+        except CancelledError as error:  # so the client says that its scheduler is gone
+            ended = {each for each in pending if each.status == "finished"}
+            yield from ended
+            raise BatchError(
+                f"the Dask scheduler {scheduler} does not answer any more: "
+                + _left_words(len(futures), len(pending - ended))
+            ) from error
+        pending -= ended
+        seen_s = time.monotonic()
+        yield from ended
+
+
+def _left_words(count: int, left: int) -> str:
+    return (
+        f"{count - left} of {count} are done; start it again and give the same command again,"
+        " which does what is left"
+    )
 
 
 @contextlib.contextmanager
@@ -69,7 +118,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # whatever else runs on this machine
                 silence_logs=logging.CRITICAL,
                 memory_limit=0,
             )

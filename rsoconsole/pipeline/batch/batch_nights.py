@@ -6,10 +6,12 @@ however hard, leaves nothing that could be taken for a night, and is begun again
 
 import contextlib
 import fcntl
+import glob
 import hashlib
 import json
 import re
 import shutil
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,6 +110,9 @@ def process_nights(
     """
     done = [_already_done(night) for night in nights]
     todo = [night for night, outcome in zip(nights, done, strict=True) if outcome is None]
+    for night in todo:
+        for left in night.session.parent.glob(f".{glob.escape(night.session.name)}.*part"):
+            shutil.rmtree(left, ignore_errors=True)  # of work that was ended
     paths = [path for night in todo for path in (night.session.parent, night.source)]
     outcomes = share_out(
         process_night,
@@ -129,11 +134,16 @@ def _already_done(night: Night) -> NightOutcome | None:
         return None
     try:
         made = SessionReader(night.session).about()
-        if made.get("batch") != _identity(night) or made.get("is_closed") is not True:
+        if not _is_made(made, _identity(night)):
             return None
         return _outcome(night, "skipped")
     except RsoconsoleError:
         return None
+
+
+def _is_made(about: dict[str, Any], identity: dict[str, Any]) -> bool:
+    """Whether a session is whole, and of just these frames by just these settings."""
+    return about.get("batch") == identity and about.get("is_closed") is True
 
 
 def process_night(night: Night) -> NightOutcome:
@@ -175,6 +185,8 @@ def _processed(night: Night) -> NightOutcome:
         made = SessionReader(night.session).about()
         if "batch" not in made:
             raise SessionError(f"{night.session} holds a session that no batch has made")
+        if not night.is_again and _is_made(made, identity):
+            return _outcome(night, "done")  # by a worker that died before it could say so
         if not night.is_again:
             raise SessionError(
                 f"{night.session} was made of other frames, by other settings or another version:"
@@ -182,8 +194,8 @@ def _processed(night: Night) -> NightOutcome:
             )
     elif night.session.exists():
         raise SessionError(f"{night.session} is there and holds no session: move it away")
-    beside = night.session.with_name(f".{night.session.name}.part")
-    shutil.rmtree(beside, ignore_errors=True)
+    # Its own: a worker that was given up may write on, and neither may touch the other's.
+    beside = night.session.with_name(f".{night.session.name}.{uuid.uuid4().hex[:8]}.part")
     try:
         _record(night, beside, identity)
         put_in_place(beside, night.session)
