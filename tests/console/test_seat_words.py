@@ -10,8 +10,8 @@ from textual.pilot import Pilot
 from textual.widgets import Button
 
 from rsoconsole.config import Config
+from rsoconsole.console.actions.mark_actions import too_late_to_mark
 from rsoconsole.console.actions.second_press import WITHIN_S
-from rsoconsole.console.actions.streak_actions import too_late_to_mark
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
@@ -110,7 +110,7 @@ async def _stopped(app: ConsoleApp, pilot: Pilot[str], wire: FakeWire) -> None:
     """STOP was given long enough ago."""
     wire.status |= STOPPED
     await until(pilot, lambda: app.live.engine.state == "IDLE")
-    app.live._at_rest_since_s -= WITHIN_S
+    app.live.telescope.at_rest_since_s -= WITHIN_S
 
 
 @pytest.mark.parametrize("key", ["u", "h"])
@@ -168,7 +168,7 @@ def test_a_stop_between_leaves_the_track_where_it_is(wire: FakeWire):
         await pilot.press("x")
         wire.hangs["arm"].set()
         await until(pilot, lambda: "motion ended" in stop_text(app))
-        await until(pilot, lambda: not app.live._is_arming)
+        await until(pilot, lambda: not app.live.telescope.is_arming)
         await pilot.press("h")  # it may have meant Hold
         await until(pilot, lambda: "autonomy has just lost the mount" in pane(app, "keys"))
         await pilot.pause(WITHIN_S + 0.2)

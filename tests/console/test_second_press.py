@@ -180,8 +180,8 @@ def test_another_streak_is_followed_by_two_presses_and_by_no_number_of_clicks(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         # As if the track had taken another one of the frame.
-        monkeypatch.setattr(app.live, "_is_followed", lambda _streak: False)
-        streak, known = app.live._streaks()[0], 0
+        monkeypatch.setattr(app.live.streaks, "is_followed", lambda _streak: False)
+        streak, known = app.live.streaks.streaks()[0], 0
         await pilot.press("d")
         await until(pilot, lambda: "d again within 2 s leaves" in pane(app, "keys"))
         assert len(wire.sent) == known
@@ -206,8 +206,8 @@ def test_the_key_after_a_click_means_the_streak_that_was_clicked_in_its_frame(
 ):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        monkeypatch.setattr(app.live, "_is_followed", lambda _streak: False)
-        streak = app.live._streaks()[0]
+        monkeypatch.setattr(app.live.streaks, "is_followed", lambda _streak: False)
+        streak = app.live.streaks.streaks()[0]
         window = app.live.query_one("#frame", FramePane).drawing.window
         column, row = window.cell(streak.x_px, streak.y_px)
         await pilot.click("#frame", offset=(column, row + 1))
@@ -231,7 +231,7 @@ def test_where_nothing_is_followed_a_click_alone_chooses(wire: FakeWire):
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.state == "ACQUIRE")
-        streak = app.live._streaks()[0]
+        streak = app.live.streaks.streaks()[0]
         window = app.live.query_one("#frame", FramePane).drawing.window
         column, row = window.cell(streak.x_px, streak.y_px)
         await pilot.click("#frame", offset=(column, row + 1))

@@ -1,9 +1,11 @@
+from .mark_actions import MarkActions as MarkActions
+from .mark_actions import too_late_to_mark as too_late_to_mark
+from .mark_actions import why_no_mark as why_no_mark
 from .seat import MARK_SAID_S as MARK_SAID_S
 from .seat import Seat as Seat
+from .second_press import TwicePressed as TwicePressed
 from .second_press import has_track as has_track
 from .streak_actions import StreakActions as StreakActions
-from .streak_actions import too_late_to_mark as too_late_to_mark
-from .streak_actions import why_no_mark as why_no_mark
 from .telescope_actions import TelescopeActions as TelescopeActions
 from .track_actions import TrackActions as TrackActions
 from .track_actions import TracksPane as TracksPane

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from textual.message import Message
 from textual.screen import Screen
 
+from rsoconsole.console.actions.seat_uses import Answer
 from rsoconsole.console.commands import BY_NAME, Orders
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, Dialog, MessageDialog, Result
 from rsoconsole.console.drawing import Ink
@@ -83,7 +84,8 @@ class Seat(Screen[None]):
         self._notice: tuple[str, Ink] = ("", "")
         self.last_said = ""
         self._notice_until_s = 0.0
-        self._stops = 0
+        self.stops = 0
+        """How often STOP was given here."""
         self._ticked: tuple[str, ...] = ()
         """Checks that were overridden here last."""
         self._refused_at_once: list[str] = []
@@ -104,8 +106,13 @@ class Seat(Screen[None]):
         if text:
             self.set_timer(seconds + 0.1, self.show_keys)
 
-    @staticmethod
-    def now_s() -> float:
+    def ask(
+        self, dialog: Screen[Answer], decided: Callable[[Answer | None], None] | None = None
+    ) -> None:
+        """Open a dialog over this screen; ``decided`` is called with its answer."""
+        self.app.push_screen(dialog, decided)
+
+    def now_s(self) -> float:
         """Seconds of a clock that nobody sets."""
         return time.monotonic()
 
@@ -160,12 +167,24 @@ class Seat(Screen[None]):
         ``then``: sent right behind it where the engine has taken it, and no STOP came between.
         """
         self.say(f"{command.label()} …")
-        stops, seq = self._stops, self.night.seq
+        stops, seq = self.stops, self.night.seq
 
         def came(outcome: Outcome) -> None:
             self.post_from_thread(OutcomeCame(command, outcome, stops, seq, then))
 
         self.orders.send(command, came)
+
+    def take_keys(self, *parts: object) -> None:
+        """Have the keys of these parts act: Textual looks for ``action_NAME`` at the screen alone.
+
+        An action of the screen itself goes first; no two parts may have the same.
+        """
+        for name in (f"action_{command}" for command in BY_NAME):
+            owners = [part for part in parts if hasattr(part, name)]
+            if len(owners) + (name in vars(self)) > 1:
+                raise TypeError(f"{name} is in more than one part of {type(self).__name__}")
+            if owners and not hasattr(type(self), name):
+                setattr(self, name, getattr(owners[0], name))
 
     def action_hand_over(self, name: str) -> None:
         """What a key does that only has a command to send: where this seat may act."""
@@ -179,7 +198,7 @@ class Seat(Screen[None]):
         self.ask_now()
         if outcome.data.get(ON_RECORD):
             self._expect_refusal(command, message.seq)
-        if message.stops != self._stops and not isinstance(command, Shutdown):
+        if message.stops != self.stops and not isinstance(command, Shutdown):
             return
         name = command.label()
         if outcome.ok and isinstance(command, MarkByHand):
@@ -290,7 +309,7 @@ class Seat(Screen[None]):
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open, then say so."""
         self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
-        self._stops += 1
+        self.stops += 1
         self._stopped_utc_ns = self.engine.now_utc_ns
         self._is_stop_seen = False
         self.say("")
@@ -310,6 +329,11 @@ class Seat(Screen[None]):
         words = command_words(command.verb, command.arguments())
         if not any(self._refused_here(line) == words for line in self._lines_after(seq)):
             self._refused_at_once.append(words)
+
+    def refused_since(self, before: NightView) -> frozenset[str]:
+        """Verbs of this console's commands that the record has refused since ``before``."""
+        refused = (self._refused_here(line) for line in self._lines_after(before.seq))
+        return frozenset(words.partition(" ")[0] for words in refused if words)
 
     def _lines_after(self, seq: int) -> list[LogLine]:
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]

@@ -1,9 +1,9 @@
 """What ends a running track asks for the same key once more: STOP alone never does."""
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, Protocol
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat_uses import ActingSeat
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.words import NS_PER_S, present_utc_ns
@@ -58,62 +58,58 @@ class SecondPress:
         self._name, self._is_held = "", False
 
 
-class CarefulSeat(Seat):
+class CarefulSeat(ActingSeat, Protocol):
     """A seat whose keys end no track by one press."""
 
-    _second: SecondPress | None = None
+    is_click: bool
 
-    @property
-    def second_press(self) -> SecondPress:
-        """What has been asked last."""
-        if self._second is None:
-            self._second = SecondPress()
-        return self._second
+    def target_name(self) -> str:
+        """What is followed, as the first line calls it; empty: not known."""
 
-    def stop(self) -> None:
-        """STOP; a second press that has not been acted on yet is never carried out after it."""
-        self.second_press.forget()
-        super().stop()
 
-    def twice(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
+class TwicePressed:
+    """Does what ends a track, or takes the mount, by the second press of its key alone."""
+
+    def __init__(self, seat: CarefulSeat) -> None:
+        self._seat = seat
+        self.press = SecondPress()
+
+    def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
         """Say what a second press would do; do it when that comes. A click counts as no press.
 
         ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
         command of its own.
         """
-        if self.is_click:
+        seat, press = self._seat, self.press
+        if seat.is_click:
             self.name_key(name, what)
             return
-        pressed = self.second_press
-        heard = pressed.hear(name, self.now_s())
-        key = key or first_key(name, self.keymap)
+        heard = press.hear(name, seat.now_s())
+        key = key or first_key(name, seat.keymap)
         if heard == "asked":
-            self.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
+            seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
         elif heard == "held":
-            self.say(f"{key} is held down: nothing is done", "warn")
+            seat.say(f"{key} is held down: nothing is done", "warn")
         else:
-            number = pressed.number
+            number = press.number
 
             def unless_held() -> None:
-                if pressed.number == number:
+                if press.number == number:
                     act()
 
-            self.set_timer(SETTLES_S, unless_held)
+            seat.set_timer(SETTLES_S, unless_held)
 
     def name_key(self, name: str, what: str) -> None:
         """A click asked for what two presses of a key do: say which key."""
-        self.second_press.forget()
-        key = first_key(name, self.keymap)
-        self.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
+        self.press.forget()
+        key = first_key(name, self._seat.keymap)
+        self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
 
     def track_words(self) -> str:
         """The track that is at stake: INTELSAT 14 (31 min)."""
-        name = self.target_name() or "an unidentified object"
-        since, now = self.night.track_since_utc_ns, present_utc_ns(self.night, self.engine)
+        seat = self._seat
+        name = seat.target_name() or "an unidentified object"
+        since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
         if since is None or now is None:
             return name
         return f"{name} ({max(now - since, 0) / NS_PER_S / 60:.0f} min)"
-
-    def target_name(self) -> str:
-        """What is followed, as the first line calls it; empty: not known."""
-        return self.engine.target or ""

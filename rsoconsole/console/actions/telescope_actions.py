@@ -2,10 +2,16 @@
 
 import math
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
 
-from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
+from rsoconsole.console.actions.second_press import (
+    RELEASED_S,
+    WITHIN_S,
+    CarefulSeat,
+    TwicePressed,
+    has_track,
+)
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import (
     AimDialog,
@@ -16,7 +22,8 @@ from rsoconsole.console.dialogs import (
     SettingsDialog,
     UpListDialog,
 )
-from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.night import EngineView
+from rsoconsole.console.picture import Picture
 from rsoconsole.console.watches import OutcomeCame
 from rsoconsole.control import (
     Arm,
@@ -28,6 +35,7 @@ from rsoconsole.control import (
     Resume,
     Seek,
     Set,
+    StopNews,
     Track,
     Unpark,
 )
@@ -45,238 +53,256 @@ def step_words(arcsec: float) -> str:
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
-class TelescopeActions(CarefulSeat):
+class TelescopeSeat(CarefulSeat, Protocol):
+    """What the telescope's keys use of the seat."""
+
+    picture: Picture | None
+    stop_news: StopNews | None
+
+    @property
+    def stops(self) -> int:
+        """How often STOP was given here."""
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether STOP was given here and the engine's word is still from before it."""
+
+
+class TelescopeActions:
     """Arm, hold, park, go to, nudge, expose."""
 
-    step = FIRST_STEP
-    _is_nudging = False
-    _no_arming_before_s = 0.0
-    """Until then a press may still be meant for the disarming that was asked for or done."""
-    _is_arming = False
-    """What is kept is on its way to be followed again: a key held down asks no second time."""
-    _at_rest_since_s = -WITHIN_S
-    """When autonomy was last seen to lose the mount, or STOP was given here."""
-    _asked_again_s = -math.inf
-    """When what is kept was asked for; the engine has not refused it."""
+    def __init__(
+        self, seat: TelescopeSeat, twice: TwicePressed, take_back_drop: Callable[[], bool]
+    ) -> None:
+        """``take_back_drop``: follows again what was dropped last; False where nothing was."""
+        self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
+        self._step = FIRST_STEP
+        self._is_nudging = False
+        self._no_arming_before_s = 0.0
+        """Until then a press may still be meant for the disarming that was asked for or done."""
+        self.is_arming = False
+        """What is kept is on its way to be followed again: a held key asks no second time."""
+        self.at_rest_since_s = -WITHIN_S
+        """When autonomy was last seen to lose the mount, or STOP was given here."""
+        self._asked_again_s = -math.inf
+        """When what is kept was asked for; the engine has not refused it."""
 
-    def on_outcome_came(self, message: OutcomeCame) -> None:
+    def see_outcome(self, message: OutcomeCame) -> None:
         """The next nudge may go."""
         if isinstance(message.command, Nudge):
             self._is_nudging = False
         elif isinstance(message.command, Arm):
-            self._is_arming = False
+            self.is_arming = False
         if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
             self._asked_again_s = -math.inf
 
     @property
     def is_following_again(self) -> bool:
         """Whether what is kept has been asked for, and the engine has yet to take it up."""
-        return self.engine.kept is not None and self.now_s() < self._asked_again_s + AGAIN_S
+        return (
+            self._seat.engine.kept is not None
+            and self._seat.now_s() < self._asked_again_s + AGAIN_S
+        )
 
-    def see_refusals(self, before: NightView) -> None:
+    def see_refused(self, verbs: frozenset[str]) -> None:
         """What was accepted and refused later is not on its way any more."""
-        super().see_refusals(before)
-        refused = {
-            self._refused_here(line).partition(" ")[0] for line in self._lines_after(before.seq)
-        }
-        if refused & {Arm.verb, Resume.verb}:
+        if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
-    def stop(self) -> None:
+    def see_stop(self) -> None:
         """STOP; no key that was on its way takes up again what it has ended."""
-        self._at_rest_since_s = self.now_s()
+        self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
-        super().stop()
 
     def see_mount_change_hands(self, before: EngineView) -> None:
         """What the engine said before is ``before``."""
-        is_lost = before.holder == "autonomy" != self.engine.holder
+        is_lost = before.holder == "autonomy" != self._seat.engine.holder
         if is_lost:
-            self._at_rest_since_s = self.now_s()
-        if is_lost or self.engine.kept is None:
+            self.at_rest_since_s = self._seat.now_s()
+        if is_lost or self._seat.engine.kept is None:
             self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
         """Who has the mount gives it up; a running track is not ended by one press."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        is_armed = self.engine.holder == "autonomy"
-        if self.is_click and not has_track(self.engine):
-            key = first_key("arm_or_disarm", self.keymap)
+        is_armed = self._seat.engine.holder == "autonomy"
+        if self._seat.is_click and not has_track(self._seat.engine):
+            key = first_key("arm_or_disarm", self._seat.keymap)
             does = "takes it from the engine" if is_armed else "hands the mount to the engine"
-            self.say(f"{key} {does}: by the key alone, not by the mouse")
+            self._seat.say(f"{key} {does}: by the key alone, not by the mouse")
         elif not is_armed:
             self._arm()
-        elif has_track(self.engine):
+        elif has_track(self._seat.engine):
             self._arm_not_within(WITHIN_S)
-            what = f"ends the track of {self.track_words()}"
-            self.twice("arm_or_disarm", what, self._disarm)
+            what = f"ends the track of {self._twice.track_words()}"
+            self._twice.ask("arm_or_disarm", what, self._disarm)
         else:
             self._disarm()
 
     def _arm(self) -> None:
-        if self.now_s() >= self._no_arming_before_s:
-            self.send(Arm())
+        if self._seat.now_s() >= self._no_arming_before_s:
+            self._seat.send(Arm())
             return
         # A key that is held down goes on repeating.
         self._arm_not_within(RELEASED_S)
-        key = first_key("arm_or_disarm", self.keymap)
-        self.say(f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it")
+        key = first_key("arm_or_disarm", self._seat.keymap)
+        self._seat.say(
+            f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it"
+        )
 
     def _disarm(self) -> None:
         self._arm_not_within(RELEASED_S)
-        self.send(Disarm())
+        self._seat.send(Disarm())
 
     def _arm_not_within(self, seconds: float) -> None:
-        self._no_arming_before_s = max(self._no_arming_before_s, self.now_s() + seconds)
+        self._no_arming_before_s = max(self._no_arming_before_s, self._seat.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
         """No slews for now; or give the mount back to autonomy."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        is_at_rest = self.engine.holder != "autonomy"
-        if self.engine.kept is not None and is_at_rest:
+        is_at_rest = self._seat.engine.holder != "autonomy"
+        if self._seat.engine.kept is not None and is_at_rest:
             self._follow_again(is_certain=False)
-        elif self.engine.wants_resuming:
-            self.send(Resume())
-        elif self.engine.holder == "autonomy":
-            self.send(Hold())
+        elif self._seat.engine.wants_resuming:
+            self._seat.send(Resume())
+        elif self._seat.engine.holder == "autonomy":
+            self._seat.send(Hold())
         else:
-            self.say("nothing to hold: the engine is not armed", "warn")
+            self._seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_wait_for_sky(self) -> None:
         """No slews until the stars are back."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        if self.engine.holder == "autonomy":
-            self.send(Hold(until="clear"))
+        if self._seat.engine.holder == "autonomy":
+            self._seat.send(Hold(until="clear"))
         else:
-            self.say("nothing to hold: the engine is not armed", "warn")
+            self._seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_park(self) -> None:
         """Ask, then disarm and park."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send(Park())
+                self._seat.send(Park())
 
         text = "The engine disarms and sends the mount to its park position."
-        if has_track(self.engine):
-            text += f" This ends the track of {self.track_words()}."
+        if has_track(self._seat.engine):
+            text += f" This ends the track of {self._twice.track_words()}."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
-        self.app.push_screen(dialog, decided)
+        self._seat.ask(dialog, decided)
 
     def action_undo(self) -> None:
         """Follow again what was ended; on a parked mount, release it."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        if self.is_stopping:
+        if self._seat.is_stopping:
             self._follow_again(is_certain=True)  # what the engine said last is from before it
-        elif self.engine.is_parked:
-            self.send(Unpark())
-        elif self.take_back_drop():
+        elif self._seat.engine.is_parked:
+            self._seat.send(Unpark())
+        elif self._take_back_drop():
             pass
-        elif self.engine.kept is not None:
+        elif self._seat.engine.kept is not None:
             self._follow_again(is_certain=True)
-        elif has_track(self.engine):
-            self.say(f"already being followed: {self.track_words()}")
+        elif has_track(self._seat.engine):
+            self._seat.say(f"already being followed: {self._twice.track_words()}")
         else:
-            arm = first_key("arm_or_disarm", self.keymap)
-            is_at_rest = self.engine.holder != "autonomy"
+            arm = first_key("arm_or_disarm", self._seat.keymap)
+            is_at_rest = self._seat.engine.holder != "autonomy"
             then = f": {arm} arms, and it searches" if is_at_rest else ""
-            self.say(f"nothing is kept that could be followed again{then}", "warn")
+            self._seat.say(f"nothing is kept that could be followed again{then}", "warn")
 
     def _follow_again(self, *, is_certain: bool) -> None:
         """The kept track; after a STOP or a fault the checklist comes first, as with arming.
 
         ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
         """
-        left_s = self._at_rest_since_s + WITHIN_S - self.now_s()
-        has_hold = self.engine.is_resumable or self.engine.holder == "autonomy"
+        left_s = self.at_rest_since_s + WITHIN_S - self._seat.now_s()
+        has_hold = self._seat.engine.is_resumable or self._seat.engine.holder == "autonomy"
         if self.is_following_again:
-            self.say(f"already being followed again: {self.engine.kept}")
-        elif has_hold and not self.is_stopping:
-            self._asked_again_s = self.now_s()
-            self.send(Resume())
+            self._seat.say(f"already being followed again: {self._seat.engine.kept}")
+        elif has_hold and not self._seat.is_stopping:
+            self._asked_again_s = self._seat.now_s()
+            self._seat.send(Resume())
         elif left_s > 0.0 and is_certain and self._is_stop_confirmed:
             self._follow_in(left_s)
-        elif left_s > 0.0 or self.is_stopping:
+        elif left_s > 0.0 or self._seat.is_stopping:
             # It may have been pressed before the mount was taken from autonomy.
-            undo = first_key("undo", self.keymap)
+            undo = first_key("undo", self._seat.keymap)
             wait = f"wait {WITHIN_S:.0f} s, then press {undo}"
-            self.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
-        elif not self._is_arming:
-            self._is_arming, self._asked_again_s = True, self.now_s()
-            self.send(Arm(), then=Resume())
+            self._seat.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
+        elif not self.is_arming:
+            self.is_arming, self._asked_again_s = True, self._seat.now_s()
+            self._seat.send(Arm(), then=Resume())
 
     @property
     def _is_stop_confirmed(self) -> bool:
         """Whether STOP was given here and its banner says that motion has ended."""
-        return self.stop_news is not None and self.stop_news.phase == "stopped"
+        return self._seat.stop_news is not None and self._seat.stop_news.phase == "stopped"
 
     def _follow_in(self, left_s: float) -> None:
         """When a stray key right after STOP can be told from a wish: no other key comes behind."""
-        undo, stop = (first_key(name, self.keymap) for name in ("undo", "stop_by_letter"))
+        undo, stop = (first_key(name, self._seat.keymap) for name in ("undo", "stop_by_letter"))
         wait = f"in {math.ceil(left_s)} s; {stop} or any other key: not"
-        self.say(f"{undo}: follows it again {wait}", "warn", left_s)
-        stops, number = self._stops, self.second_press.number
+        self._seat.say(f"{undo}: follows it again {wait}", "warn", left_s)
+        stops, number = self._seat.stops, self._twice.press.number
 
         def when_due() -> None:
-            if self._stops != stops or not self.can_act:
+            if self._seat.stops != stops or not self._seat.can_act:
                 return
-            if self.is_stopping:
-                self.say(f"the engine is still ending what it does: press {undo} again", "warn")
-            elif self.engine.holder == "autonomy":
+            if self._seat.is_stopping:
+                self._seat.say(
+                    f"the engine is still ending what it does: press {undo} again", "warn"
+                )
+            elif self._seat.engine.holder == "autonomy":
                 pass  # somebody else has armed it
-            elif self.second_press.number != number:
-                self.say("not followed again: another key came behind it", "warn")
-            elif self.engine.kept is None:
-                self.say("nothing is kept that could be followed again", "warn")
+            elif self._twice.press.number != number:
+                self._seat.say("not followed again: another key came behind it", "warn")
+            elif self._seat.engine.kept is None:
+                self._seat.say("nothing is kept that could be followed again", "warn")
             else:
                 self._follow_again(is_certain=True)
 
-        self.set_timer(left_s, when_due)
-
-    def take_back_drop(self) -> bool:
-        """Follow again what was dropped last; False where nothing was."""
-        return False
+        self._seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
         """Search round where it must be; that gives up a running track."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        if has_track(self.engine):
-            what = f"gives up the track of {self.track_words()} and searches for it"
-            self.twice("seek", what, lambda: self.send(Seek()))
+        if has_track(self._seat.engine):
+            what = f"gives up the track of {self._twice.track_words()} and searches for it"
+            self._twice.ask("seek", what, lambda: self._seat.send(Seek()))
         else:
-            self.send(Seek())
+            self._seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
         """Sidereal tracking on and off."""
-        if self.may_act():
-            self.send(Track(is_on=not self.engine.is_tracking))
+        if self._seat.may_act():
+            self._seat.send(Track(is_on=not self._seat.engine.is_tracking))
 
     def action_exposure(self) -> None:
         """Ask for another exposure and cadence."""
-        if self.may_act():
+        if self._seat.may_act():
             self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
 
     def action_aim(self) -> None:
         """Ask where to look beside the prediction; shows what that means first."""
-        if self.may_act():
-            self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self.orders))
+        if self._seat.may_act():
+            self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self._seat.orders))
 
     def _settings(self, names: Iterable[str]) -> dict[str, Any]:
-        return {name: self.night.setting(name) for name in names}
+        return {name: self._seat.night.setting(name) for name in names}
 
     def _ask_settings(self, dialog: SettingsDialog) -> None:
         def decided(wanted: dict[str, float] | None) -> None:
             for name, value in (wanted or {}).items():
-                self.send(Set(name=name, value=value))
+                self._seat.send(Set(name=name, value=value))
 
-        self.app.push_screen(dialog, decided)
+        self._seat.ask(dialog, decided)
 
     # -- by hand ------------------------------------------------------------------------------
 
@@ -286,23 +312,23 @@ class TelescopeActions(CarefulSeat):
 
     def _ask_where(self, begun: str) -> None:
         """``begun``: what stands in the field already."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
 
         def decided(direction: tuple[float, float] | None) -> None:
             if direction is not None:
-                self.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
+                self._seat.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
 
-        undo = first_key("undo", self.keymap)
-        kept = f"{self.track_words()} is kept meanwhile: {undo} follows it again"
+        undo = first_key("undo", self._seat.keymap)
+        kept = f"{self._twice.track_words()} is kept meanwhile: {undo} follows it again"
         dialog = GotoDialog(
-            self.night.config,
+            self._seat.night.config,
             self._now_utc_ns,
-            self.orders,
+            self._seat.orders,
             begun,
-            kept if has_track(self.engine) else "",
+            kept if has_track(self._seat.engine) else "",
         )
-        self.app.push_screen(dialog, decided)
+        self._seat.ask(dialog, decided)
 
     def action_up_now(self) -> None:
         """The satellites above the limit; the chosen one is planned as any go-to is."""
@@ -311,11 +337,11 @@ class TelescopeActions(CarefulSeat):
             if number is not None:
                 self._ask_where(number)
 
-        self.app.push_screen(UpListDialog(self.night.config, self._now_utc_ns), decided)
+        self._seat.ask(UpListDialog(self._seat.night.config, self._now_utc_ns), decided)
 
     def _now_utc_ns(self) -> int:
         """The frame clock."""
-        return self.engine.now_utc_ns or time.time_ns()
+        return self._seat.engine.now_utc_ns or time.time_ns()
 
     def action_nudge_up(self) -> None:
         """By the step, as the picture is turned."""
@@ -339,12 +365,12 @@ class TelescopeActions(CarefulSeat):
         Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
         """
         # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
-        if self._is_nudging or not self.may_act():
+        if self._is_nudging or not self._seat.may_act():
             return
-        if self.engine.holder == "autonomy":
-            back = first_key("hold_or_resume", self.keymap)
+        if self._seat.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", self._seat.keymap)
             what = f"takes the mount from AUTO ({back} gives it back)"
-            self.twice(name, what, lambda: self._send_nudge(right, down))
+            self._twice.ask(name, what, lambda: self._send_nudge(right, down))
         else:
             self._send_nudge(right, down)
 
@@ -353,8 +379,8 @@ class TelescopeActions(CarefulSeat):
             return
         self._is_nudging = True
         east, north = self._on_the_sky(right, down)
-        arcmin = STEPS_ARCSEC[self.step] / 60.0
-        self.send(
+        arcmin = STEPS_ARCSEC[self._step] / 60.0
+        self._seat.send(
             Nudge(
                 east_arcmin=round(arcmin * east, 6),
                 north_arcmin=round(arcmin * north, 6),
@@ -363,7 +389,7 @@ class TelescopeActions(CarefulSeat):
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
         """A direction in the picture as (east, north); without a plate north is up, east left."""
-        solution = self.picture.detail.solution if self.picture is not None else None
+        solution = self._seat.picture.detail.solution if self._seat.picture is not None else None
         if not isinstance(solution, Solution):
             return -right, -down
         cd = solution.wcs.cd
@@ -381,40 +407,40 @@ class TelescopeActions(CarefulSeat):
         self._change_step(-1)
 
     def _change_step(self, by: int) -> None:
-        self.step = min(max(self.step + by, 0), len(STEPS_ARCSEC) - 1)
-        self.say(f"nudge by {step_words(STEPS_ARCSEC[self.step])}")
+        self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
+        self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
 
     def action_centre(self) -> None:
         """Point at the streak that is followed, or at the likeliest one, by hand."""
-        if not self.may_act():
+        if not self._seat.may_act():
             return
-        picture = self.picture
+        picture = self._seat.picture
         detail = picture.detail if picture is not None else None
         if detail is None or not isinstance(detail.solution, Solution):
-            self.say("the frame is not solved: nothing can be pointed at", "warn")
+            self._seat.say("the frame is not solved: nothing can be pointed at", "warn")
             return
         followed = detail.followed
         found = detail.detections.detections if detail.detections is not None else ()
-        if followed is not None and self.night.track is not None:
+        if followed is not None and self._seat.night.track is not None:
             from rsoconsole.pipeline.cycle import direction_at
 
             # Where it is now: it has gone on since the frame.
-            place = direction_at(self.night.track, self._now_utc_ns())
+            place = direction_at(self._seat.night.track, self._now_utc_ns())
         elif followed is not None:
             place = followed.ra_icrs_deg, followed.dec_icrs_deg
         elif found:
             ra, dec = pixel_to_sky(detail.solution.wcs, found[0].x_px, found[0].y_px)
             place = float(ra), float(dec)
         else:
-            self.say("the frame has no streak to centre", "warn")
+            self._seat.say("the frame has no streak to centre", "warn")
             return
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
+                self._seat.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
 
-        has_it = self.engine.holder == "autonomy"
-        back = first_key("hold_or_resume", self.keymap)
+        has_it = self._seat.engine.holder == "autonomy"
+        back = first_key("hold_or_resume", self._seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
-        dialog = MoveDialog("centre the streak", place, caution, self.orders)
-        self.app.push_screen(dialog, decided)
+        dialog = MoveDialog("centre the streak", place, caution, self._seat.orders)
+        self._seat.ask(dialog, decided)

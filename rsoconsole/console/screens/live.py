@@ -1,15 +1,17 @@
 """The live screen: what is known of the night that goes on, and the keys that act."""
 
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual import events
 from textual.binding import BindingType
 
 from rsoconsole.console.actions import (
+    MarkActions,
     StreakActions,
     TelescopeActions,
     TrackOrders,
+    TwicePressed,
     has_track,
     too_late_to_mark,
 )
@@ -18,12 +20,19 @@ from rsoconsole.console.dialogs import MARKED, LeaveDialog, LineDialog, Verdicts
 from rsoconsole.console.frame import MarkTo
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import Key, Mode, keys_for
-from rsoconsole.console.picture import Mark
+from rsoconsole.console.picture import Mark, Marking
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
-from rsoconsole.console.watches import EngineSeen, NightSeen, detail_of
+from rsoconsole.console.watches import (
+    EngineSeen,
+    MarkHeld,
+    NightSeen,
+    OutcomeCame,
+    Pointed,
+    detail_of,
+)
 from rsoconsole.console.words import kept_words, words
-from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, motion_words
+from rsoconsole.control import MarkByHand, Note, Outcome, Shutdown, StopNews, motion_words
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
@@ -31,22 +40,31 @@ AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stan
 """By ``mount.after_stop``."""
 
 
-class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
+class LiveScreen(NightScreen):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
     _key_before = ""
 
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.twice = TwicePressed(self)
+        self.streaks = StreakActions(self, self.twice)
+        self.mark = MarkActions(self)
+        self.track_orders = TrackOrders(self, self.twice)
+        self.telescope = TelescopeActions(self, self.twice, self.track_orders.take_back_drop)
+        self.take_keys(self.streaks, self.mark, self.telescope)
+
     def look_again(self) -> None:
         """A mark that is being made goes on in the other view."""
-        self.mark_in_other_view()
+        self.mark.look_again()
 
     def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
         if event.key != self._key_before:
-            self.second_press.forget()
+            self.twice.press.forget()
         self._key_before = event.key
-        if self.mark_key(event.key):
+        if self.mark.takes_key(event.key):
             event.stop()
             event.prevent_default()
 
@@ -57,11 +75,13 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
         message.is_taken = True
         has_other_shape = self.aspect_of(message.picture) != self.aspect_of(self.picture)
         if message.night.folder != self.night.folder:
-            self.forget_mark()
+            self.mark.forget()
+            self.streaks.forget_pick()
         before, self.night = self.night, message.night
         self.see_refusals(before)
+        self.telescope.see_refused(self.refused_since(before))
         self.see_marks(before)
-        self.take_picture(message.picture)
+        self.mark.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
         self.show_night()
@@ -74,9 +94,48 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.see_mount_change_hands(before)
+        self.telescope.see_mount_change_hands(before)
         self.see_stop()
         self.show_engine()
+
+    def on_outcome_came(self, message: OutcomeCame) -> None:
+        """What came of a command; the seat's own handler, which Textual calls next, says it."""
+        self.telescope.see_outcome(message)
+
+    def on_mark_held(self, message: MarkHeld) -> None:
+        """Whether the engine keeps the frame that is marked in."""
+        self.mark.held(message)
+
+    def on_pointed(self, message: Pointed) -> None:
+        """The mouse in a picture: an end of a mark, or a streak to follow."""
+        if self.marking is not None:
+            self.mark.point(message)
+        elif not message.is_release:
+            self.streaks.click(message)
+
+    def stop(self) -> None:
+        """STOP; a second press that has not been acted on yet is never carried out after it."""
+        self.telescope.see_stop()
+        self.twice.press.forget()
+        super().stop()
+
+    def mark_is_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """By the engine: its frame's details are what is asked for next."""
+        self.mark.see_taken(mark)
+        super().mark_is_taken(mark, outcome)
+
+    def drop_track(self) -> None:
+        """The one at the list's cursor."""
+        self.track_orders.drop_track()
+
+    def keep_track(self) -> None:
+        """The one at the list's cursor."""
+        self.track_orders.keep_track()
+
+    @property
+    def is_following_again(self) -> bool:
+        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        return self.telescope.is_following_again
 
     def show_engine(self) -> None:
         """The engine's word, and what both together say."""
@@ -88,12 +147,17 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
         """What is being marked at this moment."""
-        return self.mark_marks()
+        return self.mark.marks()
+
+    @property
+    def marking(self) -> Marking | None:
+        """The mark that is being made; None while none is."""
+        return self.mark.marking
 
     @property
     def hides_signs(self) -> bool:
         """Whether the signs of streaks would cover what is being marked."""
-        return self.mark_hides_signs
+        return self.mark.hides_signs
 
     def stop_words(self, news: StopNews) -> str:
         """With how things stand since, and the next key."""
@@ -135,7 +199,7 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
 
     def target_name(self) -> str:
         """As the first line has it."""
-        return target_words(self.orbit)[0].rstrip("?") or super().target_name()
+        return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
     @property
     def mode(self) -> Mode:
@@ -162,14 +226,14 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
         if is_moving:
             text += f" THE TELESCOPE IS MOVING: {motion_words(self.engine)}."
         if has_track(self.engine):
-            text += f" It follows {self.track_words()}."
+            text += f" It follows {self.twice.track_words()}."
         is_left_alone = is_moving and self.engine.holder != "autonomy"
         self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
         """A mark first."""
         if self.marking is not None:
-            self.end_mark()
+            self.mark.leave_off()
         else:
             super().action_put_away()
 
@@ -180,7 +244,7 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
                 self.action_log()
             if self.covers_picture():
                 self.action_orbit()
-        super().action_mark()
+        self.mark.action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
         """The engine takes words on the last frames only."""
@@ -200,14 +264,14 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
 
         return MarkTo(
             send=send,
-            begin=self.begin_marking,
+            begin=self.mark.begin,
             leave=self.leave_marking,
             refusal=self.mark_refusal,
         )
 
     def action_verdicts(self) -> None:
         """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
-        marked_id, is_first = self.marked_lately()
+        marked_id, is_first = self.mark.marked_lately()
         shown, folder = self.picture, self.night.folder
         if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
             super().action_verdicts()

@@ -33,7 +33,7 @@ from rsoconsole.console.panes import (
     key_line,
     notice_rows,
 )
-from rsoconsole.console.picture import Picture
+from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.screens.picture_actions import PictureActions
 from rsoconsole.console.tuning import TunePane
 from rsoconsole.console.watches import OrbitSeen, OutlookSeen
@@ -105,6 +105,11 @@ class NightScreen(PictureActions):
     def _look_after_resize(self) -> None:
         self.show_picture()
         self.look_again()
+
+    @property
+    def drawing(self) -> Drawing | None:
+        """How the large pane's picture is drawn; None while nothing is."""
+        return self.query_one("#frame", FramePane).drawing
 
     # -- what is known ----------------------------------------------------------------------
 

@@ -1,0 +1,238 @@
+"""A mark by hand: the two ends of a streak that the detector has not seen, or not so."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from textual.message import Message
+
+from rsoconsole.console.actions.seat import MARK_SAID_S, REFUSAL_S
+from rsoconsole.console.actions.seat_uses import ActingSeat
+from rsoconsole.console.night import EngineView, FrameDetail
+from rsoconsole.console.picture import Drawing, Mark, Marking, Picture
+from rsoconsole.console.watches import MarkHeld, Pointed
+from rsoconsole.control import BeginMark, MarkByHand, Outcome
+from rsoconsole.pipeline.frame import HELD
+from rsoconsole.records import NotSolved
+
+DETAILS_S = 60.0
+"""So long after a mark the details that are asked for first are of its frame."""
+RECALLED_S = 600.0
+"""So long they are at hand beside those of the newest."""
+
+
+class MarkingSeat(ActingSeat, Protocol):
+    """What a mark uses of the seat."""
+
+    picture: Picture | None
+
+    @property
+    def drawing(self) -> Drawing | None:
+        """How the large pane's picture is drawn; None while nothing is."""
+
+    def show_picture(self) -> None:
+        """Draw the picture again."""
+
+    def leave_marking(self, frame_id: int | None) -> None:
+        """The engine need not keep the frame for a mark any more."""
+
+    def post_from_thread(self, message: Message) -> None:
+        """Have a message handled by the application (any thread)."""
+
+
+class MarkActions:
+    """The mark that is being made, and the one that was made last."""
+
+    def __init__(self, seat: MarkingSeat) -> None:
+        self._seat = seat
+        self.picture_waiting: Picture | None = None
+        """The newest, while a mark is made in an older one."""
+        self.marking: Marking | None = None
+        """The mark that is being made; None while none is."""
+        self._marked: tuple[int | None, float] = (None, 0.0)
+        """The frame of the last mark that the engine took, and when."""
+        self._is_mark_unseen = False
+        """Whether its details have not been asked for since."""
+
+    def action_mark(self) -> None:
+        """Begin a mark in the picture, or leave off."""
+        if self.marking is not None:
+            self.leave_off()
+            return
+        if not self._seat.may_act():
+            return
+        drawing = self._seat.drawing
+        if self._seat.picture is None or drawing is None:
+            self._seat.say("there is no picture to mark in", "warn")
+            return
+        frame_id = self._seat.picture.frame_id
+        too_late = too_late_to_mark(self._seat.engine, frame_id)
+        why_not = why_no_mark(frame_id, self._seat.picture.detail) or too_late
+        if why_not:
+            self._seat.say(why_not, "warn", REFUSAL_S)
+            return
+        self.marking = Marking.begin(self._seat.picture.frame_id, drawing)
+        self._show_mark()
+        self.begin(frame_id, self._refuse_mark)
+
+    def begin(self, frame_id: int, refused: Callable[[str], None]) -> None:
+        """Have the engine keep that frame; ``refused`` is called with why it cannot."""
+
+        def came(outcome: Outcome) -> None:
+            self._seat.post_from_thread(MarkHeld(frame_id, outcome, refused))
+
+        self._seat.orders.send(BeginMark(frame_id=frame_id), came)
+
+    @staticmethod
+    def held(message: MarkHeld) -> None:
+        """A mark that the engine cannot take ends where it begins."""
+        outcome = message.outcome
+        if outcome.ok:
+            return
+        seat = outcome.data.get("seat")
+        why = f"{seat} has control" if seat else outcome.message
+        message.refused(f"no mark in frame {message.frame_id}: {why}")
+
+    def _refuse_mark(self, why_not: str) -> None:
+        if self.marking is not None:
+            self._leave_mark()
+        self._seat.say(why_not, "warn", REFUSAL_S)
+
+    def leave_off(self) -> None:
+        """Leave off; nothing is sent."""
+        if self.marking is not None:
+            self._seat.leave_marking(self.marking.frame_id)
+        self._leave_mark()
+        self._seat.say("")
+
+    def forget(self) -> None:
+        """Another session is shown: what was marked in has gone."""
+        if self.marking is not None:
+            self._seat.say("the mark is left off: another session began", "warn")
+        self.marking = self.picture_waiting = None
+
+    def _leave_mark(self) -> None:
+        """Show again what is newest."""
+        self.marking = None
+        if self.picture_waiting is not None:
+            self._seat.picture, self.picture_waiting = self.picture_waiting, None
+        self._seat.show_picture()
+
+    def take_picture(self, picture: Picture | None) -> None:
+        """The newest picture; while a mark is made, its own frame stays and the newest waits."""
+        if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
+            self._seat.picture = picture
+        else:
+            self.picture_waiting = picture
+
+    def look_again(self) -> None:
+        """The view has changed while a mark is made: it goes on there."""
+        drawing = self._seat.drawing
+        if self.marking is not None and drawing is not None:
+            self.marking.look(drawing)
+            self._show_mark()
+
+    def takes_key(self, key: str) -> bool:
+        """A key while a mark is made; True when it was for the mark."""
+        if self.marking is None:
+            return False
+        if key == "enter":
+            self._set_end()
+        elif key in {"O", "upper_o"}:
+            self.marking.shows_signs = not self.marking.shows_signs
+            self._seat.show_picture()
+        elif not self.marking.move(key):
+            return False
+        else:
+            self._show_mark()
+        return True
+
+    def point(self, message: Pointed) -> None:
+        """The mouse in a picture while a mark is made: an end of it."""
+        assert self.marking is not None
+        self.marking.cursor_px = (message.x_px, message.y_px)
+        if (message.is_release and self.marking.is_drag()) or not message.is_release:
+            self._set_end(message.px_per_square)
+
+    def _set_end(self, px_per_square: float | None = None) -> None:
+        assert self.marking is not None
+        if why_not := too_late_to_mark(self._seat.engine, self.marking.frame_id):
+            self._leave_mark()
+            self._seat.say(why_not, "warn", REFUSAL_S)
+            return
+        ends = self.marking.set_end(px_per_square)
+        if ends is None:
+            self._show_mark()
+            return
+        (x_a, y_a), (x_b, y_b) = ends
+        self._seat.send(
+            MarkByHand(
+                frame_id=self.marking.frame_id,
+                x_a_px=x_a,
+                y_a_px=y_a,
+                x_b_px=x_b,
+                y_b_px=y_b,
+                sigma_px=max(self.marking.coarsest_px, 1.0),
+            )
+        )
+        self._leave_mark()
+
+    def _show_mark(self) -> None:
+        assert self.marking is not None
+        which = "first" if self.marking.first_px is None else "second"
+        waits = "; a newer frame waits" if self.picture_waiting is not None else ""
+        kept = f"frame {self.marking.frame_id} stays markable meanwhile, for {HELD} frames{waits}"
+        self._seat.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
+        self._seat.show_picture()
+
+    def see_taken(self, mark: MarkByHand) -> None:
+        """By the engine: its frame's details are what is asked for next."""
+        self._marked, self._is_mark_unseen = (mark.frame_id, self._seat.now_s()), True
+
+    def marked_lately(self) -> tuple[int | None, bool]:
+        """The frame marked last, while it is recalled; whether its details come first, once."""
+        (frame_id, at_s), is_first = self._marked, self._is_mark_unseen
+        since_s, self._is_mark_unseen = self._seat.now_s() - at_s, False
+        if frame_id is None or since_s >= RECALLED_S:
+            return None, False
+        return frame_id, is_first and since_s < DETAILS_S
+
+    @property
+    def hides_signs(self) -> bool:
+        """While a mark is made: they stand where its ends are."""
+        return self.marking is not None and not self.marking.shows_signs
+
+    def marks(self) -> tuple[Mark, ...]:
+        """What the mark being made adds to the picture."""
+        return () if self.marking is None else self.marking.marks()
+
+
+def why_no_mark(frame_id: int, detail: FrameDetail) -> str:
+    """What stands against a mark in a frame before its ends are set; empty: nothing."""
+    if isinstance(detail.solution, NotSolved):
+        reason = detail.solution.reason
+        return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
+    if detail.solution is None:
+        return f"no mark in frame {frame_id} yet: it is not solved yet"
+    return ""
+
+
+def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
+    """Why the engine would take no mark in that frame any more; empty: it would."""
+    frames = engine.markable_frames
+    if not engine.is_attached or frames is None or frame_id in frames:
+        return ""
+    if frame_id > max(frames, default=(engine.frame_id or 0) - 1):
+        return ""  # newer than the engine's last word
+    if not frames:
+        return f"no mark in frame {frame_id}: the next one takes one"
+    return (
+        f"frame {frame_id} is too old to mark: only {_frames_text(frames)} can be;"
+        " on the main screen enter opens the newest"
+    )
+
+
+def _frames_text(frames: Sequence[int]) -> str:
+    """Frames 20 to 31; frames 1, 2, 20."""
+    if len(frames) > 2 and frames[-1] - frames[0] == len(frames) - 1:
+        return f"frames {frames[0]} to {frames[-1]}"
+    return f"frame{'s' if len(frames) > 1 else ''} {', '.join(map(str, frames))}"
