@@ -125,14 +125,14 @@ def test_the_screen_looks_as_it_was_agreed(
         now = wire.status["now_utc_ns"]
         await until(pilot, lambda: has_outlook(app) and app.live.outlook.t_utc_ns == now)
         if has_tune_of_its_own(*size):
-            await until(pilot, lambda: app.live._figures[0] is not None)
+            await until(pilot, lambda: app.live.tune.figures[0] is not None)
         if state == "engine-dead":
             wire.is_gone = True
         await act(app, pilot)
         if state == "not-armed":
             await until(pilot, lambda: app.screen is not app.live)
         if state == "tune":
-            await until(pilot, lambda: app.live._figures[1] is not None)
+            await until(pilot, lambda: app.live.tune.figures[1] is not None)
         await pilot.pause(0.05)
         seen = screen_text(app)
 

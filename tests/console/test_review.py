@@ -70,7 +70,7 @@ MOVES: list[tuple[list[str], int]] = [
 def test_keys_go_to_another_frame_from_the_fiftieth(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         for keys, frame_id in MOVES:
-            review.go_to_text("50")
+            review.moves.go_to_text("50")
             await until(pilot, lambda: is_there(review, 50))
             await press(review, pilot, *keys)
             assert frame_shown(review) == frame_id, keys
@@ -96,7 +96,7 @@ def test_a_jump_goes_from_event_to_event_of_the_chosen_kind_and_back(eventful: P
         for kind, frames in JUMPS.items():
             while review.kind != kind:
                 await pilot.press("E")
-            review.go_to_text("50")
+            review.moves.go_to_text("50")
             places, seen = [], []
             while True:
                 before = review.seq
@@ -257,7 +257,7 @@ def test_what_is_asked_for_before_the_moment_is_there_is_compared_once_it_is(eve
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("K")
         kept = review.kept
-        review.go(review.timeline.step(review.seq, 1))
+        review.moves.go(review.timeline.step(review.seq, 1))
         review.action_compare()
         assert not isinstance(pilot.app.screen, CompareDialog)
         await until(pilot, lambda: isinstance(pilot.app.screen, CompareDialog))
@@ -407,15 +407,15 @@ def test_help_verdicts_zoom_stretch_and_the_frame_work_as_in_the_seat(eventful: 
 def test_tuning_computes_up_to_the_moment_and_applies_nothing(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("t", "right")
-        await until(pilot, lambda: review._figures[1] is not None)
+        await until(pilot, lambda: review.tune.figures[1] is not None)
         pane = text_of(review, "tune")
         assert "frames to here" in pane
         assert "apply" not in pane
-        assert review._figures[0].frames == 40
+        assert review.tune.figures[0].frames == 40
         await pilot.press("enter")
         assert "nothing is changed here" in text_of(review, "keys")
         await pilot.press("A")
-        await until(pilot, lambda: review._figures[0].frames == 50)
+        await until(pilot, lambda: review.tune.figures[0].frames == 50)
         assert "all frames so far" in text_of(review, "tune")
         await pilot.press("escape")
         assert not review.query_one("#tune", TunePane).display

@@ -62,7 +62,7 @@ async def settled(review: ReviewScreen, pilot: Pilot[str], size: tuple[int, int]
     """What other threads compute has come."""
     await until(pilot, lambda: review.outlook is not None)
     if has_tune_of_its_own(*size):
-        await until(pilot, lambda: review._figures[0] is not None)
+        await until(pilot, lambda: review.tune.figures[0] is not None)
     await pilot.pause(0.05)
 
 

@@ -432,10 +432,10 @@ def test_a_key_right_behind_escape_counts_too(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("t")
-        assert app.live.is_tune_open
+        assert app.live.tune.is_open
         await pilot.press("alt+o")
         await until(pilot, lambda: app.live.is_orbit_open)
-        assert not app.live.is_tune_open
+        assert not app.live.tune.is_open
         assert app.screen is app.live
 
     play(wire, scene, (100, 30))

@@ -1,19 +1,24 @@
 """A mark by hand: the two ends of a streak that the detector has not seen, or not so."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from textual.message import Message
 
-from rsoconsole.console.actions.seat import MARK_SAID_S, REFUSAL_S
-from rsoconsole.console.actions.seat_uses import ActingSeat
-from rsoconsole.console.night import EngineView, FrameDetail
+from rsoconsole.console.actions.seat_uses import ActingSeat, log_lines_after, open_unasked
+from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.night import EngineView, FrameDetail, NightView
 from rsoconsole.console.picture import Drawing, Mark, Marking, Picture
 from rsoconsole.console.watches import MarkHeld, Pointed
-from rsoconsole.control import BeginMark, MarkByHand, Outcome
+from rsoconsole.console.words import unsigned_text
+from rsoconsole.control import BeginMark, MarkByHand, Outcome, Sender
 from rsoconsole.pipeline.frame import HELD
 from rsoconsole.records import NotSolved
 
+REFUSAL_S = 10.0
+MARK_SAID_S = 30.0
+"""What came of a mark is said so long: it was made in a frame that lies over this screen."""
 DETAILS_S = 60.0
 """So long after a mark the details that are asked for first are of its frame."""
 RECALLED_S = 600.0
@@ -24,6 +29,7 @@ class MarkingSeat(ActingSeat, Protocol):
     """What a mark uses of the seat."""
 
     picture: Picture | None
+    seat_name: str
 
     @property
     def drawing(self) -> Drawing | None:
@@ -31,9 +37,6 @@ class MarkingSeat(ActingSeat, Protocol):
 
     def show_picture(self) -> None:
         """Draw the picture again."""
-
-    def leave_marking(self, frame_id: int | None) -> None:
-        """The engine need not keep the frame for a mark any more."""
 
     def post_from_thread(self, message: Message) -> None:
         """Have a message handled by the application (any thread)."""
@@ -55,22 +58,23 @@ class MarkActions:
 
     def action_mark(self) -> None:
         """Begin a mark in the picture, or leave off."""
+        seat = self._seat
         if self.marking is not None:
             self.leave_off()
             return
-        if not self._seat.may_act():
+        if not seat.may_act():
             return
-        drawing = self._seat.drawing
-        if self._seat.picture is None or drawing is None:
-            self._seat.say("there is no picture to mark in", "warn")
+        drawing = seat.drawing
+        if seat.picture is None or drawing is None:
+            seat.say("there is no picture to mark in", "warn")
             return
-        frame_id = self._seat.picture.frame_id
-        too_late = too_late_to_mark(self._seat.engine, frame_id)
-        why_not = why_no_mark(frame_id, self._seat.picture.detail) or too_late
+        frame_id = seat.picture.frame_id
+        too_late = too_late_to_mark(seat.engine, frame_id)
+        why_not = why_no_mark(frame_id, seat.picture.detail) or too_late
         if why_not:
-            self._seat.say(why_not, "warn", REFUSAL_S)
+            seat.say(why_not, "warn", REFUSAL_S)
             return
-        self.marking = Marking.begin(self._seat.picture.frame_id, drawing)
+        self.marking = Marking.begin(seat.picture.frame_id, drawing)
         self._show_mark()
         self.begin(frame_id, self._refuse_mark)
 
@@ -100,7 +104,7 @@ class MarkActions:
     def leave_off(self) -> None:
         """Leave off; nothing is sent."""
         if self.marking is not None:
-            self._seat.leave_marking(self.marking.frame_id)
+            self.leave(self.marking.frame_id)
         self._leave_mark()
         self._seat.say("")
 
@@ -154,17 +158,18 @@ class MarkActions:
             self._set_end(message.px_per_square)
 
     def _set_end(self, px_per_square: float | None = None) -> None:
+        seat = self._seat
         assert self.marking is not None
-        if why_not := too_late_to_mark(self._seat.engine, self.marking.frame_id):
+        if why_not := too_late_to_mark(seat.engine, self.marking.frame_id):
             self._leave_mark()
-            self._seat.say(why_not, "warn", REFUSAL_S)
+            seat.say(why_not, "warn", REFUSAL_S)
             return
         ends = self.marking.set_end(px_per_square)
         if ends is None:
             self._show_mark()
             return
         (x_a, y_a), (x_b, y_b) = ends
-        self._seat.send(
+        seat.send(
             MarkByHand(
                 frame_id=self.marking.frame_id,
                 x_a_px=x_a,
@@ -184,9 +189,53 @@ class MarkActions:
         self._seat.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
         self._seat.show_picture()
 
-    def see_taken(self, mark: MarkByHand) -> None:
-        """By the engine: its frame's details are what is asked for next."""
+    def see_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """By the engine, and with the next frame by the track: its details are asked for next."""
         self._marked, self._is_mark_unseen = (mark.frame_id, self._seat.now_s()), True
+        said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
+        self._seat.say(said, "good", MARK_SAID_S)
+
+    def ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """A mark would take the place of what is known better: both sigmas, and enter once more."""
+        seat = self._seat
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                seat.send(replace(mark, replaces=True))
+            else:
+                seat.say(f"your mark in frame {mark.frame_id} is not used", "title", MARK_SAID_S)
+                self.leave(mark.frame_id)
+
+        seat.say("the mark waits for your word", "warn")
+        own, better = (
+            unsigned_text(float(outcome.data.get(name) or 0.0))
+            for name in ("sigma_arcsec", "better_arcsec")
+        )
+        text = (
+            f"Yours is good to ±{own}: {outcome.data.get('how', '')}.\n"
+            f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
+            "Enter again takes yours instead; esc leaves it as it is."
+        )
+        open_unasked(
+            seat,
+            ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
+            decided,
+        )
+
+    def leave(self, frame_id: int | None) -> None:
+        """A mark that was begun is left off: the engine need not keep the frame for it."""
+        if frame_id is not None and self._seat.can_act:
+            self._seat.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
+
+    def see_recorded(self, before: NightView) -> None:
+        """What came of a mark that was made here, when it is on record."""
+        seat = self._seat
+        if not seat.seat_name or before.folder != seat.night.folder or not before.is_read:
+            return
+        own = Sender.console(seat.seat_name).words
+        for line in log_lines_after(seat.night, before.seq):
+            if line.marked_by == own:
+                seat.say(f"your {line.text.partition(': ')[2]}", "good", MARK_SAID_S)
 
     def marked_lately(self) -> tuple[int | None, bool]:
         """The frame marked last, while it is recalled; whether its details come first, once."""

@@ -6,11 +6,14 @@ from typing import Protocol, TypeVar
 from textual.screen import Screen
 
 from rsoconsole.console.commands import Orders
+from rsoconsole.console.dialogs import Dialog, Result
 from rsoconsole.console.drawing import Ink
-from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.night import EngineView, LogLine, NightView
 from rsoconsole.control import Command
 
 Answer = TypeVar("Answer")
+NEW_LINES = 20
+"""Among so many of the log's last lines is what a command came to."""
 
 
 class LookingSeat(Protocol):
@@ -49,3 +52,18 @@ class ActingSeat(LookingSeat, Protocol):
 
     def set_timer(self, delay: float, callback: Callable[[], None]) -> object:
         """Have it called once, so many seconds from now."""
+
+
+def open_unasked(
+    seat: LookingSeat,
+    dialog: Dialog[Result],
+    decided: Callable[[Result | None], None] | None = None,
+) -> None:
+    """A dialog that the engine's answer opens: a key that bounces does not answer it."""
+    dialog.opens_unasked = True
+    seat.ask(dialog, decided)
+
+
+def log_lines_after(night: NightView, seq: int) -> list[LogLine]:
+    """What has been recorded since, of the last lines."""
+    return [line for line in night.log[-NEW_LINES:] if line.seq > seq]

@@ -55,13 +55,14 @@ class StreakActions:
 
     def action_follow_next(self) -> None:
         """The streak that was asked for, else the frame's next one, the likeliest first."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        asked = self._picked if self._seat.now_s() < self._picked_until_s else None
+        asked = self._picked if seat.now_s() < self._picked_until_s else None
         pick = asked or self._next_pick()
         if pick is None:
-            self._seat.say("the frame has no streak to follow", "warn")
-        elif has_track(self._seat.engine) and (asked or not self.is_followed(pick.streak)):
+            seat.say("the frame has no streak to follow", "warn")
+        elif has_track(seat.engine) and (asked or not self.is_followed(pick.streak)):
             # Another streak ends the track: that asks twice, and the second press means the same.
             self._keep_pick(pick, WITHIN_S)
             self._twice.ask("follow_next", self._leaves_words(pick), lambda: self._choose(pick))
@@ -118,18 +119,19 @@ class StreakActions:
 
     def action_reject(self) -> None:
         """One of the last measurements was something else: which, is asked by number."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        measured = self._seat.night.measured
+        measured = seat.night.measured
         if not measured:
-            self._seat.say("the track has taken no measurement yet that could be rejected", "warn")
+            seat.say("the track has taken no measurement yet that could be rejected", "warn")
             return
 
         def decided(frame_id: int | None) -> None:
             if frame_id is not None:
-                self._seat.send(Reject(frame_id=frame_id))
+                seat.send(Reject(frame_id=frame_id))
 
-        self._seat.ask(RejectDialog(measured), decided)
+        seat.ask(RejectDialog(measured), decided)
 
     def _frame_shown(self) -> int | None:
         """The frame that the operator's word is on: the one on the screen."""
@@ -137,17 +139,15 @@ class StreakActions:
 
     def click(self, at: Pointed) -> None:
         """Choose the streak there; where that would end the track, the key does it."""
-        streaks, picture = self.streaks(), self._seat.picture
+        seat = self._seat
+        streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:
             return
         number = min(range(len(streaks)), key=lambda each: _away(streaks[each], at))
         pick = Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
-        if (
-            _away(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square)
-            or not self._seat.may_act()
-        ):
+        if _away(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
             return
-        if has_track(self._seat.engine) and not self.is_followed(pick.streak):
+        if has_track(seat.engine) and not self.is_followed(pick.streak):
             self._keep_pick(pick, CLICKED_S)
             self._twice.name_key("follow_next", self._leaves_words(pick))
         else:

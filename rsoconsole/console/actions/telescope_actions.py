@@ -30,7 +30,6 @@ from rsoconsole.control import (
     Disarm,
     Goto,
     Hold,
-    Nudge,
     Park,
     Resume,
     Seek,
@@ -42,15 +41,8 @@ from rsoconsole.control import (
 from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
-STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
-FIRST_STEP = 3
 AGAIN_S = 60.0
 """The engine takes up what it has accepted between two exposures: not later than that."""
-
-
-def step_words(arcsec: float) -> str:
-    """30′ or 20″."""
-    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
 class TelescopeSeat(CarefulSeat, Protocol):
@@ -69,15 +61,13 @@ class TelescopeSeat(CarefulSeat, Protocol):
 
 
 class TelescopeActions:
-    """Arm, hold, park, go to, nudge, expose."""
+    """Arm, hold, park, follow again, go to, expose."""
 
     def __init__(
         self, seat: TelescopeSeat, twice: TwicePressed, take_back_drop: Callable[[], bool]
     ) -> None:
         """``take_back_drop``: follows again what was dropped last; False where nothing was."""
         self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
-        self._step = FIRST_STEP
-        self._is_nudging = False
         self._no_arming_before_s = 0.0
         """Until then a press may still be meant for the disarming that was asked for or done."""
         self.is_arming = False
@@ -88,10 +78,8 @@ class TelescopeActions:
         """When what is kept was asked for; the engine has not refused it."""
 
     def see_outcome(self, message: OutcomeCame) -> None:
-        """The next nudge may go."""
-        if isinstance(message.command, Nudge):
-            self._is_nudging = False
-        elif isinstance(message.command, Arm):
+        """What was asked for is on its way no longer."""
+        if isinstance(message.command, Arm):
             self.is_arming = False
         if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
             self._asked_again_s = -math.inf
@@ -116,24 +104,26 @@ class TelescopeActions:
 
     def see_mount_change_hands(self, before: EngineView) -> None:
         """What the engine said before is ``before``."""
-        is_lost = before.holder == "autonomy" != self._seat.engine.holder
+        seat = self._seat
+        is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
-            self.at_rest_since_s = self._seat.now_s()
-        if is_lost or self._seat.engine.kept is None:
+            self.at_rest_since_s = seat.now_s()
+        if is_lost or seat.engine.kept is None:
             self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
         """Who has the mount gives it up; a running track is not ended by one press."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        is_armed = self._seat.engine.holder == "autonomy"
-        if self._seat.is_click and not has_track(self._seat.engine):
-            key = first_key("arm_or_disarm", self._seat.keymap)
+        is_armed = seat.engine.holder == "autonomy"
+        if seat.is_click and not has_track(seat.engine):
+            key = first_key("arm_or_disarm", seat.keymap)
             does = "takes it from the engine" if is_armed else "hands the mount to the engine"
-            self._seat.say(f"{key} {does}: by the key alone, not by the mouse")
+            seat.say(f"{key} {does}: by the key alone, not by the mouse")
         elif not is_armed:
             self._arm()
-        elif has_track(self._seat.engine):
+        elif has_track(seat.engine):
             self._arm_not_within(WITHIN_S)
             what = f"ends the track of {self._twice.track_words()}"
             self._twice.ask("arm_or_disarm", what, self._disarm)
@@ -141,15 +131,14 @@ class TelescopeActions:
             self._disarm()
 
     def _arm(self) -> None:
-        if self._seat.now_s() >= self._no_arming_before_s:
-            self._seat.send(Arm())
+        seat = self._seat
+        if seat.now_s() >= self._no_arming_before_s:
+            seat.send(Arm())
             return
         # A key that is held down goes on repeating.
         self._arm_not_within(RELEASED_S)
-        key = first_key("arm_or_disarm", self._seat.keymap)
-        self._seat.say(
-            f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it"
-        )
+        key = first_key("arm_or_disarm", seat.keymap)
+        seat.say(f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it")
 
     def _disarm(self) -> None:
         self._arm_not_within(RELEASED_S)
@@ -160,84 +149,89 @@ class TelescopeActions:
 
     def action_hold_or_resume(self) -> None:
         """No slews for now; or give the mount back to autonomy."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        is_at_rest = self._seat.engine.holder != "autonomy"
-        if self._seat.engine.kept is not None and is_at_rest:
+        is_at_rest = seat.engine.holder != "autonomy"
+        if seat.engine.kept is not None and is_at_rest:
             self._follow_again(is_certain=False)
-        elif self._seat.engine.wants_resuming:
-            self._seat.send(Resume())
-        elif self._seat.engine.holder == "autonomy":
-            self._seat.send(Hold())
+        elif seat.engine.wants_resuming:
+            seat.send(Resume())
+        elif seat.engine.holder == "autonomy":
+            seat.send(Hold())
         else:
-            self._seat.say("nothing to hold: the engine is not armed", "warn")
+            seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_wait_for_sky(self) -> None:
         """No slews until the stars are back."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        if self._seat.engine.holder == "autonomy":
-            self._seat.send(Hold(until="clear"))
+        if seat.engine.holder == "autonomy":
+            seat.send(Hold(until="clear"))
         else:
-            self._seat.say("nothing to hold: the engine is not armed", "warn")
+            seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_park(self) -> None:
         """Ask, then disarm and park."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self._seat.send(Park())
+                seat.send(Park())
 
         text = "The engine disarms and sends the mount to its park position."
-        if has_track(self._seat.engine):
+        if has_track(seat.engine):
             text += f" This ends the track of {self._twice.track_words()}."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
-        self._seat.ask(dialog, decided)
+        seat.ask(dialog, decided)
 
     def action_undo(self) -> None:
         """Follow again what was ended; on a parked mount, release it."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        if self._seat.is_stopping:
+        if seat.is_stopping:
             self._follow_again(is_certain=True)  # what the engine said last is from before it
-        elif self._seat.engine.is_parked:
-            self._seat.send(Unpark())
+        elif seat.engine.is_parked:
+            seat.send(Unpark())
         elif self._take_back_drop():
             pass
-        elif self._seat.engine.kept is not None:
+        elif seat.engine.kept is not None:
             self._follow_again(is_certain=True)
-        elif has_track(self._seat.engine):
-            self._seat.say(f"already being followed: {self._twice.track_words()}")
+        elif has_track(seat.engine):
+            seat.say(f"already being followed: {self._twice.track_words()}")
         else:
-            arm = first_key("arm_or_disarm", self._seat.keymap)
-            is_at_rest = self._seat.engine.holder != "autonomy"
+            arm = first_key("arm_or_disarm", seat.keymap)
+            is_at_rest = seat.engine.holder != "autonomy"
             then = f": {arm} arms, and it searches" if is_at_rest else ""
-            self._seat.say(f"nothing is kept that could be followed again{then}", "warn")
+            seat.say(f"nothing is kept that could be followed again{then}", "warn")
 
     def _follow_again(self, *, is_certain: bool) -> None:
         """The kept track; after a STOP or a fault the checklist comes first, as with arming.
 
         ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
         """
-        left_s = self.at_rest_since_s + WITHIN_S - self._seat.now_s()
-        has_hold = self._seat.engine.is_resumable or self._seat.engine.holder == "autonomy"
+        seat = self._seat
+        left_s = self.at_rest_since_s + WITHIN_S - seat.now_s()
+        has_hold = seat.engine.is_resumable or seat.engine.holder == "autonomy"
         if self.is_following_again:
-            self._seat.say(f"already being followed again: {self._seat.engine.kept}")
-        elif has_hold and not self._seat.is_stopping:
-            self._asked_again_s = self._seat.now_s()
-            self._seat.send(Resume())
+            seat.say(f"already being followed again: {seat.engine.kept}")
+        elif has_hold and not seat.is_stopping:
+            self._asked_again_s = seat.now_s()
+            seat.send(Resume())
         elif left_s > 0.0 and is_certain and self._is_stop_confirmed:
             self._follow_in(left_s)
-        elif left_s > 0.0 or self._seat.is_stopping:
+        elif left_s > 0.0 or seat.is_stopping:
             # It may have been pressed before the mount was taken from autonomy.
-            undo = first_key("undo", self._seat.keymap)
+            undo = first_key("undo", seat.keymap)
             wait = f"wait {WITHIN_S:.0f} s, then press {undo}"
-            self._seat.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
+            seat.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
         elif not self.is_arming:
-            self.is_arming, self._asked_again_s = True, self._seat.now_s()
-            self._seat.send(Arm(), then=Resume())
+            self.is_arming, self._asked_again_s = True, seat.now_s()
+            seat.send(Arm(), then=Resume())
 
     @property
     def _is_stop_confirmed(self) -> bool:
@@ -246,43 +240,44 @@ class TelescopeActions:
 
     def _follow_in(self, left_s: float) -> None:
         """When a stray key right after STOP can be told from a wish: no other key comes behind."""
-        undo, stop = (first_key(name, self._seat.keymap) for name in ("undo", "stop_by_letter"))
+        seat = self._seat
+        undo, stop = (first_key(name, seat.keymap) for name in ("undo", "stop_by_letter"))
         wait = f"in {math.ceil(left_s)} s; {stop} or any other key: not"
-        self._seat.say(f"{undo}: follows it again {wait}", "warn", left_s)
-        stops, number = self._seat.stops, self._twice.press.number
+        seat.say(f"{undo}: follows it again {wait}", "warn", left_s)
+        stops, number = seat.stops, self._twice.press.number
 
         def when_due() -> None:
-            if self._seat.stops != stops or not self._seat.can_act:
+            if seat.stops != stops or not seat.can_act:
                 return
-            if self._seat.is_stopping:
-                self._seat.say(
-                    f"the engine is still ending what it does: press {undo} again", "warn"
-                )
-            elif self._seat.engine.holder == "autonomy":
+            if seat.is_stopping:
+                seat.say(f"the engine is still ending what it does: press {undo} again", "warn")
+            elif seat.engine.holder == "autonomy":
                 pass  # somebody else has armed it
             elif self._twice.press.number != number:
-                self._seat.say("not followed again: another key came behind it", "warn")
-            elif self._seat.engine.kept is None:
-                self._seat.say("nothing is kept that could be followed again", "warn")
+                seat.say("not followed again: another key came behind it", "warn")
+            elif seat.engine.kept is None:
+                seat.say("nothing is kept that could be followed again", "warn")
             else:
                 self._follow_again(is_certain=True)
 
-        self._seat.set_timer(left_s, when_due)
+        seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
         """Search round where it must be; that gives up a running track."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        if has_track(self._seat.engine):
+        if has_track(seat.engine):
             what = f"gives up the track of {self._twice.track_words()} and searches for it"
-            self._twice.ask("seek", what, lambda: self._seat.send(Seek()))
+            self._twice.ask("seek", what, lambda: seat.send(Seek()))
         else:
-            self._seat.send(Seek())
+            seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
         """Sidereal tracking on and off."""
-        if self._seat.may_act():
-            self._seat.send(Track(is_on=not self._seat.engine.is_tracking))
+        seat = self._seat
+        if seat.may_act():
+            seat.send(Track(is_on=not seat.engine.is_tracking))
 
     def action_exposure(self) -> None:
         """Ask for another exposure and cadence."""
@@ -312,23 +307,24 @@ class TelescopeActions:
 
     def _ask_where(self, begun: str) -> None:
         """``begun``: what stands in the field already."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
 
         def decided(direction: tuple[float, float] | None) -> None:
             if direction is not None:
-                self._seat.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
+                seat.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
 
-        undo = first_key("undo", self._seat.keymap)
+        undo = first_key("undo", seat.keymap)
         kept = f"{self._twice.track_words()} is kept meanwhile: {undo} follows it again"
         dialog = GotoDialog(
-            self._seat.night.config,
+            seat.night.config,
             self._now_utc_ns,
-            self._seat.orders,
+            seat.orders,
             begun,
-            kept if has_track(self._seat.engine) else "",
+            kept if has_track(seat.engine) else "",
         )
-        self._seat.ask(dialog, decided)
+        seat.ask(dialog, decided)
 
     def action_up_now(self) -> None:
         """The satellites above the limit; the chosen one is planned as any go-to is."""
@@ -343,104 +339,38 @@ class TelescopeActions:
         """The frame clock."""
         return self._seat.engine.now_utc_ns or time.time_ns()
 
-    def action_nudge_up(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_up", 0.0, -1.0)
-
-    def action_nudge_down(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_down", 0.0, 1.0)
-
-    def action_nudge_left(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_left", -1.0, 0.0)
-
-    def action_nudge_right(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_right", 1.0, 0.0)
-
-    def _nudge(self, name: str, right: float, down: float) -> None:
-        """Move the telescope so that it looks that way in the picture.
-
-        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
-        """
-        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
-        if self._is_nudging or not self._seat.may_act():
-            return
-        if self._seat.engine.holder == "autonomy":
-            back = first_key("hold_or_resume", self._seat.keymap)
-            what = f"takes the mount from AUTO ({back} gives it back)"
-            self._twice.ask(name, what, lambda: self._send_nudge(right, down))
-        else:
-            self._send_nudge(right, down)
-
-    def _send_nudge(self, right: float, down: float) -> None:
-        if self._is_nudging:
-            return
-        self._is_nudging = True
-        east, north = self._on_the_sky(right, down)
-        arcmin = STEPS_ARCSEC[self._step] / 60.0
-        self._seat.send(
-            Nudge(
-                east_arcmin=round(arcmin * east, 6),
-                north_arcmin=round(arcmin * north, 6),
-            )
-        )
-
-    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
-        """A direction in the picture as (east, north); without a plate north is up, east left."""
-        solution = self._seat.picture.detail.solution if self._seat.picture is not None else None
-        if not isinstance(solution, Solution):
-            return -right, -down
-        cd = solution.wcs.cd
-        east = cd[0] * right + cd[1] * down
-        north = cd[2] * right + cd[3] * down
-        length = (east**2 + north**2) ** 0.5 or 1.0
-        return east / length, north / length
-
-    def action_smaller_step(self) -> None:
-        """Of the nudges."""
-        self._change_step(1)
-
-    def action_larger_step(self) -> None:
-        """Of the nudges."""
-        self._change_step(-1)
-
-    def _change_step(self, by: int) -> None:
-        self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
-        self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
-
     def action_centre(self) -> None:
         """Point at the streak that is followed, or at the likeliest one, by hand."""
-        if not self._seat.may_act():
+        seat = self._seat
+        if not seat.may_act():
             return
-        picture = self._seat.picture
+        picture = seat.picture
         detail = picture.detail if picture is not None else None
         if detail is None or not isinstance(detail.solution, Solution):
-            self._seat.say("the frame is not solved: nothing can be pointed at", "warn")
+            seat.say("the frame is not solved: nothing can be pointed at", "warn")
             return
         followed = detail.followed
         found = detail.detections.detections if detail.detections is not None else ()
-        if followed is not None and self._seat.night.track is not None:
+        if followed is not None and seat.night.track is not None:
             from rsoconsole.pipeline.cycle import direction_at
 
             # Where it is now: it has gone on since the frame.
-            place = direction_at(self._seat.night.track, self._now_utc_ns())
+            place = direction_at(seat.night.track, self._now_utc_ns())
         elif followed is not None:
             place = followed.ra_icrs_deg, followed.dec_icrs_deg
         elif found:
             ra, dec = pixel_to_sky(detail.solution.wcs, found[0].x_px, found[0].y_px)
             place = float(ra), float(dec)
         else:
-            self._seat.say("the frame has no streak to centre", "warn")
+            seat.say("the frame has no streak to centre", "warn")
             return
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self._seat.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
+                seat.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
 
-        has_it = self._seat.engine.holder == "autonomy"
-        back = first_key("hold_or_resume", self._seat.keymap)
+        has_it = seat.engine.holder == "autonomy"
+        back = first_key("hold_or_resume", seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
-        dialog = MoveDialog("centre the streak", place, caution, self._seat.orders)
-        self._seat.ask(dialog, decided)
+        dialog = MoveDialog("centre the streak", place, caution, seat.orders)
+        seat.ask(dialog, decided)

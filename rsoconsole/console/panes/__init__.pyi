@@ -9,6 +9,7 @@ from .last_line import notice_rows as notice_rows
 from .last_line import review_keys as review_keys
 from .log_pane import LogPane as LogPane
 from .panes import SIGHTS as SIGHTS
+from .panes import Build as Build
 from .panes import FramePane as FramePane
 from .panes import LinesPane as LinesPane
 from .panes import Sight as Sight

@@ -28,6 +28,7 @@ from rsoconsole.console.picture import (
 )
 from rsoconsole.console.watches import Pointed
 from rsoconsole.console.words import fitted as fitted_words
+from rsoconsole.console.words import wrapped
 
 Build = Callable[[int, int], list[Line]]
 """(width, height) -> the lines to show."""
@@ -375,3 +376,9 @@ class StopBanner(LinesPane):
     }
     StopBanner.-stopped { background: $success; }
     """
+
+    def say(self, text: str, phase: str) -> None:
+        """What came of it; ``esc`` puts away what has ended."""
+        self.set_class(phase == "stopped", "-stopped")
+        ending = "  (esc)" if phase in {"stopped", "failed"} else ""
+        self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))

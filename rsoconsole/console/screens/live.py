@@ -7,7 +7,9 @@ from textual import events
 from textual.binding import BindingType
 
 from rsoconsole.console.actions import (
+    CommandOutcomes,
     MarkActions,
+    NudgeActions,
     StreakActions,
     TelescopeActions,
     TrackOrders,
@@ -32,7 +34,16 @@ from rsoconsole.console.watches import (
     detail_of,
 )
 from rsoconsole.console.words import kept_words, words
-from rsoconsole.control import MarkByHand, Note, Outcome, Shutdown, StopNews, motion_words
+from rsoconsole.control import (
+    AnswerSeat,
+    Command,
+    MarkByHand,
+    Note,
+    Outcome,
+    Shutdown,
+    StopNews,
+    motion_words,
+)
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
@@ -51,9 +62,12 @@ class LiveScreen(NightScreen):
         self.twice = TwicePressed(self)
         self.streaks = StreakActions(self, self.twice)
         self.mark = MarkActions(self)
-        self.track_orders = TrackOrders(self, self.twice)
+        self.outcomes = CommandOutcomes(self, self.mark)
+        self.track_orders = TrackOrders(self, self.twice, self.tracks)
+        self.track_keys.orders = self.track_orders
         self.telescope = TelescopeActions(self, self.twice, self.track_orders.take_back_drop)
-        self.take_keys(self.streaks, self.mark, self.telescope)
+        self.nudges = NudgeActions(self, self.twice)
+        self.take_keys(self.streaks, self.mark, self.telescope, self.nudges)
 
     def look_again(self) -> None:
         """A mark that is being made goes on in the other view."""
@@ -78,15 +92,15 @@ class LiveScreen(NightScreen):
             self.mark.forget()
             self.streaks.forget_pick()
         before, self.night = self.night, message.night
-        self.see_refusals(before)
-        self.telescope.see_refused(self.refused_since(before))
-        self.see_marks(before)
+        self.outcomes.see_refusals(before)
+        self.telescope.see_refused(self.outcomes.refused_since(before))
+        self.mark.see_recorded(before)
         self.mark.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
         self.show_night()
         self.show_engine()
-        self.compute_now_and_then()
+        self.tune.compute_now_and_then()
 
     def on_engine_seen(self, message: EngineSeen) -> None:
         """The engine's word."""
@@ -99,8 +113,10 @@ class LiveScreen(NightScreen):
         self.show_engine()
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
-        """What came of a command; the seat's own handler, which Textual calls next, says it."""
+        """What came of a command."""
         self.telescope.see_outcome(message)
+        self.nudges.see_outcome(message)
+        self.outcomes.see(message)
 
     def on_mark_held(self, message: MarkHeld) -> None:
         """Whether the engine keeps the frame that is marked in."""
@@ -119,18 +135,14 @@ class LiveScreen(NightScreen):
         self.twice.press.forget()
         super().stop()
 
-    def mark_is_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """By the engine: its frame's details are what is asked for next."""
-        self.mark.see_taken(mark)
-        super().mark_is_taken(mark, outcome)
+    def done_words(self, command: Command, outcome: Outcome) -> str:
+        """What is said of a command that the engine has taken."""
+        said = f"{command.label()}: {outcome.message or 'done'}"
+        return self.tune.done_words(command) or said
 
-    def drop_track(self) -> None:
-        """The one at the list's cursor."""
-        self.track_orders.drop_track()
-
-    def keep_track(self) -> None:
-        """The one at the list's cursor."""
-        self.track_orders.keep_track()
+    def leave_console(self, result: str) -> None:
+        """It ends, and says to who has opened it what becomes of the engine."""
+        self.app.exit(result)
 
     @property
     def is_following_again(self) -> bool:
@@ -206,6 +218,28 @@ class LiveScreen(NightScreen):
         """What the keys are for."""
         return "mark" if self.marking is not None else super().mode
 
+    # -- whose control it is --------------------------------------------------------------------
+
+    @property
+    def asker(self) -> str | None:
+        """Who asks for this seat, where it is this console's to give."""
+        is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
+        return self.engine.seat_asked_by if is_ours else None
+
+    def action_give_seat(self) -> None:
+        """To anyone who asks for it."""
+        self._answer_for_seat(gives=True)
+
+    def action_keep_seat(self) -> None:
+        """Though somebody asks for it."""
+        self._answer_for_seat(gives=False)
+
+    def _answer_for_seat(self, *, gives: bool) -> None:
+        if self.asker is None:
+            self.say("nobody asks for control")
+        else:
+            self.send(AnswerSeat(gives=gives, to=self.asker))
+
     # -- the console's own keys -----------------------------------------------------------------
 
     def action_leave(self) -> None:
@@ -265,7 +299,7 @@ class LiveScreen(NightScreen):
         return MarkTo(
             send=send,
             begin=self.mark.begin,
-            leave=self.leave_marking,
+            leave=self.mark.leave,
             refusal=self.mark_refusal,
         )
 
@@ -274,7 +308,7 @@ class LiveScreen(NightScreen):
         marked_id, is_first = self.mark.marked_lately()
         shown, folder = self.picture, self.night.folder
         if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
-            super().action_verdicts()
+            self.opening.action_verdicts()
             return
         try:
             marked = detail_of(SessionReader(folder), marked_id)

@@ -1,26 +1,35 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
+from textual.widget import Widget
 
-from rsoconsole.console.actions import TracksPane
-from rsoconsole.console.commands import BY_NAME, first_key
+from rsoconsole.config import SessionConfig
+from rsoconsole.console.actions import (
+    LogFilter,
+    PictureActions,
+    PlotActions,
+    Seat,
+    TrackActions,
+    TrackList,
+    TracksPane,
+    TuneActions,
+)
+from rsoconsole.console.commands import first_key
 from rsoconsole.console.drawing import (
     MOST_ALERT_ROWS,
-    Box,
     Line,
     Name,
-    banner_box,
-    fold,
     has_tune_of_its_own,
-    orbit_box,
     sky_lines,
-    tune_box,
 )
+from rsoconsole.console.frame import MarkTo
+from rsoconsole.console.night import LogLine
 from rsoconsole.console.orbit import OrbitShown, orbit_lines, orbit_shown, target_words
 from rsoconsole.console.panes import (
     FramePane,
@@ -28,22 +37,23 @@ from rsoconsole.console.panes import (
     LinesPane,
     LogPane,
     Mode,
+    Sight,
     StopBanner,
-    key_at,
-    key_line,
-    notice_rows,
 )
-from rsoconsole.console.picture import Drawing, Picture
-from rsoconsole.console.screens.picture_actions import PictureActions
+from rsoconsole.console.picture import Drawing, Mark, Picture
+from rsoconsole.console.screens.key_line import KeyLine
+from rsoconsole.console.screens.opening_actions import OpeningActions
+from rsoconsole.console.screens.pane_places import place_panes
+from rsoconsole.console.screens.reading import ReadingActions
 from rsoconsole.console.tuning import TunePane
-from rsoconsole.console.watches import OrbitSeen, OutlookSeen
+from rsoconsole.console.watches import OrbitSeen, OutlookSeen, WhatIfSeen
 from rsoconsole.console.words import fact_lines, kept_words, words
 from rsoconsole.control import StopNews
 
 DEFAULT_ASPECT = 4 / 3
 
 
-class NightScreen(PictureActions):
+class NightScreen(Seat):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -65,15 +75,31 @@ class NightScreen(PictureActions):
     NightScreen > #keys { background: $panel; layer: over; }
     """
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
+    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
+        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
         super().__init__(*arguments, **named)
+        self.sessions_root = sessions_root or SessionConfig().root
+        self.tracks = TrackList()
+        self.plots = PlotActions(self, self.tracks, self._tracks_pane)
+        self.track_keys = TrackActions(self, self.plots)
+        self.tune = self.make_tune()
+        self.pictures = PictureActions(self, self._frame_panes)
+        self.reading = ReadingActions(self)
+        self.opening = OpeningActions(self, self.sessions_root)
+        self.log_filter = LogFilter(self, self._log_pane)
+        self.key_line = KeyLine(self, partial(self.pane, "keys"))
+        self.take_keys(
+            *(self.plots, self.track_keys, self.tune),
+            *(self.pictures, self.reading, self.opening, self.log_filter),
+        )
         self.is_log_open = False
         self.is_orbit_open = False
-        self._drawn_keys: tuple[list[Key], str] = ([], "")
-        """The keys and the notice that the last line shows."""
         self._rows_of_alert = 0
         """For which the panes have been laid out."""
-        self.on_plots_made()
+
+    def make_tune(self) -> TuneActions:
+        """The keys of the tuning pane."""
+        return TuneActions(self, self._tune_pane)
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
@@ -106,6 +132,93 @@ class NightScreen(PictureActions):
         self.show_picture()
         self.look_again()
 
+    # -- the parts, their panes and messages --------------------------------------------------
+
+    def pane(self, name: str) -> LinesPane:
+        """The pane of that name."""
+        return self.query_one(f"#{name}", LinesPane)
+
+    def widget(self, name: str) -> Widget:
+        """A pane of any kind."""
+        return self.query_one(f"#{name}")
+
+    def _log_pane(self) -> LogPane:
+        return self.query_one("#log", LogPane)
+
+    def _tune_pane(self) -> TunePane:
+        return self.query_one("#tune", TunePane)
+
+    def _tracks_pane(self) -> TracksPane:
+        return self.query_one("#tracks", TracksPane)
+
+    def _frame_panes(self) -> tuple[FramePane, FramePane]:
+        return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
+
+    def on_what_if_seen(self, message: WhatIfSeen) -> None:
+        """Figures now and with what is tried."""
+        self.tune.see(message)
+
+    def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
+        """One of the pane's keys."""
+        message.stop()
+        self.tune.do(message)
+
+    def on_tracks_pane_wanted(self, message: TracksPane.Wanted) -> None:
+        """One of the list's keys."""
+        message.stop()
+        self.track_keys.do(message)
+
+    def on_unmount(self) -> None:
+        """Nobody asks any more."""
+        self.tune.close_watch()
+
+    def show_picture(self) -> None:
+        """The shown frame in both panes."""
+        self.pictures.show()
+
+    def picture_words(
+        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+    ) -> tuple[list[str], list[str]]:
+        """What stands over and under a picture."""
+        return self.pictures.words(picture, sight, drawing)
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+        return False
+
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """What is being marked at this moment."""
+        return ()
+
+    def look_again(self) -> None:
+        """The picture lies elsewhere, or shows another piece of the frame."""
+
+    @property
+    def mark_to(self) -> MarkTo | None:
+        """Where a mark of the opened frame goes; a night that is over takes none."""
+        return None
+
+    def session_shown(self) -> Path | None:
+        """The session that is looked at."""
+        return self.night.folder
+
+    def open_session(self, folder: Path) -> None:
+        """Review it."""
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """By the terminal."""
+        self.app.copy_to_clipboard(text)
+
+    def looked_at(self) -> tuple[LogLine | None, Sequence[LinesPane]]:
+        """The line of the open log, or else the tuning, the orbit, or where things stand."""
+        if self.is_log_open:
+            return self._log_pane().top_line, ()
+        if isinstance(self.focused, TunePane):
+            return None, (self.focused,)
+        names = ("orbit",) if self.is_orbit_open else ("top", "facts")
+        return None, [self.pane(name) for name in names]
+
     @property
     def drawing(self) -> Drawing | None:
         """How the large pane's picture is drawn; None while nothing is."""
@@ -132,14 +245,14 @@ class NightScreen(PictureActions):
     def show_night(self) -> None:
         """What the record says."""
         self.show_picture()
-        self.show_plots()
+        self.plots.show()
         self.show_log()
-        self.show_tuning()
+        self.tune.show()
 
     def show_log(self) -> None:
         """The lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
-        self.query_one("#log", LogPane).show(self.night.log, is_reading=is_reading)
+        self._log_pane().show(self.night.log, is_reading=is_reading)
 
     def show_engine(self) -> None:
         """What the engine says, and what both together do."""
@@ -193,17 +306,7 @@ class NightScreen(PictureActions):
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
-        self._drawn_keys = self.keys, self.notice[0]
-        self._place_keys()
-        self.pane("keys").show(key_line(self.keys, self.notice))
-
-    def _place_keys(self) -> None:
-        """The last line, and what is said over it."""
-        pane, (width, height) = self.pane("keys"), self.size
-        rows = 1 + notice_rows(self.notice[0], width, height)
-        if pane.styles.height is None or pane.styles.height.value != rows:
-            pane.styles.height = rows
-            pane.styles.offset = (0, height - rows)
+        self.key_line.show()
 
     @property
     def keys(self) -> list[Key]:
@@ -212,16 +315,11 @@ class NightScreen(PictureActions):
 
     async def on_click(self, event: events.Click) -> None:
         """A key of the last line, by the mouse."""
-        pane = self.pane("keys")
-        if event.widget is not pane or event.y != pane.size.height - 1:
-            return
-        keys, notice = self._drawn_keys
-        key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
-        if key is not None and key.command:
-            is_apps = BY_NAME[key.command].is_everywhere
+        action = self.key_line.action_at(event)
+        if action:
             self.is_click = True
             try:
-                await self.run_action(f"app.{key.command}" if is_apps else key.command)
+                await self.run_action(action)
             finally:
                 self.is_click = False
 
@@ -238,73 +336,9 @@ class NightScreen(PictureActions):
 
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
-        width, height = self.size
-        alert_rows = self._rows_of_alert = self.alert_rows()
-        boxes = fold(
-            width,
-            height,
-            alert_rows=alert_rows,
-            is_log_open=self.is_log_open,
-            timeline_rows=self.timeline_rows(height),
-            aspect=self.aspect_of(self.picture),
-        )
-        for name in self.PANES:
-            widget, box = self.query_one(f"#{name}"), boxes.get(name)
-            widget.display = box is not None
-            if box is not None:
-                widget.styles.offset = (box.x, box.y)
-                widget.styles.width, widget.styles.height = box.width, box.height
-        self._place_keys()
-        self._place_orbit(boxes.get("orbit"), alert_rows)
-        self.place_curves(
-            alert_rows=alert_rows,
-            timeline_rows=self.timeline_rows(height),
-            aspect=self.aspect_of(self.picture),
-        )
-        tune = self.query_one("#tune", TunePane)
-        has_own = has_tune_of_its_own(width, height)
-        tune.display = (self.is_tune_open or has_own) and not self.is_log_open
-        if tune.display:
-            place = tune_box(
-                width,
-                height,
-                alert_rows=alert_rows,
-                timeline_rows=self.timeline_rows(height),
-                aspect=self.aspect_of(self.picture),
-            )
-            tune.styles.offset = (place.x, place.y)
-            tune.styles.width, tune.styles.height = place.width, place.height
-            self._make_room(boxes, place)
-        banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
-        banner.styles.height = box.height
-        banner.styles.offset = (0, box.y)
-
-    def _make_room(self, boxes: Mapping[Name, Box], over: Box) -> None:
-        """What reaches beneath the tuning pane from its left ends before it: no word is cut."""
-        box = boxes.get("facts")
-        if box is None or not box.x < over.x < box.x + box.width:
-            return
-        if box.y < over.y + over.height and over.y < box.y + box.height:
-            self.query_one("#facts").styles.width = over.x - box.x
-
-    def _place_orbit(self, standing: Box | None, alert_rows: int) -> None:
-        """Over the plots when it is opened; else where it always stands, if it does."""
-        (width, height), box = self.size, standing
-        is_open = self.is_orbit_open and not self.is_log_open
-        if is_open:
-            box = orbit_box(
-                width,
-                height,
-                alert_rows=alert_rows,
-                timeline_rows=self.timeline_rows(height),
-                aspect=self.aspect_of(self.picture),
-            )
-        pane = self.pane("orbit")
-        pane.display = box is not None
-        pane.set_class(is_open, "-open")
-        if box is not None:
-            pane.styles.offset = (box.x, box.y)
-            pane.styles.width, pane.styles.height = box.width, box.height
+        self._rows_of_alert = self.alert_rows()
+        place_panes(self, self.PANES, self._rows_of_alert)
+        self.key_line.place()
 
     def timeline_rows(self, height: int) -> int:
         """How many rows over the keys a time line takes, in a terminal of so many lines."""
@@ -314,7 +348,12 @@ class NightScreen(PictureActions):
     def covers_plots(self) -> bool:
         """The log, an open orbit and a tuning pane without a place of its own do."""
         has_own = has_tune_of_its_own(*self.size)
-        return self.is_log_open or self.is_orbit_open or (self.is_tune_open and not has_own)
+        return self.is_log_open or self.is_orbit_open or (self.tune.is_open and not has_own)
+
+    @property
+    def aspect(self) -> float:
+        """Of the shown picture."""
+        return self.aspect_of(self.picture)
 
     @staticmethod
     def aspect_of(picture: Picture | None) -> float:
@@ -327,22 +366,14 @@ class NightScreen(PictureActions):
         """What came of a STOP, over everything else."""
         super().show_stop(news)
         self.pane("top").show(self.top)
-        banner = self.query_one("#stop", StopBanner)
-        banner.display = news is not None
-        if news is None:
-            return
-        banner.set_class(news.phase == "stopped", "-stopped")
+        self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
         """In the banner; nothing where there is none."""
         news = self.stop_news
-        if news is None:
-            return
-        ending = "  (esc)" if news.phase in {"stopped", "failed"} else ""
-        text = f"{self.stop_words(news)}{ending}"
-        banner = self.query_one("#stop", StopBanner)
-        banner.show(lambda width, height: words.wrapped(text, width, height))
+        if news is not None:
+            self.query_one("#stop", StopBanner).say(self.stop_words(news), news.phase)
 
     def stop_words(self, news: StopNews) -> str:
         """What came of a STOP."""
@@ -352,7 +383,7 @@ class NightScreen(PictureActions):
         """All panes to the log, and back."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
-        log = self.query_one("#log", LogPane)
+        log = self._log_pane()
         log.can_focus = self.is_log_open
         if self.is_log_open:
             log.focus()
@@ -368,8 +399,8 @@ class NightScreen(PictureActions):
             self.action_log()
             self.is_orbit_open = False
         self.is_orbit_open = not self.is_orbit_open
-        if self.is_orbit_open and self.is_tune_open:
-            self.close_tune()
+        if self.is_orbit_open and self.tune.is_open:
+            self.tune.close()
         if not self.is_orbit_open:
             self.forget_notice()
         self.place_panes()
@@ -384,25 +415,29 @@ class NightScreen(PictureActions):
     def action_tune(self) -> None:
         """Where the orbit lay."""
         self.is_orbit_open = False
-        super().action_tune()
+        self.tune.action_tune()
 
     def action_put_away(self) -> None:
         """The log first, what came of a STOP, the orbit, a page of curves, the filter, a notice."""
-        log = self.query_one("#log", LogPane)
+        log = self._log_pane()
         if self.is_log_open and log.wanted and log.always_shown:
-            self.clear_log_filter()
+            self.log_filter.clear()
         elif self.is_log_open:
             self.action_log()
         elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
             self.show_stop(None)
         elif self.is_orbit_open:
             self.action_orbit()
-        elif self.page is not None:
-            self.show_page(None)
+        elif self.plots.page is not None:
+            self.plots.show_page(None)
         elif log.wanted:
-            self.clear_log_filter()
+            self.log_filter.clear()
         else:
             self.say("")
+
+    def action_leave(self) -> None:
+        """Out of the console; a screen that has something to ask before does."""
+        self.app.exit("quit")
 
     def text(self) -> str:
         """Every shown pane's words, for anyone who cannot see the terminal."""

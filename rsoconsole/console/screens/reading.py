@@ -1,7 +1,7 @@
 """Everything that is said, in full, and copied to where the terminal keeps what is copied."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -10,12 +10,12 @@ from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
-from rsoconsole.console.actions import TrackActions
+from rsoconsole.console.actions import LookingSeat
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.night import LogLine
-from rsoconsole.console.panes import LinesPane, LogPane
-from rsoconsole.console.tuning import TunePane
+from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import clock_text
+from rsoconsole.control import StopNews
 
 MOST_LOG_LINES = 60
 SAID_COLUMNS = 40
@@ -63,40 +63,48 @@ class ReadingDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class ReadingActions(TrackActions):
-    """Read what was cut, and copy what is shown."""
+class ReadingSeat(LookingSeat, Protocol):
+    """What reading and copying use of the seat."""
 
-    is_log_open = False
-    is_orbit_open = False
+    stop_news: StopNews | None
+    last_said: str
 
     @property
     def alert(self) -> str:
         """What must not be missed."""
-        return ""
+
+    def looked_at(self) -> tuple[LogLine | None, Sequence[LinesPane]]:
+        """The line of the open log, or else the panes that are looked at."""
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """By the terminal."""
+
+
+class ReadingActions:
+    """Read what was cut, and copy what is shown."""
+
+    def __init__(self, seat: ReadingSeat) -> None:
+        self._seat = seat
 
     def action_read(self) -> None:
         """All messages in full: what came of a STOP, the alert, what was said last, the log."""
-        news = self.stop_news
+        seat = self._seat
+        news = seat.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
-        said += [self.alert] if self.alert else []
-        said += [self.last_said] if self.last_said else []
-        said += [line_text(line) for line in reversed(self.night.log[-MOST_LOG_LINES:])]
+        said += [seat.alert] if seat.alert else []
+        said += [seat.last_said] if seat.last_said else []
+        said += [line_text(line) for line in reversed(seat.night.log[-MOST_LOG_LINES:])]
         if said:
-            self.app.push_screen(ReadingDialog(said), self._copy)
+            seat.ask(ReadingDialog(said), self._copy)
         else:
-            self.say("nothing has been said yet")
+            seat.say("nothing has been said yet")
 
     def action_copy(self) -> None:
         """A line of the open log, the orbit, the tuning, or where things stand."""
-        if self.is_log_open:
-            line = self.query_one("#log", LogPane).top_line
-            self._copy("" if line is None else line_text(line))
-        elif isinstance(self.focused, TunePane):
-            self._copy(self.query_one("#tune", TunePane).text)
-        elif self.is_orbit_open:
-            self._copy(self.query_one("#orbit", LinesPane).text)
+        line, panes = self._seat.looked_at()
+        if line is not None:
+            self._copy(line_text(line))
         else:
-            panes = (self.query_one(f"#{name}", LinesPane) for name in ("top", "facts"))
             self._copy("\n".join(each.text for each in panes))
 
     def _copy(self, text: str | None) -> None:
@@ -104,6 +112,6 @@ class ReadingActions(TrackActions):
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]
-        self.app.copy_to_clipboard("\n".join(lines))
+        self._seat.copy_to_clipboard("\n".join(lines))
         more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
-        self.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")
+        self._seat.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")

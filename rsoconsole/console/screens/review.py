@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import BindingType
+from textual.widgets import Input
 
-from rsoconsole.console.commands import bindings, first_key
+from rsoconsole.console.actions import TuneActions
+from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LineDialog
 from rsoconsole.console.drawing import Line, Name, timeline_rows
 from rsoconsole.console.night import LiveBehind, LogLine, NightView, OrbitAhead
@@ -26,22 +28,21 @@ from rsoconsole.console.panes import (
     review_keys,
 )
 from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review_compare import ReviewCompare
 from rsoconsole.console.screens.review_log import ReviewLogPane
-from rsoconsole.console.screens.review_moves import ANY, FOUND, PLAY_S
+from rsoconsole.console.screens.review_moves import ANY, FOUND, PLAY_S, ReviewMoves
+from rsoconsole.console.screens.review_place import place_of
+from rsoconsole.console.screens.review_tuning import ReviewTuneActions
 from rsoconsole.console.timeline import (
-    Place,
+    Moment,
     Player,
     ReviewWatch,
     Timeline,
     engine_then,
-    place_words,
-    reading_words,
     review_top_lines,
-    speed_words,
     timeline_lines,
 )
-from rsoconsole.console.tuning import TunePane, TuneWords
 from rsoconsole.console.watches import (
     MomentSeen,
     OrbitSeen,
@@ -65,11 +66,11 @@ HEAD = "head"
 """Where a night that goes on is opened: at its last frame, and on with it."""
 
 
-class ReviewScreen(ReviewCompare):
+class ReviewScreen(NightScreen):
     """A recorded night, or the past of the one that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
-    PANES: ClassVar[tuple[Name, ...]] = (*ReviewCompare.PANES, "timeline")
+    PANES: ClassVar[tuple[Name, ...]] = (*NightScreen.PANES, "timeline")
     LOG: ClassVar[type[LogPane]] = ReviewLogPane
     DEFAULT_CSS = """
     ReviewScreen > #timeline { background: $surface; }
@@ -86,18 +87,40 @@ class ReviewScreen(ReviewCompare):
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
         behind this screen, and is come back to."""
         super().__init__(*arguments, **named)
+        self.folder: Path | None = None
+        self.timeline = Timeline()
+        self.lines: tuple[LogLine, ...] = ()
+        """Of the whole log, as far as it has been read."""
+        self.moment: Moment | None = None
+        """The one that is shown; None before the first."""
+        self.kept: Moment | None = None
+        """The one to compare with, A; None while none is kept."""
+        self.seq = 0
+        """The one that is wanted."""
+        self.is_at_head = False
+        """Whether a night that goes on is followed."""
+        self.kind: str = ANY
+        """Of the events that are jumped to."""
+        self.searched = ""
+        """Words that the log has been searched for."""
+        self.player = Player()
+        self.moves = ReviewMoves(self, self._field)
+        self.comparing = ReviewCompare(self, self.moves)
+        self.take_keys(self.moves, self.comparing)
         self._live = live
         self._first = (folder, start)
         self._start: str | None = None
         """Where the session that is being opened begins; None once that is reached."""
         self._fault = ""
-        self._tunes_all = False
         self._watch_session = ReviewWatch(
             lambda *seen: self.post_from_thread(TimelineSeen(*seen)),
             lambda *seen: self.post_from_thread(MomentSeen(*seen)),
             lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
         )
         self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
+
+    def _field(self) -> MomentField:
+        return self.query_one(MomentField)
 
     def compose(self) -> ComposeResult:
         """The seat's panes, and the time line."""
@@ -109,12 +132,12 @@ class ReviewScreen(ReviewCompare):
         """Begin to read; without a session, ask which."""
         self._watch_session.start()
         self._outlook_watch.start()
-        self.set_interval(PLAY_S, self.play_on)
+        self.set_interval(PLAY_S, self.moves.play_on)
         if self._live is not None:
             self.set_interval(LIVE_S, self.show_engine)
         folder, start = self._first
         if folder is None:
-            self.call_after_refresh(self.action_sessions)
+            self.call_after_refresh(self.opening.action_sessions)
         else:
             self.open(folder, start)
 
@@ -127,7 +150,8 @@ class ReviewScreen(ReviewCompare):
         """Show another session from there on."""
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
-        self.seq, self.is_at_head, self.kept, self._other_seq = 0, False, None, None
+        self.seq, self.is_at_head = 0, False
+        self.comparing.forget()
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
@@ -163,11 +187,11 @@ class ReviewScreen(ReviewCompare):
         if not self.timeline.frames:
             self.want(self.timeline.last_seq)
         elif start == HEAD:
-            self.action_last_frame()
+            self.moves.action_last_frame()
         else:
-            self.action_first_frame()
+            self.moves.action_first_frame()
             if start:
-                self.go_to_text(start)
+                self.moves.go_to_text(start)
 
     def on_moment_seen(self, message: MomentSeen) -> None:
         """The moment that was wanted."""
@@ -183,17 +207,17 @@ class ReviewScreen(ReviewCompare):
         self.show_night()
         self.show_engine()
         self.show_place()
-        self.compare_if_asked()
+        self.comparing.compare_if_asked()
         self._compute_here()
 
     def _compute_here(self) -> None:
         """The tuning pane's figures are of a moment: those of another one are no answer."""
-        moment, self._figures = self.moment, (None, None)
-        self.show_tuning()
+        moment, self.tune.figures = self.moment, (None, None)
+        self.tune.show()
 
         def ask() -> None:
-            if self.moment is moment and self.query_one("#tune", TunePane).display:
-                self.compute()
+            if self.moment is moment and self.tune.pane.display:
+                self.tune.compute()
 
         if not self.player.is_playing:
             self.set_timer(OUTLOOK_AFTER_S, ask)
@@ -224,10 +248,19 @@ class ReviewScreen(ReviewCompare):
 
     def want(self, seq: int) -> None:
         """Have that moment shown; the time line shows at once where it is."""
-        super().want(seq)
+        self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
         self.show_place()
+
+    def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
+        """The mouse on the time line."""
+        self.moves.point(message)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """To what was typed in the last line."""
+        event.stop()
+        self.moves.take(event.value)
 
     # -- what is shown ----------------------------------------------------------------------
 
@@ -240,37 +273,8 @@ class ReviewScreen(ReviewCompare):
 
     def show_place(self) -> None:
         """The time line."""
-        place = Place(
-            seq=self.seq,
-            words=tuple(word for word in self._place_words() if word),
-            kept_seq=self.kept.seq if self.kept is not None else None,
-            kinds=self.kinds if self.kind != FOUND else (),
-            found=self.found,
-        )
-        self.query_one("#timeline", TimelinePane).show(
-            partial(timeline_lines, self.timeline, place)
-        )
-
-    def _place_words(self) -> list[str]:
-        if self.folder is None:
-            return ["no session"]
-        moment, timeline = self.moment, self.timeline
-        is_there = moment is not None and moment.seq == self.seq
-        t_utc_ns = self.night.last_utc_ns if is_there else timeline.time_of(self.seq)
-        speed = speed_words(self.player.speed)
-        pace = f"{'play' if self.player.is_playing else 'paused'} {speed}"
-        if self.is_at_head:
-            pace = "follows the live night"
-        partly = "" if moment is None or moment.is_whole else "earlier frames still to come"
-        kept = "" if self.kept is None else "A " + place_words(timeline, self.kept.seq, None)[0]
-        return [
-            *place_words(timeline, self.seq, t_utc_ns),
-            pace,
-            reading_words(timeline),
-            partly,
-            self.kind_words,
-            kept,
-        ]
+        lines = partial(timeline_lines, self.timeline, place_of(self, self.moves))
+        self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
         """That this is the past, what the state was, and what it is now."""
@@ -332,7 +336,7 @@ class ReviewScreen(ReviewCompare):
     def place_panes(self) -> None:
         """The field lies over the keys."""
         super().place_panes()
-        self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
+        self._field().styles.offset = (0, self.size.height - 1)
 
     def timeline_rows(self, height: int) -> int:
         """By the terminal's height."""
@@ -363,7 +367,7 @@ class ReviewScreen(ReviewCompare):
             pane.filter(wanted)
             pane.choose_near(self.seq)
             self.show_place()
-            count = len(self.found)
+            count = len(self.moves.found)
             self.say(f"{count} lines have {wanted!r}" if wanted else "log: every line")
 
         words = "words in any line of the night; nothing: every line"
@@ -373,39 +377,18 @@ class ReviewScreen(ReviewCompare):
         """To the moment of a line."""
         line: LogLine = message.line
         self.action_log()
-        self.go(self.moment_of(line))
+        self.moves.go(self.moves.moment_of(line))
 
-    # -- tuning -----------------------------------------------------------------------------
+    # -- the rest ---------------------------------------------------------------------------
 
-    @property
-    def tune_words(self) -> TuneWords:
-        """Nothing is applied here."""
-        frames = "all frames so far" if self._tunes_all else "{count} frames to here"
-        scope = first_key("tune_scope", self.keymap)
-        which = "the last frames" if self._tunes_all else "all frames"
-        return TuneWords(
-            frames=frames,
-            of_present=self.of_present(),
-            keys=f"{scope} {which}  u undo  w save  o load",
-        )
-
-    def tune_scope(self) -> tuple[int | None, int | None]:
-        """Up to the moment."""
-        return self.seq, None if self._tunes_all else self.last_frames()
-
-    def action_tune_scope(self) -> None:
-        """The last frames, or all."""
-        self._tunes_all = not self._tunes_all
-        self.show_tuning()
-        self.compute()
-        self.say(f"tune: {self.tune_words.frames}")
+    def make_tune(self) -> TuneActions:
+        """Up to the moment that is shown."""
+        return ReviewTuneActions(self, self._tune_pane)
 
     def may_act(self) -> bool:
         """Never: what is recorded stays as it is."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
-
-    # -- the rest ---------------------------------------------------------------------------
 
     def session_shown(self) -> Path | None:
         """The session that the list begins with."""
@@ -427,11 +410,11 @@ class ReviewScreen(ReviewCompare):
 
     def action_put_away(self) -> None:
         """What lies over the night, then what is being played."""
-        if self.close_field():
+        if self.moves.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
         if is_bare and self.player.is_playing:
-            self.action_play()
+            self.moves.action_play()
         else:
             super().action_put_away()
 

@@ -1,19 +1,18 @@
 """Through the time of a recorded night: by frames, by events, by playing, by what is typed."""
 
 import time
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from typing import Protocol
 
-from textual.widgets import Input
+from textual.widget import Widget
 
+from rsoconsole.console.actions import LookingSeat
 from rsoconsole.console.night import LogLine
 from rsoconsole.console.panes import MomentField, TimelinePane
-from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline import (
     KINDS,
     SIGNS,
     HappeningKind,
-    Moment,
     Player,
     Timeline,
     place_words,
@@ -30,55 +29,63 @@ _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
 """Kinds of lines that are seen whole at their frame's end."""
 
 
-class ReviewMoves(NightScreen):
-    """Holds which moment is wanted, and changes it."""
+class MovedScreen(LookingSeat, Protocol):
+    """The screen that shows the moment, and what of it the keys change."""
 
-    folder: Path | None = None
-    timeline = Timeline()
-    lines: tuple[LogLine, ...] = ()
+    timeline: Timeline
+    lines: tuple[LogLine, ...]
     """Of the whole log, as far as it has been read."""
-    moment: Moment | None = None
-    """The one that is shown; None before the first."""
-    seq = 0
-    """The one that is wanted."""
-    is_at_head = False
+    seq: int
+    """The moment that is wanted."""
+    is_at_head: bool
     """Whether a night that goes on is followed."""
-    kind: str = ANY
-    searched = ""
+    kind: str
+    """Of events."""
+    searched: str
     """Words that the log has been searched for."""
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
-        self.player = Player()
-        self._played_s = 0.0
-
-    # -- for the screen that shows it -----------------------------------------------------------
+    player: Player
 
     def want(self, seq: int) -> None:
         """Have that moment shown."""
-        self.seq = seq
 
     def show_place(self) -> None:
         """Draw the time line again."""
+
+    def show_keys(self) -> None:
+        """The last line."""
+
+    def set_focus(self, widget: Widget | None) -> None:
+        """Give a pane the keys."""
+
+
+class ReviewMoves:
+    """Changes which moment is wanted."""
+
+    def __init__(self, review: MovedScreen, field: Callable[[], MomentField]) -> None:
+        """``field``: where a moment is typed."""
+        self._review, self._field = review, field
+        self._played_s = 0.0
 
     # -- where ----------------------------------------------------------------------------------
 
     def go(self, seq: int | None) -> bool:
         """To that moment, by hand: playing ends; False where there is none."""
+        review = self._review
         if seq is None:
-            self.say("the session has no frames", "warn")
+            review.say("the session has no frames", "warn")
             return False
-        self.player.is_playing = False
-        last = self.timeline.step(self.timeline.last_seq, 0)
-        self.is_at_head = seq == last and not self.timeline.is_closed
-        self.want(seq)
-        self.show_keys()
+        review.player.is_playing = False
+        last = review.timeline.step(review.timeline.last_seq, 0)
+        review.is_at_head = seq == last and not review.timeline.is_closed
+        review.want(seq)
+        review.show_keys()
         return True
 
     def _step(self, by: int) -> None:
-        before = self.seq
-        if self.go(self.timeline.step(before, by)) and self.seq == before:
-            self.say("the first frame" if by < 0 else "the last frame")
+        review = self._review
+        before = review.seq
+        if self.go(review.timeline.step(before, by)) and review.seq == before:
+            review.say("the first frame" if by < 0 else "the last frame")
 
     def action_frame_back(self) -> None:
         """One frame."""
@@ -106,67 +113,68 @@ class ReviewMoves(NightScreen):
 
     def action_first_frame(self) -> None:
         """Of the night."""
-        self.go(self.timeline.step(0, 1))
+        self.go(self._review.timeline.step(0, 1))
 
     def action_last_frame(self) -> None:
         """Of the night; one that goes on is followed."""
-        self.go(self.timeline.step(self.timeline.last_seq, 0))
+        self.go(self._review.timeline.step(self._review.timeline.last_seq, 0))
 
-    def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
+    def point(self, message: TimelinePane.Pointed) -> None:
         """The mouse on the time line."""
-        t_utc_ns = time_at(self.timeline, message.column, message.columns)
-        seq = None if t_utc_ns is None else self.timeline.at_time(t_utc_ns)
-        if seq != self.seq:
+        timeline = self._review.timeline
+        t_utc_ns = time_at(timeline, message.column, message.columns)
+        seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
+        if seq != self._review.seq:
             self.go(seq)
 
     def action_goto_moment(self) -> None:
         """Ask which, in the last line."""
-        self.query_one(MomentField).open()
+        self._field().open()
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def take(self, typed: str) -> None:
         """To what was typed there."""
-        event.stop()
         self.close_field()
-        if event.value.strip():
-            self.go_to_text(event.value)
+        if typed.strip():
+            self.go_to_text(typed)
 
     def close_field(self) -> bool:
         """Nothing is typed any more; whether something was."""
-        field = self.query_one(MomentField)
+        field = self._field()
         is_open = field.display
         if is_open:
             field.close()
-            self.set_focus(None)
+            self._review.set_focus(None)
         return is_open
 
     def go_to_text(self, text: str) -> None:
         """To what was typed; why not, where there is no such moment."""
         try:
-            self.go(seq_of(understood(text), self.timeline))
+            self.go(seq_of(understood(text), self._review.timeline))
         except ValueError as error:
-            self.say(str(error), "warn")
+            self._review.say(str(error), "warn")
 
     # -- events ---------------------------------------------------------------------------------
 
     @property
     def kinds(self) -> tuple[HappeningKind, ...]:
         """What is jumped to, of what the time line has."""
-        return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
+        return tuple(kind for kind in KINDS if self._review.kind in {ANY, kind})
 
     @property
     def found(self) -> tuple[int, ...]:
         """Moments of the lines with the words that were searched for; empty for other kinds."""
-        if self.kind != FOUND:
+        review = self._review
+        if review.kind != FOUND:
             return ()
-        wanted = self.searched.lower()
-        return tuple(self.moment_of(line) for line in self.lines if wanted in line.text.lower())
+        wanted = review.searched.lower()
+        return tuple(self.moment_of(line) for line in review.lines if wanted in line.text.lower())
 
     def moment_of(self, line: LogLine) -> int:
         """The place from which a line of the log is best seen."""
-        index = self.timeline.index_of(line.seq)
+        index = self._review.timeline.index_of(line.seq)
         if line.kind not in _IN_FRAME or index is None:
             return line.seq
-        return self.timeline.end_of(index)
+        return self._review.timeline.end_of(index)
 
     def action_event_back(self) -> None:
         """The one before."""
@@ -177,70 +185,76 @@ class ReviewMoves(NightScreen):
         self._jump(is_on=True)
 
     def _jump(self, *, is_on: bool) -> None:
-        if self.kind == FOUND:
-            ahead = [seq for seq in self.found if (seq > self.seq if is_on else seq < self.seq)]
+        review = self._review
+        if review.kind == FOUND:
+            ahead = [seq for seq in self.found if (seq > review.seq if is_on else seq < review.seq)]
             seq = (min if is_on else max)(ahead, default=None)
-            what = f"{self.searched!r}"
+            what = f"{review.searched!r}"
         else:
-            happening = self.timeline.jump(self.seq, self.kinds, is_on=is_on)
-            seq = None if happening is None else self.timeline.moment_of(happening)
-            what = self.kind if seq is None else ", ".join(self.timeline.kinds_at(seq))
+            happening = review.timeline.jump(review.seq, self.kinds, is_on=is_on)
+            seq = None if happening is None else review.timeline.moment_of(happening)
+            what = review.kind if seq is None else ", ".join(review.timeline.kinds_at(seq))
         if seq is None:
             what = "event" if what == ANY else what
-            unread = "" if self.timeline.is_whole else " in what has been read so far"
-            self.say(f"no {'later' if is_on else 'earlier'} {what}{unread}")
+            unread = "" if review.timeline.is_whole else " in what has been read so far"
+            review.say(f"no {'later' if is_on else 'earlier'} {what}{unread}")
             return
         self.go(seq)
-        self.say(f"{place_words(self.timeline, seq, None)[0]}: {what}")
+        review.say(f"{place_words(review.timeline, seq, None)[0]}: {what}")
 
     def action_event_kind(self) -> None:
         """The next kind that the night has."""
-        present = {each.kind for each in self.timeline.happenings}
+        review = self._review
+        present = {each.kind for each in review.timeline.happenings}
         kinds = [ANY, *(kind for kind in KINDS if kind in present)]
-        if self.searched:
+        if review.searched:
             kinds.append(FOUND)
-        at = kinds.index(self.kind) if self.kind in kinds else -1
-        self.kind = kinds[(at + 1) % len(kinds)]
-        count = len(self.found) if self.kind == FOUND else 0
-        count += sum(each.kind in self.kinds for each in self.timeline.happenings)
-        self.show_place()
-        self.say(f"events: {self.kind_words} ({count} in the night)")
+        at = kinds.index(review.kind) if review.kind in kinds else -1
+        review.kind = kinds[(at + 1) % len(kinds)]
+        count = len(self.found) if review.kind == FOUND else 0
+        count += sum(each.kind in self.kinds for each in review.timeline.happenings)
+        review.show_place()
+        review.say(f"events: {self.kind_words} ({count} in the night)")
 
     @property
     def kind_words(self) -> str:
         """What is jumped to."""
-        if self.kind == FOUND:
-            return f"log has {self.searched!r}"
-        return next((f"{SIGNS[kind]} {kind}" for kind in KINDS if kind == self.kind), "any event")
+        review = self._review
+        if review.kind == FOUND:
+            return f"log has {review.searched!r}"
+        return next((f"{SIGNS[kind]} {kind}" for kind in KINDS if kind == review.kind), "any event")
 
     # -- playing --------------------------------------------------------------------------------
 
     def action_play(self) -> None:
         """Play from here, or stay here; at the end of a night, from its beginning."""
-        if self.player.is_playing:
-            self.player.is_playing = False
-        elif self.timeline.frames:
-            first, last = self.timeline.step(0, 1), self.timeline.step(self.timeline.last_seq, 0)
-            if self.seq == last and self.timeline.is_closed and first is not None:
-                self.want(first)
-            self.is_at_head = False
-            self.player.begin(self.timeline, self.seq)
+        review = self._review
+        if review.player.is_playing:
+            review.player.is_playing = False
+        elif review.timeline.frames:
+            timeline = review.timeline
+            first, last = timeline.step(0, 1), timeline.step(timeline.last_seq, 0)
+            if review.seq == last and review.timeline.is_closed and first is not None:
+                review.want(first)
+            review.is_at_head = False
+            review.player.begin(review.timeline, review.seq)
             self._played_s = time.monotonic()
-        self.show_place()
-        self.show_keys()
+        review.show_place()
+        review.show_keys()
 
     def play_on(self) -> None:
         """The moment that is due by now."""
-        if not self.player.is_playing:
+        review = self._review
+        if not review.player.is_playing:
             return
         now_s = time.monotonic()
-        seq = self.player.after(self.timeline, self.seq, now_s - self._played_s)
+        seq = review.player.after(review.timeline, review.seq, now_s - self._played_s)
         self._played_s = now_s
-        if seq != self.seq:
-            self.want(seq)
-        elif not self.player.is_playing:
-            self.show_place()
-            self.show_keys()
+        if seq != review.seq:
+            review.want(seq)
+        elif not review.player.is_playing:
+            review.show_place()
+            review.show_keys()
 
     def action_slower(self) -> None:
         """One step."""
@@ -251,6 +265,7 @@ class ReviewMoves(NightScreen):
         self._change_speed(1)
 
     def _change_speed(self, by: int) -> None:
-        self.player.change(by)
-        self.show_place()
-        self.say(f"speed: {speed_words(self.player.speed)} of what it was")
+        review = self._review
+        review.player.change(by)
+        review.show_place()
+        review.say(f"speed: {speed_words(review.player.speed)} of what it was")

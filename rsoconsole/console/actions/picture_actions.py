@@ -1,38 +1,59 @@
 """The picture panes of the seat, and the keys that look at them from nearer."""
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Protocol
 
+from rsoconsole.console.actions.seat_uses import LookingSeat
 from rsoconsole.console.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture import STRETCHES, Drawing, Mark, Picture, fitted_cells
-from rsoconsole.console.screens.opening_actions import OpeningActions
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
 """A streak that is shorter in the field is a dot among stars there."""
 
 
-class PictureActions(OpeningActions):
-    """The newest frame's picture in its two panes: which part of it, and how light becomes grey."""
+class PictureSeat(LookingSeat, Protocol):
+    """What the pictures use of the seat."""
 
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
-        self._sight: int | None = None
-        """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
-        self._stretch = 0
+    picture: Picture | None
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """What is being marked at this moment."""
+
+    def show_picture(self) -> None:
+        """Draw the picture again."""
 
     def look_again(self) -> None:
         """The picture lies elsewhere, or shows another piece of the frame."""
 
-    def show_picture(self) -> None:
+
+class PictureActions:
+    """The newest frame's picture in its two panes: which part of it, and how light becomes grey."""
+
+    def __init__(self, seat: PictureSeat, panes: Callable[[], tuple[FramePane, FramePane]]) -> None:
+        """``panes``: the large one and the small one."""
+        self._seat, self._panes = seat, panes
+        self._sight: int | None = None
+        """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
+        self._stretch = 0
+
+    def show(self) -> None:
         """The sight chosen in the large pane; in the small one the other."""
+        seat = self._seat
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        told, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
-        for name, sight in (("frame", large), ("closeup", small)):
-            pane = self.query_one(f"#{name}", FramePane)
-            pane.hides_signs = self.hides_signs
-            pane.show(self.picture, sight, stretch, told, marks)
+        told, marks = (
+            (seat.night.frame, stretch, seat.hides_signs),
+            seat.marks_by_hand(),
+        )
+        for pane, sight in zip(self._panes(), (large, small), strict=True):
+            pane.hides_signs = seat.hides_signs
+            pane.show(seat.picture, sight, stretch, told, marks)
 
     @property
     def _sight_now(self) -> int:
@@ -43,8 +64,8 @@ class PictureActions(OpeningActions):
 
     def _is_streak_too_small(self) -> bool:
         """Whether the field would show a dot, in the only pane for pictures there is."""
-        picture, pane = self.picture, self.query_one("#frame", FramePane)
-        has_both = self.query_one("#closeup").display or not pane.display
+        picture, (pane, closeup) = self._seat.picture, self._panes()
+        has_both = closeup.display or not pane.display
         if picture is None or picture.closeup is None or has_both:
             return False
         detail = picture.detail
@@ -56,42 +77,35 @@ class PictureActions(OpeningActions):
         columns, _ = fitted_cells(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
         return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
 
-    def picture_words(
+    def words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
         """What stands over and under a picture."""
+        seat = self._seat
         stretch = STRETCHES[self._stretch]
         if sight == "field":
-            is_reading = words.is_past_unread(self.night, self.engine)
-            title = words.frame_title(self.night, picture, is_reading=is_reading)
+            is_reading = words.is_past_unread(seat.night, seat.engine)
+            title = words.frame_title(seat.night, picture, is_reading=is_reading)
             caption = words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
             if picture is not None and drawing is not None and self._sight_now:
                 # In the large pane, where the frame's own title stands as a rule.
-                title = [*words.frame_title(self.night, picture), "close-up", *title[1:]]
+                title = [*words.frame_title(seat.night, picture), "close-up", *title[1:]]
             columns = drawing.window.columns - 1 if drawing is not None else words.BADGE_COLUMNS
             caption = words.closeup_caption(picture, columns)
         return title if stretch == "streaks" else [*title, stretch], caption
 
-    @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-        return False
-
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-        return ()
-
     def action_zoom(self) -> None:
         """The whole field, the close-up, the close-up pixel by pixel."""
+        seat = self._seat
         self._sight = (self._sight_now + 1) % len(SIGHTS)
-        self.show_picture()
-        self.look_again()
-        self.say(f"picture: {SIGHTS[self._sight]}")
+        seat.show_picture()
+        seat.look_again()
+        seat.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:
         """How light becomes grey."""
         self._stretch = (self._stretch + 1) % len(STRETCHES)
-        self.show_picture()
-        self.say(f"stretch: {STRETCHES[self._stretch]}")
+        self._seat.show_picture()
+        self._seat.say(f"stretch: {STRETCHES[self._stretch]}")

@@ -1,0 +1,106 @@
+"""Arrows move the telescope by a step, as the picture is turned."""
+
+from typing import Protocol
+
+from rsoconsole.console.actions.second_press import CarefulSeat, TwicePressed
+from rsoconsole.console.commands import first_key
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.watches import OutcomeCame
+from rsoconsole.control import Nudge
+from rsoconsole.records import Solution
+
+STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
+FIRST_STEP = 3
+
+
+def step_words(arcsec: float) -> str:
+    """30′ or 20″."""
+    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
+
+
+class NudgeSeat(CarefulSeat, Protocol):
+    """What the arrows use of the seat."""
+
+    picture: Picture | None
+
+
+class NudgeActions:
+    """One nudge at a time, and how long its step is."""
+
+    def __init__(self, seat: NudgeSeat, twice: TwicePressed) -> None:
+        self._seat, self._twice = seat, twice
+        self._step = FIRST_STEP
+        self._is_nudging = False
+
+    def see_outcome(self, message: OutcomeCame) -> None:
+        """The next nudge may go."""
+        if isinstance(message.command, Nudge):
+            self._is_nudging = False
+
+    def action_nudge_up(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_up", 0.0, -1.0)
+
+    def action_nudge_down(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_down", 0.0, 1.0)
+
+    def action_nudge_left(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_left", -1.0, 0.0)
+
+    def action_nudge_right(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge("nudge_right", 1.0, 0.0)
+
+    def _nudge(self, name: str, right: float, down: float) -> None:
+        """Move the telescope so that it looks that way in the picture.
+
+        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
+        """
+        seat = self._seat
+        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
+        if self._is_nudging or not seat.may_act():
+            return
+        if seat.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", seat.keymap)
+            what = f"takes the mount from AUTO ({back} gives it back)"
+            self._twice.ask(name, what, lambda: self._send_nudge(right, down))
+        else:
+            self._send_nudge(right, down)
+
+    def _send_nudge(self, right: float, down: float) -> None:
+        if self._is_nudging:
+            return
+        self._is_nudging = True
+        east, north = self._on_the_sky(right, down)
+        arcmin = STEPS_ARCSEC[self._step] / 60.0
+        self._seat.send(
+            Nudge(
+                east_arcmin=round(arcmin * east, 6),
+                north_arcmin=round(arcmin * north, 6),
+            )
+        )
+
+    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
+        """A direction in the picture as (east, north); without a plate north is up, east left."""
+        solution = self._seat.picture.detail.solution if self._seat.picture is not None else None
+        if not isinstance(solution, Solution):
+            return -right, -down
+        cd = solution.wcs.cd
+        east = cd[0] * right + cd[1] * down
+        north = cd[2] * right + cd[3] * down
+        length = (east**2 + north**2) ** 0.5 or 1.0
+        return east / length, north / length
+
+    def action_smaller_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(1)
+
+    def action_larger_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(-1)
+
+    def _change_step(self, by: int) -> None:
+        self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
+        self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
