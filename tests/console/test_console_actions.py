@@ -18,6 +18,7 @@ from rsoconsole.console.commands.orders import Orders
 from rsoconsole.console.dialogs.dialogs import help_text
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
+from rsoconsole.console.screens.drawn_from import DrawnFrom
 from rsoconsole.control import Command, Outcome
 from rsoconsole.control.commands import Hold
 from rsoconsole.control.frame_commands import MarkByHand
@@ -76,6 +77,37 @@ def test_every_command_has_an_action_a_key_words_and_a_place_in_help_and_palette
         bound = {binding.id for _, binding in app.live._bindings if binding.id}
         bound |= {binding.id for _, binding in app._bindings if binding.id}
         assert bound == {command.name for command in commands_in("live")}
+
+    play(wire, scene)
+
+
+def test_no_two_parts_of_a_screen_answer_the_same_key(wire: FakeWire):
+    class Another:
+        def action_zoom(self) -> None:
+            """As the pictures have it."""
+
+    async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
+        with pytest.raises(TypeError, match="action_zoom is in more than one part of LiveScreen"):
+            app.live.take_keys(Another())
+
+    play(wire, scene)
+
+
+def test_what_is_drawn_from_several_facts_is_drawn_once_when_they_come_together(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        live, drawn = app.live, []
+        both, night_alone = (lambda: drawn.append("both")), (lambda: drawn.append("night"))
+        app._engine_watch.close()
+        app._session_watch.close()
+        await pilot.pause(0.2)
+        DrawnFrom(live, {both: ("night", "engine"), night_alone: ("night",)})
+        live.night, live.engine = live.night, live.engine
+        await until(pilot, lambda: bool(drawn))
+        assert drawn == ["both", "night"]
+        live.engine = live.engine
+        await until(pilot, lambda: len(drawn) > 2)
+        assert drawn[2:] == ["both"]
 
     play(wire, scene)
 

@@ -624,8 +624,7 @@ def test_news_does_not_pile_up_before_a_screen_that_is_busy(wire):
         app._session_watch.close()
         await pilot.pause()
         seen = []
-        show = app.live.show_night
-        app.live.show_night = lambda: (seen.append(app.live.night), show())
+        app.live.watch(app.live, "night", lambda: seen.append(app.live.night), init=False)
         nights = [dataclasses.replace(app.live.night, log=()) for _ in range(50)]
         for each in nights:
             app._post_night(each, app.live.picture)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from textual.message import Message
+from textual.reactive import var
 from textual.screen import Screen
 
 from rsoconsole.console.actions.seat_uses import Answer
@@ -33,6 +34,11 @@ BANNER_S = 15.0
 class Seat(Screen[None]):
     """Holds what is known and sends commands; the screens above it show and ask."""
 
+    night: var[NightView] = var(NightView, init=False, always_update=True)
+    engine: var[EngineView] = var(EngineView, init=False, always_update=True)
+    picture: var[Picture | None] = var(None, init=False, always_update=True)
+    outlook: var["Outlook | None"] = var(None, init=False, always_update=True)
+    orbit_ahead: var[OrbitAhead | None] = var(None, init=False, always_update=True)
     is_click = False
     """The action that runs was clicked, not typed."""
 
@@ -52,11 +58,6 @@ class Seat(Screen[None]):
         super().__init__()
         self.keymap = dict(keymap or {})
         self.seat_name = seat_name
-        self.night = NightView()
-        self.engine = EngineView()
-        self.picture: Picture | None = None
-        self.outlook: Outlook | None = None
-        self.orbit_ahead: OrbitAhead | None = None
         self.stop_news: StopNews | None = None
         self.orders = orders
         self.read_only = read_only

@@ -23,7 +23,8 @@ from rsoconsole.console.frame import MarkTo
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import Key, Mode, keys_for
 from rsoconsole.console.picture import Mark, Marking
-from rsoconsole.console.screens.night_screen import NightScreen
+from rsoconsole.console.screens.drawn_from import Draw
+from rsoconsole.console.screens.night_screen import KNOWN, NightScreen
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
 from rsoconsole.console.watches import (
     EngineSeen,
@@ -98,8 +99,6 @@ class LiveScreen(NightScreen):
         self.mark.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
-        self.show_night()
-        self.show_engine()
         self.tune.compute_now_and_then()
 
     def on_engine_seen(self, message: EngineSeen) -> None:
@@ -110,13 +109,13 @@ class LiveScreen(NightScreen):
             self.forget_notice()
         self.telescope.see_mount_change_hands(before)
         self.see_stop()
-        self.show_engine()
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """What came of a command."""
         self.telescope.see_outcome(message)
         self.nudges.see_outcome(message)
         self.outcomes.see(message)
+        self.show_top()  # what was asked for is perhaps on its way no longer
 
     def on_mark_held(self, message: MarkHeld) -> None:
         """Whether the engine keeps the frame that is marked in."""
@@ -149,13 +148,21 @@ class LiveScreen(NightScreen):
         """Whether what is kept has been asked for, and the engine has yet to take it up."""
         return self.telescope.is_following_again
 
-    def show_engine(self) -> None:
-        """The engine's word, and what both together say."""
+    def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
+        """Also what the application makes of it, and the words of a STOP."""
+        return {
+            self._make_known: ("night", "engine"),
+            self._show_log_that_is_read: ("engine",),
+            **super().drawn_from(),
+            self.show_stop_words: KNOWN,
+        }
+
+    def _make_known(self) -> None:
         self.on_known(self.night, self.engine)
+
+    def _show_log_that_is_read(self) -> None:
         if not self.night.is_read:
             self.show_log()
-        super().show_engine()
-        self.show_stop_words()
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
         """What is being marked at this moment."""

@@ -20,9 +20,7 @@ from rsoconsole.console.actions import (
     TracksPane,
     TuneActions,
 )
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.drawing import (
-    MOST_ALERT_ROWS,
     Line,
     Name,
     has_tune_of_its_own,
@@ -41,6 +39,8 @@ from rsoconsole.console.panes import (
     StopBanner,
 )
 from rsoconsole.console.picture import Drawing, Mark, Picture
+from rsoconsole.console.screens.alert_line import AlertLine
+from rsoconsole.console.screens.drawn_from import Draw, DrawnFrom
 from rsoconsole.console.screens.key_line import KeyLine
 from rsoconsole.console.screens.opening_actions import OpeningActions
 from rsoconsole.console.screens.pane_places import place_panes
@@ -51,6 +51,7 @@ from rsoconsole.console.words import fact_lines, kept_words, words
 from rsoconsole.control import StopNews
 
 DEFAULT_ASPECT = 4 / 3
+KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
 class NightScreen(Seat):
@@ -87,6 +88,7 @@ class NightScreen(Seat):
         self.reading = ReadingActions(self)
         self.opening = OpeningActions(self, self.sessions_root)
         self.log_filter = LogFilter(self, self._log_pane)
+        self.alert_line = AlertLine(self, partial(self.pane, "alert"))
         self.key_line = KeyLine(self, partial(self.pane, "keys"))
         self.take_keys(
             *(self.plots, self.track_keys, self.tune),
@@ -94,8 +96,6 @@ class NightScreen(Seat):
         )
         self.is_log_open = False
         self.is_orbit_open = False
-        self._rows_of_alert = 0
-        """For which the panes have been laid out."""
 
     def make_tune(self) -> TuneActions:
         """The keys of the tuning pane."""
@@ -119,9 +119,9 @@ class NightScreen(Seat):
 
     def on_mount(self) -> None:
         """First paint."""
+        self.drawn = DrawnFrom(self, self.drawn_from())
         self.place_panes()
-        self.show_night()
-        self.show_engine()
+        self.drawn.draw_all()
 
     def on_resize(self) -> None:
         """Another terminal, other places."""
@@ -229,49 +229,54 @@ class NightScreen(Seat):
     def on_outlook_seen(self, message: OutlookSeen) -> None:
         """What the next hours bring."""
         self.outlook = message.outlook
-        self.pane("sky").show(partial(sky_lines, self.night.config, self.outlook))
-        self.show_engine()
+        self.pane("sky").show(partial(sky_lines, self.night.config, message.outlook))
 
     def on_orbit_seen(self, message: OrbitSeen) -> None:
         """Where the orbit leads."""
         self.orbit_ahead = message.ahead
-        self.show_engine()
 
     @property
     def orbit(self) -> OrbitShown:
         """What is known of the orbit."""
         return orbit_shown(self.night, self.engine, self.orbit_ahead)
 
-    def show_night(self) -> None:
-        """What the record says."""
-        self.show_picture()
-        self.plots.show()
-        self.show_log()
-        self.tune.show()
+    def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
+        """How each part is drawn, and from which reactives; a STOP waits for none of them."""
+        return {
+            self.show_picture: ("night", "picture"),
+            self.plots.show: ("night",),
+            self.show_log: ("night",),
+            self.tune.show: ("night",),
+            self.show_top: KNOWN,
+            self.show_orbit: KNOWN,
+            self.show_facts: KNOWN,
+            self.show_alert: KNOWN,
+            self.show_keys: KNOWN,
+        }
 
     def show_log(self) -> None:
         """The lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
         self._log_pane().show(self.night.log, is_reading=is_reading)
 
-    def show_engine(self) -> None:
-        """What the engine says, and what both together do."""
-        night, engine = self.night, self.engine
+    def show_top(self) -> None:
+        """The first line."""
         self.pane("top").show(self.top)
+
+    def show_orbit(self) -> None:
+        """What is known of the orbit."""
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
-        self.pane("facts").show(
-            partial(fact_lines, night, engine, self.outlook, keymap=self.keymap)
-        )
-        alert = self.alert or self.intro
-        self.pane("alert").set_class(not self.alert, "-calm")
-        if self.alert_rows() != self._rows_of_alert:
+
+    def show_facts(self) -> None:
+        """The figures."""
+        lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
+        self.pane("facts").show(lines)
+
+    def show_alert(self) -> None:
+        """What must not be missed, or what stands in its place; its rows are another's."""
+        if self.alert_line.show():
             self.place_panes()
             self.call_after_refresh(self.look_again)
-        cut = f"… ({first_key('read', self.keymap)} shows all) …"
-        self.pane("alert").show(
-            lambda width, height: words.wrapped(f" {alert}", width, height, cut)
-        )
-        self.show_keys()
 
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
@@ -298,11 +303,6 @@ class NightScreen(Seat):
     def intro(self) -> str:
         """What stands in the alert's place while there is none; empty as a rule."""
         return ""
-
-    def alert_rows(self) -> int:
-        """How many rows the alert, or what stands in its place, takes."""
-        alert = self.alert or self.intro
-        return len(words.wrapped(f" {alert}", self.size.width, MOST_ALERT_ROWS)) if alert else 0
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
@@ -336,8 +336,7 @@ class NightScreen(Seat):
 
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
-        self._rows_of_alert = self.alert_rows()
-        place_panes(self, self.PANES, self._rows_of_alert)
+        place_panes(self, self.PANES, self.alert_line.place())
         self.key_line.place()
 
     def timeline_rows(self, height: int) -> int:
@@ -365,7 +364,7 @@ class NightScreen(Seat):
     def show_stop(self, news: StopNews | None) -> None:
         """What came of a STOP, over everything else."""
         super().show_stop(news)
-        self.pane("top").show(self.top)
+        self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
@@ -438,7 +437,3 @@ class NightScreen(Seat):
     def action_leave(self) -> None:
         """Out of the console; a screen that has something to ask before does."""
         self.app.exit("quit")
-
-    def text(self) -> str:
-        """Every shown pane's words, for anyone who cannot see the terminal."""
-        return "\n".join(pane.text for pane in self.query(LinesPane) if pane.display)

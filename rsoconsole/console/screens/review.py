@@ -134,7 +134,7 @@ class ReviewScreen(NightScreen):
         self._outlook_watch.start()
         self.set_interval(PLAY_S, self.moves.play_on)
         if self._live is not None:
-            self.set_interval(LIVE_S, self.show_engine)
+            self.set_interval(LIVE_S, self.show_live)
         folder, start = self._first
         if folder is None:
             self.call_after_refresh(self.opening.action_sessions)
@@ -157,8 +157,6 @@ class ReviewScreen(NightScreen):
         self.orbit_ahead = None
         self.engine = engine_then(self.night)
         self._watch_session.follow(folder)
-        self.show_night()
-        self.show_engine()
         self.show_place()
 
     # -- what is known ----------------------------------------------------------------------
@@ -176,7 +174,7 @@ class ReviewScreen(NightScreen):
                 self.want(last)
         self._ask_outlook()
         self.show_place()
-        self.show_engine()
+        self.show_live()
         if self.is_log_open:
             self.show_log()
 
@@ -200,12 +198,10 @@ class ReviewScreen(NightScreen):
         moment = message.moment
         has_other_shape = self.aspect_of(moment.picture) != self.aspect_of(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
-        self.engine = engine_then(moment.view)
+        self.engine, self.outlook = engine_then(moment.view), self.outlook
         if has_other_shape and moment.picture is not None:
             self.place_panes()
         self._ask_outlook()
-        self.show_night()
-        self.show_engine()
         self.show_place()
         self.comparing.compare_if_asked()
         self._compute_here()
@@ -238,7 +234,7 @@ class ReviewScreen(NightScreen):
         """Why nothing comes."""
         if message.folder == self.folder and message.text != self._fault:
             self._fault = message.text
-            self.show_engine()
+            self.show_alert()
 
     def _outlook_seen(self, outlook: "Outlook") -> None:
         self.post_from_thread(OutlookSeen(outlook))
@@ -264,12 +260,17 @@ class ReviewScreen(NightScreen):
 
     # -- what is shown ----------------------------------------------------------------------
 
-    def show_engine(self) -> None:
-        """What the record says, and the night behind."""
-        outlook, now = self.outlook, self.night.last_utc_ns or 0
-        if outlook is not None and abs(outlook.t_utc_ns - now) > OUTLOOK_GOOD_NS:
-            self.outlook = None  # of another hour of the night
-        super().show_engine()
+    def show_live(self) -> None:
+        """What the night behind does, and whether its alert lies over this one."""
+        self.show_top()
+        self.show_alert()
+        self.show_keys()
+
+    def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
+        """None where it is of another hour of the night."""
+        now = self.night.last_utc_ns or 0
+        is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
+        return outlook if is_near else None
 
     def show_place(self) -> None:
         """The time line."""
