@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar, assert_never
+from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.night.chunks import Chunks, in_chunks
 from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.console.night.frames_seen import FramesSeen
 from rsoconsole.console.night.last_measured import last_measured
 from rsoconsole.console.night.log_lines import LogLine, is_put_down_to_cloud, left_out, line_of
 from rsoconsole.console.night.log_merging import append_line
@@ -58,10 +59,6 @@ UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""
 ELSEWHERE = "not pointed at it"
 """Why a frame that looked somewhere else shows nothing of the track."""
-NOTHING_SEEN = FrameDetail()
-_OfFrame = TypeVar("_OfFrame", FrameRow, FrameDetail)
-FRAMES_IN_DETAIL = 8
-"""How many of the last frames keep what a picture of them needs; pictures come late."""
 
 
 class Night:
@@ -80,49 +77,42 @@ class Night:
             tau=config.detector.tau if config is not None else 0.1,
         )
         self._site = config.site.to_site() if config is not None else None
-        self._rows: dict[int, FrameRow] = {}
-        self._details: dict[int, FrameDetail] = {}
+        self._frames = FramesSeen()
         self._log: list[LogLine] = []
-        self._own: dict[int, FrameRow | FrameDetail] = {}
-        """By identity: rows and details that nobody else has seen yet, and that may change."""
-        self._kept_rows: Chunks[FrameRow] = ()
         self._kept_log: Chunks[LogLine] = ()
 
     def view(self) -> NightView:
         """What has been taken so far."""
-        self._own.clear()
+        self._frames.are_seen()
         self._see_horizon()
         now = self._now
         return replace(
             self._about,
             **now.shown(),
-            measured=last_measured(self._details.items(), self._rows),
+            measured=last_measured(self._frames.details.items(), self._frames.rows),
             tracks=now.tracks_now.in_order(),
             dropped=now.tracks_now.can_be_taken_back(
                 0 if now.frame is None else now.frame.frame_id
             ),
-            rows=tuple(self._rows.values()),
+            rows=tuple(self._frames.rows.values()),
             log=tuple(self._log),
         )
 
     def keep(self) -> KeptNight:
         """The night as it is now, to come back to."""
-        self._own.clear()
-        self._kept_rows = in_chunks([*self._rows.values()], self._kept_rows)
+        rows, details = self._frames.keep()
         self._kept_log = in_chunks(self._log, self._kept_log)
         return KeptNight(
             now=replace(self._now),
-            rows=self._kept_rows,
-            details=tuple(self._details.items()),
+            rows=rows,
+            details=details,
             log=self._kept_log,
         )
 
     def go_back(self, kept: KeptNight) -> None:
         """As it was when that was kept, by this fold or by another one of the same night."""
-        self._own.clear()
         self._now = replace(kept.now)
-        self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
-        self._details = dict(kept.details)
+        self._frames.go_back(kept.rows, kept.details)
         self._log = [line for chunk in kept.log for line in chunk]
 
     def forget_log(self) -> None:
@@ -146,8 +136,8 @@ class Night:
 
     def row(self, frame_id: int) -> FrameRow | None:
         """What the plots show of that frame; None for one that has not been taken."""
-        self._own.clear()
-        return self._rows.get(frame_id)
+        self._frames.are_seen()
+        return self._frames.rows.get(frame_id)
 
     @property
     def log(self) -> tuple[LogLine, ...]:
@@ -156,16 +146,12 @@ class Night:
 
     def detail(self, frame_id: int) -> FrameDetail:
         """What that frame showed; empty for one long past."""
-        self._own.clear()
-        return self._seen(frame_id)
-
-    def _seen(self, frame_id: int) -> FrameDetail:
-        """The same, for the fold alone."""
-        return self._details.get(frame_id, NOTHING_SEEN)
+        self._frames.are_seen()
+        return self._frames.detail(frame_id)
 
     def newest_frames(self) -> tuple[int, ...]:
         """The last frames, newest first."""
-        return tuple(reversed(self._details))
+        return tuple(reversed(self._frames.details))
 
     def has_been_read(self) -> None:
         """The past is known: what is taken from now on is news."""
@@ -183,7 +169,7 @@ class Night:
         now.seq = now.seq + 1 if seq is None else seq
         named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
         self._fold(record, t_utc_ns)
-        detail = self._seen(getattr(record, "frame_id", None) or 0)
+        detail = self._frames.detail(getattr(record, "frame_id", None) or 0)
         is_one_of_several = len(now.tracks_now.tracks) > 1
         now.tracks_now = tracks_after(
             now.tracks_now, record, t_utc_ns, detail.all_measured, detail.detections
@@ -252,16 +238,13 @@ class Night:
         ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
         if ra is not None and dec is not None:
             self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
-        self._own.clear()  # what came before is hardly changed any more
-        self._rows[record.frame_id] = FrameRow(
+        row = FrameRow(
             frame_id=record.frame_id,
             t_utc_ns=record.t_start_utc_ns or t_utc_ns,
             was_sought=self._now.state not in UNSOUGHT,
             mount_icrs_deg=None if ra is None or dec is None else (ra, dec),
         )
-        self._details[record.frame_id] = FrameDetail(taken=record)
-        while len(self._details) > FRAMES_IN_DETAIL:
-            del self._details[next(iter(self._details))]
+        self._frames.begin(row, record)
 
     def _detections(self, record: Detections, _t_utc_ns: int) -> None:
         best = max((d.confidence for d in record.detections), default=None)
@@ -269,7 +252,7 @@ class Night:
         refused = (
             None if rejected is None else (rejected.detection.confidence, text(rejected.reason))
         )
-        self._change(
+        self._frames.change(
             record.frame_id,
             confidence=best,
             is_reduced=True,
@@ -280,61 +263,63 @@ class Night:
             background_adu=record.background_adu,
             zero_point_mag=record.zero_point_mag,
         )
-        self._detail(record.frame_id, detections=record)
+        self._frames.change_detail(record.frame_id, detections=record)
 
     def _solution(self, record: Solution, t_utc_ns: int) -> None:
-        taken = self._seen(record.frame_id).taken
+        taken = self._frames.detail(record.frame_id).taken
         t_ns = taken.t_start_utc_ns if taken is not None else None
         self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
-        self._change(
+        self._frames.change(
             record.frame_id,
             is_solved=True,
             plate_icrs_deg=(record.ra_icrs_deg, record.dec_icrs_deg),
             rotation_deg=record.rotation_deg,
         )
-        self._detail(record.frame_id, solution=record)
+        self._frames.change_detail(record.frame_id, solution=record)
 
     def _not_solved(self, record: NotSolved, _t_utc_ns: int) -> None:
-        self._change(record.frame_id, is_solved=False)
-        self._detail(record.frame_id, solution=record)
+        self._frames.change(record.frame_id, is_solved=False)
+        self._frames.change_detail(record.frame_id, solution=record)
 
     def _measurement(self, record: Measurement, _t_utc_ns: int) -> None:
-        if record.frame_id in self._details:
-            before = self._details[record.frame_id].measurements
-            self._detail(record.frame_id, measurements=(*before, record))
+        if record.frame_id in self._frames.details:
+            before = self._frames.details[record.frame_id].measurements
+            self._frames.change_detail(record.frame_id, measurements=(*before, record))
 
     def _not_followed(self, record: NotFollowed, _t_utc_ns: int) -> None:
-        row = self._rows.get(record.frame_id)
+        row = self._frames.rows.get(record.frame_id)
         confidence = record.measurement.confidence
         if row is not None and (row.refused is None or row.refused[0] < confidence):
-            self._change(record.frame_id, refused=(confidence, text(record.reason)))
-        if record.frame_id in self._details:
-            before = self._details[record.frame_id].not_followed
-            self._detail(record.frame_id, not_followed=(*before, record))
+            self._frames.change(record.frame_id, refused=(confidence, text(record.reason)))
+        if record.frame_id in self._frames.details:
+            before = self._frames.details[record.frame_id].not_followed
+            self._frames.change_detail(record.frame_id, not_followed=(*before, record))
 
     def _ruling(self, record: Ruling, _t_utc_ns: int) -> None:
-        if record.frame_id in self._details:
+        if record.frame_id in self._frames.details:
             # Marks before this one count no more.
-            found = self._details[record.frame_id].measurements
+            found = self._frames.details[record.frame_id].measurements
             kept = tuple(m for m in found if m.source != "operator")
-            self._detail(record.frame_id, ruling=record, measurements=kept)
+            self._frames.change_detail(record.frame_id, ruling=record, measurements=kept)
 
     def _followed_again(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
         no = {"is_followed": False, "is_cloudy": False, "is_by_orbit": False}
-        self._change(record.frame_id, **no, **blank)
-        self._detail(record.frame_id, predicted=None, updated=None, not_followed=(), tracks=())
+        self._frames.change(record.frame_id, **no, **blank)
+        self._frames.change_detail(
+            record.frame_id, predicted=None, updated=None, not_followed=(), tracks=()
+        )
         now = self._now
         # Until the next one is on record the orbit of before is the best there is.
         of_frame = (n for n, each in now.orbits.items() if each.frame_id == record.frame_id)
         now.being_fitted_again |= frozenset(of_frame)
 
     def _closeup(self, record: Closeup, _t_utc_ns: int) -> None:
-        self._detail(record.frame_id, closeup=record)
+        self._frames.change_detail(record.frame_id, closeup=record)
 
     def _track_state(self, record: TrackState, _t_utc_ns: int) -> None:
-        detail = self._seen(record.frame_id)
-        self._detail(record.frame_id, tracks=with_track(detail.tracks, record))
+        detail = self._frames.detail(record.frame_id)
+        self._frames.change_detail(record.frame_id, tracks=with_track(detail.tracks, record))
         if not record.is_lead:
             others = {n: t for n, t in self._now.beside.items() if n != record.replaces}
             self._now.beside = {**others, record.track_id: record}
@@ -348,13 +333,13 @@ class Night:
             self._now.track_frame_id = record.frame_id
             self._now.track_since_utc_ns = record.t_utc_ns
         if record.kind == "predicted":
-            self._change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
-            self._detail(record.frame_id, predicted=record)
+            self._frames.change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
+            self._frames.change_detail(record.frame_id, predicted=record)
             return
-        self._detail(record.frame_id, updated=record)
-        self._change(record.frame_id, is_followed=True)
+        self._frames.change_detail(record.frame_id, updated=record)
+        self._frames.change(record.frame_id, is_followed=True)
         if record.innovation_arcsec is not None:
-            self._change(
+            self._frames.change(
                 record.frame_id,
                 residual_arcsec=record.innovation_arcsec,
                 sigma_arcsec=record.sigma_innovation_arcsec,
@@ -396,9 +381,9 @@ class Night:
         if record.track_id in self._now.beside:
             return
         if self._looked_elsewhere(record):
-            self._change(record.frame_id, miss=ELSEWHERE, is_reduced=True, was_sought=False)
+            self._frames.change(record.frame_id, miss=ELSEWHERE, is_reduced=True, was_sought=False)
         else:
-            self._change(
+            self._frames.change(
                 record.frame_id,
                 miss=text(record.reason),
                 is_reduced=True,
@@ -409,14 +394,14 @@ class Night:
         """Whether the lead was missed in a frame whose field it was not in by the prediction."""
         if not is_without_detection(record):
             return False
-        detail = self._seen(getattr(record, "frame_id", 0))
+        detail = self._frames.detail(getattr(record, "frame_id", 0))
         return looked_elsewhere(detail.predicted, detail.solution, detail.taken)
 
     def _beside(self, record: Record) -> str:
         """Why a streak that somebody sees in the picture was none for the track."""
         if not isinstance(record, Miss | StateChange) or not is_without_detection(record):
             return ""
-        return left_out(self._seen(record.frame_id).detections, self._now.tau)
+        return left_out(self._frames.detail(record.frame_id).detections, self._now.tau)
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
@@ -453,24 +438,3 @@ class Night:
         """Altitude and azimuth of the pointing, once it is looked at."""
         if self._now.pointing is not None and self._site is not None:
             self._now.pointing = above_horizon(self._now.pointing, self._site)
-
-    def _change(self, frame_id: int, **changes: Any) -> None:
-        row = self._rows.get(frame_id)
-        self._rows[frame_id] = self._changed(row or FrameRow(frame_id=frame_id), changes)
-
-    def _detail(self, frame_id: int, **changes: Any) -> None:
-        if frame_id in self._details:
-            self._details[frame_id] = self._changed(self._details[frame_id], changes)
-
-    def _changed(self, of_frame: _OfFrame, changes: dict[str, Any]) -> _OfFrame:
-        """The same with changes: made again once, and changed in its place until others see it.
-
-        A frame has a dozen of them, a night 50,000 frames.
-        """
-        if id(of_frame) in self._own:
-            for name, value in changes.items():
-                object.__setattr__(of_frame, name, value)
-            return of_frame
-        made = replace(of_frame, **changes)
-        self._own[id(made)] = made
-        return made
