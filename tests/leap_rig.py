@@ -134,6 +134,10 @@ class LowReducer(ScriptedReducer):
         self.unsolved: set[int] = set()
         self.like_aircraft: set[int] = set()
         """Frames in which its streak is taken for an aircraft's."""
+        self.first_shows = 1.0
+        """Share of the first streak's light that is there: it flashes."""
+        self.first_turned_deg = 0.0
+        """By which the first streak is another's."""
         self.is_eclipsed = False
         """Whether the Earth's shadow counts."""
         self.in_frame: list[tuple[int, bool]] = []
@@ -182,6 +186,11 @@ class LowReducer(ScriptedReducer):
             np.all(np.isfinite(x))
             and np.all((x > 0) & (x < WIDTH_PX - 1) & (y > 0) & (y < HEIGHT_PX - 1))
         )
+        if is_in and not any(was for _, was in self.in_frame):
+            turn = np.radians(self.first_turned_deg)
+            along = self.first_shows * np.array([np.diff(x)[0], np.diff(y)[0]])
+            dx, dy = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ along
+            x, y = np.array([x[0], x[0] + dx]), np.array([y[0], y[0] + dy])
         self.in_frame.append((frame.frame_id, is_in))
         is_lit = not (self.is_eclipsed and is_dark(self.orbit, int(t[0])))
         found = Detections(

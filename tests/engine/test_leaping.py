@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from rsoconsole.records import Event, FrameTaken, ParameterChange, SlewCommand
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    LeapDone,
+    LowPass,
+    ParameterChange,
+    SlewCommand,
+)
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_altaz
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -158,6 +165,26 @@ def test_what_looks_like_an_aircraft_on_its_way_is_met_and_begins_nothing() -> N
     r.reducer.like_aircraft = set(range(60))
     run(r, 30)
     assert not any(text.startswith("leap ") for text in words(r))
+
+
+def test_a_first_streak_that_was_a_flash_leads_on_all_the_same() -> None:
+    """A tenth of its light was not there: it is faster than that says."""
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.first_shows = 0.9
+    run(r, 40)
+    assert met(r) >= 25
+    assert sum("leap missed" in text for text in words(r)) <= 1
+
+
+def test_a_first_streak_that_the_next_contradicts_is_not_clung_to() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.first_turned_deg = 7.0
+    run(r, 40)
+    assert [(each.streaks, each.ended) for each in r.memory.of(LowPass)[:1]] == [
+        (1, "its next streak says otherwise")
+    ]
+    assert r.memory.of(LeapDone)[0].result == "another streak"
+    assert met(r) >= 20
 
 
 def test_a_few_blind_frames_cost_leaps_and_not_the_satellite() -> None:

@@ -238,7 +238,9 @@ class Leaping:
         exposure = self._control.config.exposure
         found = streaks_of(reduction.detections, solution, frame, exposure)
         if self.track is None:
-            self._begin(found, timing_of(frame, exposure), frame.frame_id)
+            first = self._first_of(found, timing_of(frame, exposure))
+            if first is not None:
+                self._begin(first, frame.frame_id)
             return
         for each in found:
             after = updated(self.track, each.ends)
@@ -248,6 +250,8 @@ class Leaping:
                 self._chronicle.say("info", leap_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
+        if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
+            return
         centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
         t_mid_ns = shutter_mid_utc_ns(frame, exposure)
         if t_mid_ns is not None:
@@ -272,7 +276,10 @@ class Leaping:
                 streak=streak,
             )
 
-    def _begin(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> None:
+    def _first_of(
+        self, found: tuple[FrameStreak, ...], timing: Timing
+    ) -> tuple[LeapTrack, str, str] | None:
+        """A track that begins with one of these streaks, its name and words for the log."""
         config = self._control.config
         for each in found:
             ends = each.ends
@@ -287,10 +294,30 @@ class Leaping:
             track = begin(self._site, ends, timing, is_turned=known is not None)
             if track is None:
                 continue
-            self.track, self._misses = track, 0
-            self._log.begin(frame_id, "" if awaited is None else awaited.name)
-            self._chronicle.say("info", begun_words(track, awaited, known and known[0]))
-            return
+            name = "" if awaited is None else awaited.name
+            return track, name, begun_words(track, awaited, known and known[0])
+        return None
+
+    def _begin(self, first: tuple[LeapTrack, str, str], frame_id: int) -> None:
+        self.track, name, words = first
+        self._misses = 0
+        self._log.begin(frame_id, name)
+        self._chronicle.say("info", words)
+
+    def _begins_again(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> bool:
+        """Where one streak is all that is known, a later one that contradicts it is as good.
+
+        Of a satellite that flashes or fades the first may have shown a part.
+        """
+        if self.track is None or self.track.best.orbit is not None:
+            return False
+        first = self._first_of(found, timing)
+        if first is None:
+            return False
+        self._log.record()
+        self._log.cut_off(self.track, "its next streak says otherwise")
+        self._begin(first, frame_id)
+        return True
 
     def record(self) -> None:
         """What nobody waits for: the last leap, and how the whole pass would go."""

@@ -180,8 +180,13 @@ def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
         fitting = _as_it_fits(track.timing, each, place, turned)
         if fitting is None:
             continue
-        turned, log_likelihood = fitting
-        after = _with_streak(track, each, turned)
+        fitted, log_likelihood = fitting
+        amiss_arcsec = float(np.max(fitted.sigma_along_arcsec - turned.sigma_along_arcsec))
+        if each.orbit is None and amiss_arcsec > 0.0:
+            # Of two streaks that differ in their rate either may have shown a part.
+            first = each.streaks[0].of_unsure_length(amiss_arcsec)
+            each = replace(each, streaks=(first,))  # noqa: PLW2901
+        after = _with_streak(track, each, fitted)
         if after is not None:
             found.append((log_likelihood + np.log(each.probability), after))
     if not found:
