@@ -171,7 +171,7 @@ def time_line(log: list[tuple[int, Any]]) -> Any:
         frame_id = getattr(record, "frame_id", None)
         fold.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
     line = fold.so_far(len(log), is_closed=True)
-    return line.triggers, line.states
+    return line.happenings, line.states
 
 
 def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:

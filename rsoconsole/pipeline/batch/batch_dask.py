@@ -33,8 +33,11 @@ def by_dask(
 
     Raises BatchError too where the scheduler ends, or its last worker, before all is done.
     """
+    from concurrent.futures import CancelledError
+
     from distributed import KilledWorker
 
+    named = scheduler or "this machine's own"
     with _client(workers, scheduler) as client:
         if scheduler is not None:
             _check_workers(client, paths)
@@ -43,12 +46,16 @@ def by_dask(
         numbers = {future.key: number for number, future in enumerate(futures)}
         done: dict[int, Result] = {}
         given = 0
-        for future in _as_they_end(client, futures, scheduler or "this machine's own"):
+        for future in _as_they_end(client, futures, named):
             number = numbers[future.key]
-            if future.status == "finished":
-                done[number] = future.result()
+            try:
+                result = future.result() if future.status == "finished" else None
+                error = None if result is not None else future.exception()
+            except (OSError, CancelledError) as gone:  # while what it gave was fetched
+                raise BatchError(_gone_words(named, len(tasks), given + len(done))) from gone
+            if result is not None:
+                done[number] = result
             else:
-                error = future.exception()
                 died = "its worker died: out of memory, or killed from outside"
                 is_killed = isinstance(error, KilledWorker)
                 reason = died if is_killed else f"its worker failed: {error}"
@@ -76,24 +83,26 @@ def _as_they_end(client: Any, futures: Sequence[Any], scheduler: str) -> Iterato
             elif time.monotonic() - seen_s > REACHED_S:
                 raise BatchError(
                     f"the Dask scheduler {scheduler} has no worker any more: "
-                    + _left_words(len(futures), len(pending))
+                    + _left_words(len(futures), len(futures) - len(pending))
                 ) from None
             continue
         except CancelledError as error:  # so the client says that its scheduler is gone
             ended = {each for each in pending if each.status == "finished"}
             yield from ended
-            raise BatchError(
-                f"the Dask scheduler {scheduler} does not answer any more: "
-                + _left_words(len(futures), len(pending - ended))
-            ) from error
+            done = len(futures) - len(pending - ended)
+            raise BatchError(_gone_words(scheduler, len(futures), done)) from error
         pending -= ended
         seen_s = time.monotonic()
         yield from ended
 
 
-def _left_words(count: int, left: int) -> str:
+def _gone_words(scheduler: str, count: int, done: int) -> str:
+    return f"the Dask scheduler {scheduler} does not answer any more: {_left_words(count, done)}"
+
+
+def _left_words(count: int, done: int) -> str:
     return (
-        f"{count - left} of {count} are done; start it again and give the same command again,"
+        f"{done} of {count} are done; start it again and give the same command again,"
         " which does what is left"
     )
 
