@@ -1,5 +1,6 @@
 """What is up now: against skyfield with the same elements, in a list from which one is gone to."""
 
+import asyncio
 import dataclasses
 from collections.abc import Sequence
 
@@ -10,7 +11,7 @@ from textual.widgets import Input, Static
 
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.dialogs.ask import GotoDialog
+from rsoconsole.console.dialogs.ask import UNREAD, GotoDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
@@ -96,9 +97,7 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
-        from dataclasses import replace
-
-        app.live.night = replace(app.live.night, config=config)
+        app.live.night = dataclasses.replace(app.live.night, config=config)
         await pilot.press("5")
         await until(pilot, lambda: isinstance(app.screen, UpListDialog))
         rows = app.screen.query_one("#rows", LinesPane)
@@ -115,6 +114,33 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
         assert "goto" not in wire.verbs
         await pilot.press("enter")
         await until(pilot, lambda: "goto" in wire.verbs)
+
+    play(wire, scene)
+
+
+@pytest.mark.parametrize("key", ["g", "5"])
+def test_what_is_asked_before_the_night_is_read_waits_for_its_settings(wire: FakeWire, key: str):
+    from rsoconsole.simulator.nights.scenarios import elements_path
+
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+    wire.status["now_utc_ns"] = NOW
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        read = app.live.night
+        config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
+        app.live.night = dataclasses.replace(read, config=None, is_read=False)
+        await pilot.press(key)
+        await until(pilot, lambda: isinstance(app.screen, GotoDialog | UpListDialog))
+        await pilot.press(*"intelsat 14")
+        shown = "#understood" if key == "g" else "#rows"
+        said = lambda: str(app.screen.query_one(shown).render())  # noqa: E731
+        if key == "g":
+            await until(pilot, lambda: UNREAD in said())
+        await asyncio.sleep(1.0)
+        assert "no star known" not in said()
+        assert "no element files" not in said()
+        app.live.night = dataclasses.replace(read, config=config)
+        await until(pilot, lambda: "INTELSAT 14" in said())
 
     play(wire, scene)
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
+from rsoconsole.config import Config
 from rsoconsole.console.actions.second_press import (
     RELEASED_S,
     WITHIN_S,
@@ -318,7 +319,7 @@ class TelescopeActions:
         undo = first_key("undo", seat.keymap)
         kept = f"{self._twice.track_words()} is kept meanwhile: {undo} follows it again"
         dialog = GotoDialog(
-            seat.night.config,
+            self._config,
             self._now_utc_ns,
             seat.orders,
             begun,
@@ -333,7 +334,12 @@ class TelescopeActions:
             if number is not None:
                 self._ask_where(number)
 
-        self._seat.ask(UpListDialog(self._seat.night.config, self._now_utc_ns), decided)
+        self._seat.ask(UpListDialog(self._config, self._now_utc_ns), decided)
+
+    def _config(self) -> Config | None:
+        """The night's settings, the defaults where it has none; None until that is known."""
+        night = self._seat.night
+        return night.config or (Config() if night.is_read else None)
 
     def _now_utc_ns(self) -> int:
         """The frame clock."""

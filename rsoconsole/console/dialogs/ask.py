@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
 UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
+UNREAD = "the night's settings are being read: a moment"
+UNREAD_CHECK_S = 0.2
 GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
 
 
@@ -43,18 +45,19 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def __init__(
         self,
-        config: Config | None,
+        config: Callable[[], Config | None],
         now_utc_ns: Callable[[], int],
         orders: Orders,
         begun: str = "",
         caution: str = "",
     ) -> None:
-        """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
+        """``config``: the night's, None until it has been read: what is typed waits for it;
+        ``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
         ``begun``: what stands in the field already; ``caution``: what else comes of going."""
         super().__init__()
         self._caution = caution
         self._begun = begun
-        self._config = config or Config()
+        self._config = config
         self._now_utc_ns = now_utc_ns
         self._orders = orders
         self._names: Any = None
@@ -72,12 +75,28 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
     def on_input_changed(self, event: Input.Changed) -> None:
         """Understand it, and ask the engine what it would mean."""
         event.stop()
+        self._look(event.value)
+
+    def _look(self, text: str) -> None:
         self._preview = None
         self._asked += 1
+        if self._config() is None:
+            self._tell(UNREAD if text.strip() else "")
+            self.set_timer(UNREAD_CHECK_S, self._look_again(self._asked, text))
+            return
         try:
-            self._ask(event.value)
+            self._ask(text)
         except (ValueError, RsoconsoleError) as error:
-            self._tell(str(error) if event.value.strip() else "")
+            self._tell(str(error) if text.strip() else "")
+
+    def _look_again(self, number: int, text: str) -> Callable[[], None]:
+        """Once more, unless something else has been typed meanwhile."""
+
+        def look() -> None:
+            if number == self._asked:
+                self._look(text)
+
+        return look
 
     def _ask(self, text: str) -> None:
         found = self._understood(text)
@@ -98,9 +117,12 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
         from rsoconsole.pipeline.words import Names, understand
 
+        config = self._config()
+        if config is None:
+            raise ValueError(UNREAD)
         if self._names is None:
-            self._names = Names.load(self._config.catalogue.tle_files)
-        return understand(text, self._config.site.to_site(), self._now_utc_ns(), self._names)
+            self._names = Names.load(config.catalogue.tle_files)
+        return understand(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""

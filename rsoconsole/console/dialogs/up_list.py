@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -13,6 +14,7 @@ from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.config import Config
+from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.dialogs.session_list import teller
 from rsoconsole.console.drawing import Ink, Line
@@ -57,12 +59,13 @@ class UpListDialog(Dialog[str | None]):
     UpListDialog LinesPane { height: 1fr; }
     """
 
-    def __init__(self, config: Config | None, now_utc_ns: Callable[[], int]) -> None:
-        """``now_utc_ns``: the frame clock."""
+    def __init__(self, config: Callable[[], Config | None], now_utc_ns: Callable[[], int]) -> None:
+        """``config``: the night's, None until it has been read; ``now_utc_ns``: the frame clock."""
         super().__init__()
-        self._config, self._now_utc_ns = config or Config(), now_utc_ns
+        self._config, self._now_utc_ns = config, now_utc_ns
         self._found: tuple[Up, ...] | None = None
         self._t_utc_ns = 0
+        self._limit_deg = 0.0
         self._fault = ""
         self._order: Order = "altitude"
         self._at = 0
@@ -87,13 +90,18 @@ class UpListDialog(Dialog[str | None]):
         from rsoconsole.pipeline.orbits import read_catalogue
         from rsoconsole.pipeline.outlook import up_now
 
+        while (config := self._config()) is None:
+            time.sleep(UNREAD_CHECK_S)
+            if not self.is_running:
+                return
         t_utc_ns = self._now_utc_ns()
-        files = self._config.catalogue.tle_files
+        files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
             tell(UpFound((), t_utc_ns, fault))
             return
-        site, limits = self._config.site.to_site(), self._config.limits
+        site, limits = config.site.to_site(), config.limits
+        self._limit_deg = limits.min_altitude_deg
         try:
             found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
@@ -167,9 +175,8 @@ class UpListDialog(Dialog[str | None]):
             head = self._fault
         else:
             shown = self.shown
-            limit = self._config.limits.min_altitude_deg
             head = (
-                f"{len(shown)} of {len(self._found)} above {limit:g}°"
+                f"{len(shown)} of {len(self._found)} above {self._limit_deg:g}°"
                 f" at {clock_text(self._t_utc_ns)}, by {self._order}"
             )
         at = self._at
