@@ -19,7 +19,7 @@ from tests.whole_engine import COMMAND
 
 __all__ = ["house"]
 SIZE = (120, 40)
-SPEED = "20"
+SPEED = "8"
 FAR_LEFT, FAR_RIGHT = "\x1b[1;2D", "\x1b[1;2C"
 pytestmark = pytest.mark.timeout(240)
 

@@ -60,7 +60,7 @@ def wait_for(is_so: Callable[[], Any], what: str, seat: Terminal | None = None) 
             found = None
         if found:
             return found
-        seen = "" if seat is None else seat.text[-3000:]
+        seen = "" if seat is None else seat.text[-9000:]
         assert time.monotonic() < ends_s, f"there was no sign of: {what}; {seen}"
         time.sleep(0.05)
 
