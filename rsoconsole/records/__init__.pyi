@@ -26,6 +26,7 @@ from .frames import MapMode as MapMode
 from .frames import NotSolved as NotSolved
 from .frames import ObjectClass as ObjectClass
 from .frames import PixelArray as PixelArray
+from .frames import PlatePath as PlatePath
 from .frames import Rejection as Rejection
 from .frames import Site as Site
 from .frames import Solution as Solution

@@ -220,6 +220,11 @@ class Wcs:
     sip_b: tuple[tuple[int, int, float], ...] = ()
 
 
+PlatePath = Literal["full", "refit", "shift"]
+"""How a plate was found: by a search of the sky; the last one fitted to the frame's stars; the last
+one only shifted onto the few that cloud leaves."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
     """A plate solution: the frame's pixels tied to catalogue stars."""
@@ -237,7 +242,7 @@ class Solution:
     matched: int
     rms_arcsec: float
     """Root mean square residual of one matched star, per axis."""
-    path: Literal["full", "refit"]
+    path: PlatePath
     ms: float
 
 

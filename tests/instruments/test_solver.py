@@ -87,6 +87,17 @@ def test_the_fast_path_agrees_with_the_full_one_on_the_next_frame(solver):
     assert fast.frame_id == 8
 
 
+def test_through_cloud_the_last_plate_is_shifted_onto_the_stars_that_are_left(solver):
+    before = solver.solve(belt_stars(belt_plate(40.0, 2.0)), hint=hint_at(40.0, 2.0), **ASK)
+    few = belt_stars(belt_plate(40.015, 1.99))[:5]
+    assert solver.refit_from(before, few, frame_id=8, **SIZE) is None
+    found = solver.refit_from(before, few, frame_id=8, **SIZE, may_be_few=True)
+    assert (found.path, found.matched) == ("shift", 5)
+    assert off_arcsec(found, 40.015, 1.99) < 0.3
+    other = belt_stars(belt_plate(90.0, 2.0))[:5]
+    assert solver.refit_from(before, other, frame_id=8, **SIZE, may_be_few=True) is None
+
+
 @pytest.mark.shared_data
 def test_the_fast_path_refuses_the_field_of_another_night(solver):
     first_stars, first = satsim_frame("geo_single", 0)

@@ -29,16 +29,18 @@ from rsoconsole.instruments.solver.index_files import (
 )
 from rsoconsole.instruments.solver.solver_child import SolverChild, SolverDied, SolverTimeout
 from rsoconsole.instruments.solver.solver_process import MatchReply, MatchRequest
-from rsoconsole.records import FloatArray, NotSolved, Solution
+from rsoconsole.records import FloatArray, NotSolved, PlatePath, Solution
 from rsoconsole.sky import describe, wcs_from_cards
 from rsoconsole.sky.stars import J2000_JYEAR, StarCatalogue, julian_year
 from rsoconsole.vision.stars import (
+    FEWEST_STARS,
     PlateFit,
     StarList,
     field_radius_deg,
     plate_sigma_arcsec,
     refit,
     refit_from,
+    shifted_onto,
     solution_from,
 )
 
@@ -183,16 +185,19 @@ class PlateSolver:
         shift_deg: tuple[float, float] = (0.0, 0.0),
         search_arcsec: float = 120.0,
         t_utc_ns: int | None = None,
+        may_be_few: bool = False,
     ) -> Solution | None:
         """The fast path: the previous plate moved onto this frame's stars, a few milliseconds.
 
         ``shift_deg``: (RA, Dec) the mount was told to move since, as differences in degrees; what
         is left of it may be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it
-        does not fit, e.g. because the field is another one: then call ``solve``.
+        does not fit, e.g. because the field is another one: then call ``solve``. ``may_be_few``:
+        where the stars are too few for a plate of their own, it may be the previous one shifted
+        onto three or more of them.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
-        if len(rows) < MIN_STARS:
+        if len(rows) < (FEWEST_STARS if may_be_few else MIN_STARS):
             return None
         radius_deg = field_radius_deg(previous.wcs, width_px, height_px) + search_arcsec / 3600.0
         catalogue = self._index_stars
@@ -212,14 +217,27 @@ class PlateSolver:
             shift_deg=shift_deg,
             search_arcsec=search_arcsec,
         )
-        if fit is None or fit.matched < MIN_STARS:
+        path: PlatePath = "refit"
+        if (fit is None or fit.matched < MIN_STARS) and may_be_few:
+            path = "shift"
+            fit = shifted_onto(
+                previous.wcs,
+                rows[:, :2],
+                catalogue,
+                width_px=width_px,
+                height_px=height_px,
+                shift_deg=shift_deg,
+                search_arcsec=search_arcsec,
+                rms_arcsec=previous.rms_arcsec,
+            )
+        if fit is None or (path == "refit" and fit.matched < MIN_STARS):
             return None
         return solution_from(
             fit,
             frame_id=frame_id,
             width_px=width_px,
             height_px=height_px,
-            path="refit",
+            path=path,
             ms=1e3 * (time.monotonic() - started),
         )
 

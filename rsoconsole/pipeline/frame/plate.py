@@ -1,5 +1,8 @@
 """A frame's plate: the last one moved onto its stars where that fits, a full solution where not.
 
+Through cloud, where few stars are left, the last plate is shifted onto them with its scale and
+angle as they were.
+
 A field that fails with its hints (scale, position) is tried without them in what is left of the
 deadline: a wrong hint must not look like cloud. ``pipeline.hints`` says which one was wrong.
 """
@@ -155,4 +158,5 @@ class PlateFinder:
             height_px=size_px[1],
             shift_deg=shift_deg,
             t_utc_ns=frame.t_mid_utc_ns,
+            may_be_few=part is None,
         )

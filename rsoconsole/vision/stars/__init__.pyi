@@ -8,6 +8,8 @@ from .plate_fit import plate_sigma_arcsec as plate_sigma_arcsec
 from .plate_fit import refit as refit
 from .plate_fit import solution_from as solution_from
 from .plate_move import refit_from as refit_from
+from .plate_shift import FEWEST_STARS as FEWEST_STARS
+from .plate_shift import shifted_onto as shifted_onto
 from .psf_field import Psf as Psf
 from .psf_field import PsfField as PsfField
 from .psf_field import WidthSource as WidthSource

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.records import FloatArray, Solution, Wcs
+from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, separation_deg, sky_to_pixel
 
 IndexArray = npt.NDArray[np.intp]
@@ -92,7 +92,7 @@ def refit(
 
 
 def solution_from(
-    fit: PlateFit, *, frame_id: int, width_px: int, height_px: int, path: str, ms: float
+    fit: PlateFit, *, frame_id: int, width_px: int, height_px: int, path: PlatePath, ms: float
 ) -> Solution:
     """The record of a fitted plate, evaluated at the image centre."""
     field = describe(fit.wcs, width_px, height_px)
@@ -106,7 +106,7 @@ def solution_from(
         is_flipped=field.is_flipped,
         matched=fit.matched,
         rms_arcsec=fit.rms_arcsec,
-        path="refit" if path == "refit" else "full",
+        path=path,
         ms=ms,
     )
 

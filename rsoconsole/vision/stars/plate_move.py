@@ -34,7 +34,7 @@ def refit_from(
     by letting all star pairs vote for one offset. A wrong field gets no majority and is refused,
     and so is a plate whose scale or angle differs from the previous one's.
     """
-    predicted = _moved(previous, shift_deg)
+    predicted = moved_by_sky(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
     reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
@@ -54,7 +54,7 @@ def refit_from(
     offset = _voted_offset(stars[:150], np.stack([x, y], axis=1)[:300], reach_px)
     if offset is None:
         return None
-    start = _with_centre_at(predicted, offset)
+    start = moved_by_pixels(predicted, offset)
     fit = refit(
         stars,
         catalogue,
@@ -70,7 +70,7 @@ def refit_from(
     return replace(fit, catalogue_indices=shown[fit.catalogue_indices])
 
 
-def _moved(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
+def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
     """The plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
     dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
     return replace(
@@ -78,11 +78,11 @@ def _moved(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
     )
 
 
-def _with_centre_at(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
+def moved_by_pixels(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
     """The plate whose stars lie ``offset_px`` further on the frame."""
     ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
     shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
-    return _moved(wcs, shift)
+    return moved_by_sky(wcs, shift)
 
 
 def _voted_offset(
