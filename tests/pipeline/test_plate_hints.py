@@ -166,6 +166,33 @@ def test_a_cloud_does_not_have_the_whole_sky_searched_at_every_frame(stars):
     assert searches == [4, 4, 1, 4, 1, 1, 1, 4, 1, 1]
 
 
+@pytest.mark.parametrize(
+    ("share", "searches"), [(0.3, [1, 1, 1, 4, 1]), (1.0, [4, 4, 1, 4, 1])], ids=["cloud", "lost"]
+)
+def test_hints_that_held_are_doubted_at_once_only_where_the_stars_are_there(
+    solver, stars, share, searches
+):
+    finder = PlateFinder(solver, CONFIG)
+    expect_right(finder.solve(frame(), stars))
+    rng = np.random.default_rng(0)
+    places = rng.uniform((0, 0), (WIDTH, HEIGHT), (int(share * len(stars)), 2))
+    nothing = np.column_stack([places, np.arange(float(len(places)), 0.0, -1.0)])
+    asked: list[SolveHint] = []
+
+    def solves_nothing(*_: object, hint: SolveHint, **__: object) -> NotSolved:
+        asked.append(hint)
+        return NotSolved(frame_id=3, reason="no match", ms=1.0)
+
+    counts = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver, "solve", solves_nothing)
+        for _ in searches:
+            asked.clear()
+            finder.solve(frame(), nothing)
+            counts.append(len(asked))
+    assert counts == searches
+
+
 def test_frames_without_a_position_have_the_long_deadline_ever_more_rarely(stars):
     solver = CountedSolver()
     finder = PlateFinder(solver, CONFIG)

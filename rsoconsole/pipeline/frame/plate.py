@@ -21,6 +21,10 @@ from rsoconsole.vision.stars import StarList
 
 LEAST_S = 0.2
 """Less than this of a deadline is not worth another search."""
+_CLOUD_SHARE = 0.5
+"""Of the stars that the last plate had: with fewer it is cloud that hides the field."""
+_CLOUD_TURNS = 4
+"""Frames in a row that may be cloud before hints that have held are doubted."""
 
 
 class PlateFinder:
@@ -31,6 +35,8 @@ class PlateFinder:
         self._config = config
         self._last: Solution | None = None
         self._last_frame: Frame | None = None
+        self._last_stars = 0
+        """Stars that the frame of the last plate had."""
         self._failures = 0
         """Frames in a row that were not solved."""
         self._scale_factor = 1.0
@@ -48,19 +54,24 @@ class PlateFinder:
         """Refit from the last plate, else solve in full with the header's hints.
 
         Without the hints only the first, second, fourth, eighth... frame in a row that fails is
-        tried: a search of the whole sky takes as long as it may, and a cloud lasts. Frames that
+        tried: a search of the whole sky takes as long as it may, and a cloud lasts. Hints that a
+        plate has borne out are not doubted at once where most of the stars are gone. Frames that
         tell no position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
         """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
             turn = self._failures + 1
             is_turn = turn & (turn - 1) == 0
+            if self._last is not None and len(stars) < _CLOUD_SHARE * self._last_stars:
+                is_turn &= turn >= _CLOUD_TURNS
             hint = rescaled(hint_of(frame, self._config), self._scale_factor)
             solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
         self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
         if isinstance(solution, Solution):
             self._scale_factor = self._factor_of(frame, solution)
             self._last = solution
+            if solution.path != "shift":
+                self._last_stars = len(stars)
             # Only the pointing and the size are kept: a frame holds 33 MB.
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
