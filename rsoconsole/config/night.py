@@ -74,6 +74,11 @@ class FilterConfig(Section):
         " without a direction by a line through five, and what a frame between has hidden; pairs:"
         " two successive frames alone",
     )
+    part_errors: Literal["shared", "single"] = Field(
+        "shared",
+        description="along-track errors of a satellite whose streaks show a part of their length,"
+        " as of one that flashes; shared: one error of all of them; single: each its own",
+    )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"

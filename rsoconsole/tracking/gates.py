@@ -41,7 +41,7 @@ def updated_with(
 ) -> Update:
     """A measurement that a track may take, whose error its streak's length tells too."""
     expected = expected_motion(predicted, seen.exposure_s)
-    along = along_error_arcsec(m, expected, before.excesses_arcsec)
+    along = _along(m, expected, before, settings)
     return estimator.weighed(predicted, m, settings.filter, along)
 
 
@@ -54,9 +54,15 @@ def all_updated_with(
 ) -> dict[Measurement, Update]:
     """``updated_with`` of several measurements."""
     expected = expected_motion(predicted, seen.exposure_s)
-    along = [along_error_arcsec(m, expected, before.excesses_arcsec) for m in measured]
+    along = [_along(m, expected, before, settings) for m in measured]
     pairs = list(zip(measured, along, strict=True))
     return estimator.all_weighed(predicted, pairs, settings.filter)
+
+
+def _along(m: Measurement, expected: Motion, before: Tracked, settings: FollowSettings) -> float:
+    return along_error_arcsec(
+        m, expected, before.excesses_arcsec, shares_parts=settings.filter.part_errors == "shared"
+    )
 
 
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing

@@ -71,6 +71,61 @@ def test_what_flashes_shows_a_part_of_its_way_somewhere():
     assert 1.0 < np.sqrt(np.mean(squared[10:])) < 1.7
 
 
+def flashing(period_s: float, lit_share: float, phase_s: float, frames: int = 40):
+    """(arcsec lost at the west, at the east end) in exposures of 10 s every 30 s.
+
+    From the first to the last instant of light, at 15 arcsec/s.
+    """
+    fine = np.linspace(0.0, 10.0, 2001)
+    for number in range(frames):
+        is_lit = ((30.0 * number + fine + phase_s) / period_s) % 1.0 < lit_share
+        first, last = fine[is_lit][[0, -1]]
+        yield 15.0 * first, 15.0 * (10.0 - last)
+
+
+def filter_errors(shares_parts: bool, seed: int = 6, nights: int = 60) -> np.ndarray:
+    """(nights, frames) errors of the place over what filterpy's filter of constant rate states."""
+    from filterpy.kalman import KalmanFilter
+
+    random, all_errors = np.random.default_rng(seed), []
+    for _ in range(nights):
+        kept: tuple[float, ...] = ()
+        motion = KalmanFilter(dim_x=2, dim_z=1)
+        motion.F, motion.H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+        motion.x, motion.P = np.zeros((2, 1)), np.diag([60.0**2, 30.0**2])
+        motion.Q = np.diag([0.01, 0.01])
+        errors = []
+        period_s, lit = random.uniform(9.85, 10.15), random.uniform(0.5, 0.7)
+        for west, east in flashing(period_s, lit, random.uniform(0.0, 10.0)):
+            seen = streak(west, -east)
+            said = along_error_arcsec(seen, EXPECTED, kept, shares_parts=shares_parts)
+            kept = remembered_with(kept, seen, EXPECTED)
+            motion.predict()
+            motion.update((west - east) / 2.0, R=said**2 + 0.3**2)
+            errors.append(float(motion.x[0, 0] / np.sqrt(motion.P[0, 0])))
+        all_errors.append(errors)
+    return np.array(all_errors)
+
+
+def test_parts_that_creep_from_frame_to_frame_have_one_error():
+    """A satellite that flashes about as often as the shutter opens."""
+    one, each_its_own = filter_errors(shares_parts=True), filter_errors(shares_parts=False)
+    after = slice(10, None)
+    assert np.sqrt(np.mean(one[:, after] ** 2)) < 1.0
+    assert np.mean(np.abs(one[:, after]) < 3.0) > 0.99
+    # As errors of their own they would be averaged away, and what is stated would be too small.
+    assert np.mean(np.abs(each_its_own[:, after]) < 3.0) < 0.95
+
+
+def test_among_parts_a_streak_of_full_length_counts_whole():
+    before = (-60.0, -58.0, -61.0, -59.0, -60.0)
+    whole, part = streak(0.0, 0.0), streak(30.0, -30.0)
+    assert along_error_arcsec(whole, EXPECTED, before, shares_parts=True) == 0.0
+    shared = along_error_arcsec(part, EXPECTED, before, shares_parts=True)
+    # The sixth in a row of an even chance over what is dark: 57 arcsec, less two in a hundred.
+    assert shared == pytest.approx(np.sqrt(6.0 / 12.0) * 57.0, rel=0.01)
+
+
 def test_what_all_streaks_lack_at_both_ends_alike_is_no_error():
     """Light that fades into the sky: two in a hundred of the length."""
     before = (-2.0, -2.2, -1.9, -2.1, -2.0)

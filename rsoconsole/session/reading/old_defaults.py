@@ -2,7 +2,13 @@
 
 from typing import Any
 
-_OLD_FILTER = {"preset": "tuned", "max_coast_s": 3600.0, "most_tracks": 1, "initiation": "pairs"}
+_OLD_FILTER = {
+    "preset": "tuned",
+    "max_coast_s": 3600.0,
+    "most_tracks": 1,
+    "initiation": "pairs",
+    "part_errors": "single",
+}
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 
 

@@ -8,8 +8,15 @@ whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sum
 independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
 middle; but what is always too short, as of a satellite that flashes, may lie anywhere in what it
 should fill: half of that is believed.
+
+Of a satellite that flashes about as often as the shutter opens, streak after streak shows a part,
+and the part's place within the whole creeps from frame to frame: the errors of such a run are one
+error, which no averaging takes away and which poses as a rate. Its k-th streak therefore counts as
+the k-th part of one (a mean of k values with one error in common is no better than one of them),
+and a streak of full length among them has both its ends and counts whole.
 """
 
+import itertools
 import math
 import statistics
 from collections.abc import Sequence
@@ -29,6 +36,10 @@ _OFF_SIGMAS = 2.5
 _MAD_TO_SIGMA = 1.4826
 _ALONE = 0.85
 """Share of the excess's scatter that is of ends which err alone: haze moves both alike."""
+_PART_SHARE = 0.15
+"""Of its length that a streak lacks which shows a part of it: more than blur and haze take."""
+_FEWEST_PARTS = 3
+"""In a row, before they are taken for a run."""
 _HARMLESS_SHARE = 0.02
 """Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
 
@@ -42,11 +53,16 @@ def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
 
 
 def along_error_arcsec(
-    measurement: Measurement, expected: Motion, before: Sequence[float] = ()
+    measurement: Measurement,
+    expected: Motion,
+    before: Sequence[float] = (),
+    *,
+    shares_parts: bool = False,
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 
-    ``before``: the excess of the streaks before it, arcsec.
+    ``before``: the excess of the streaks before it, arcsec. ``shares_parts``: whether streaks in a
+    row that show a part of their length have one error in common.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
@@ -54,6 +70,11 @@ def along_error_arcsec(
     ahead = np.array([expected.east_arcsec, expected.north_arcsec]) / length
     ee, en, nn = measurement.cov_sky_arcsec2
     own2 = max(float(ahead @ np.array([[ee, en], [en, nn]]) @ ahead), 0.0)
+    parts = _parts_in_a_row(before, length) if shares_parts else 0
+    if parts >= _FEWEST_PARTS:
+        lacks = max(-excess - _HARMLESS_SHARE * length, 0.0)
+        over = max(excess, 0.0)
+        return math.sqrt(max((1 + parts) * lacks**2 / 12.0 + over**2 / 4.0 - own2, 0.0))
     centre = statistics.median((*before, *_NONE_AT_FIRST))
     scatter = 0.0
     if len(before) >= _FEWEST_FOR_SCATTER:
@@ -63,6 +84,14 @@ def along_error_arcsec(
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
     return math.sqrt(max(away**2 / 4.0 + slack**2 / 24.0 - own2, 0.0))
+
+
+def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
+    """How many of the last streaks showed a part of their length alone."""
+    of_parts = itertools.takewhile(
+        lambda excess: excess < -_PART_SHARE * length_arcsec, reversed(before)
+    )
+    return sum(1 for _ in of_parts)
 
 
 def remembered_with(

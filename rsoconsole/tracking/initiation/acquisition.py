@@ -174,7 +174,12 @@ def first_state(
     excesses = excesses_with((), track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
-        along = along_error_arcsec(m, expected_motion(at, seen.exposure_s), excesses)
+        along = along_error_arcsec(
+            m,
+            expected_motion(at, seen.exposure_s),
+            excesses,
+            shares_parts=settings.filter.part_errors == "shared",
+        )
         track = estimator.update(at, m, settings.filter, along)
         excesses = excesses_with(excesses, track, m, seen)
     if len(chain) > 2:
