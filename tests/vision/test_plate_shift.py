@@ -69,14 +69,29 @@ def test_what_agrees_by_chance_is_no_plate():
     assert accepted == [None] * 1000
 
 
-def test_stars_of_another_field_are_no_plate_and_two_are_not_enough():
+def test_stars_of_another_field_are_no_plate():
     rng = np.random.default_rng(6)
     before, other = plate(), plate(170.0, 3.0)
     catalogue = stars_around(before, 60, rng)
     elsewhere = seen(other, stars_around(other, 60, rng), rng, 0.3)
     assert shifted_onto(before, elsewhere, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    nothing = np.empty((0, 2))
+    assert shifted_onto(before, nothing, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shifted_onto(before, elsewhere, nothing, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+
+
+def test_two_stars_are_enough_among_the_brightest_alone():
+    rng = np.random.default_rng(8)
+    before = plate()
+    catalogue = stars_around(before, 60, rng)
     two = seen(before, catalogue, rng, 0.1)[:2]
-    assert shifted_onto(before, two, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    bright = np.concatenate([two, false_stars(8, rng)])
+    found = shifted_onto(before, bright, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
+    assert found is not None
+    assert found.matched == 2
+    assert centre_error_arcsec(found, before) < 0.5
+    faint = np.concatenate([false_stars(30, rng), two, false_stars(28, rng)])
+    assert shifted_onto(before, faint, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
 
 
 def test_one_star_that_pairs_with_three_is_one_witness():

@@ -193,7 +193,7 @@ class PlateSolver:
         is left of it may be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it
         does not fit, e.g. because the field is another one: then call ``solve``. ``may_be_few``:
         where the stars are too few for a plate of their own, it may be the previous one shifted
-        onto three or more of them.
+        onto a few of them.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
