@@ -99,6 +99,25 @@ def test_through_cloud_the_last_plate_is_shifted_onto_the_stars_that_are_left(so
 
 
 @pytest.mark.shared_data
+@pytest.mark.parametrize("count", [3, 5])
+def test_what_cloud_leaves_of_another_simulators_frame_still_says_where_it_looks(solver, count):
+    """Its brightest stars, among as much noise as a clouded frame shows."""
+    first_stars, first = satsim_frame("geo_single", 0)
+    before = solver.solve(first_stars, hint=hint_at(first["header_ra"], first["header_dec"]), **ASK)
+    stars, truth = satsim_frame("geo_single", 1)
+    shift = (truth["header_ra"] - first["header_ra"], truth["header_dec"] - first["header_dec"])
+    rng = np.random.default_rng(count)
+    noise = rng.uniform((0, 0), (SIZE["width_px"], SIZE["height_px"]), (20, 2))
+    left = np.asarray(stars)[:count]
+    noise = np.column_stack([noise, np.full(20, left[-1, 2])])
+    few = np.concatenate([left, noise])
+    found = solver.refit_from(before, few, frame_id=8, shift_deg=shift, **SIZE, may_be_few=True)
+    centre = pixel_to_sky(wcs_from_cards(truth["wcs"]), 2327.5, 1759.5)
+    assert off_arcsec(found, float(centre[0]), float(centre[1])) < 1.0
+    assert found.path == "shift"
+
+
+@pytest.mark.shared_data
 def test_the_fast_path_refuses_the_field_of_another_night(solver):
     first_stars, first = satsim_frame("geo_single", 0)
     before = solver.solve(first_stars, hint=hint_at(first["header_ra"], first["header_dec"]), **ASK)

@@ -291,7 +291,8 @@ def frame_caption(picture: Picture | None) -> list[str]:
         return []
     wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
     compass = f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′"
-    return [compass, f"{solution.matched} matched", f"RMS {short(solution.rms_arcsec)}″"]
+    stars = f"{solution.matched} {'matched' if solution.path != 'shift' else 'left by cloud'}"
+    return [compass, stars, f"RMS {short(solution.rms_arcsec)}″"]
 
 
 def _north_arrow(solution: Solution) -> str:
