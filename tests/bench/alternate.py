@@ -1,9 +1,10 @@
 """Two checkouts against each other, in turn: what an operator waits for, before and after a change.
 
-    python -m tests.bench.alternate BEFORE [--runs 7] [--only console,cycle]
+    python -m tests.bench.alternate BEFORE [--runs 7] [--only console,cycle] [--own]
 
 Run from the project's root; BEFORE is another checkout of it. Each benchmark runs in BEFORE, then
-here, so many times; the program that measures is this checkout's in both. Prints for each figure
+here, and that again and again; the program that measures is this checkout's in both, or with
+``--own`` each checkout's own, where files have moved between them. Prints for each figure
 both medians and the median of the ratios of the pairs (after / before) with its range.
 """
 
@@ -77,9 +78,10 @@ def main() -> None:
     parser.add_argument("before", type=Path)
     parser.add_argument("--runs", type=int, default=7)
     parser.add_argument("--only", default=",".join(bench.name for bench in ALL))
+    parser.add_argument("--own", action="store_true")
     options = parser.parse_args()
     before = options.before.resolve()
-    for program in (HERE / BENCHES).glob("bench_*.py"):
+    for program in () if options.own else (HERE / BENCHES).glob("bench_*.py"):
         shutil.copy(program, before / BENCHES / program.name)
     print(f"{'':40}{'before':>10}{'after':>10}{'ratio':>8}   range", flush=True)
     for bench in (each for each in ALL if each.name in options.only.split(",")):
