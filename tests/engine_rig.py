@@ -9,17 +9,17 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome, Request, command_of, sender_of
-from rsoconsole.engine.aim.hands import Hands
+from rsoconsole.engine.aim.instrument_controller import InstrumentController
 from rsoconsole.engine.loop.loop import Engine
-from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import (
     ClockFault,
-    GuardPort,
     Instruments,
     MountReport,
     PierSide,
+    SafetyMonitorPort,
     SiteCheck,
     SlewEnd,
     StopResult,
@@ -250,7 +250,9 @@ class Rig:
     reducer: ScriptedReducer
 
 
-def rig(frames: set[int], config: Config = CONFIG, guard: GuardPort | None = None) -> Rig:
+def rig(
+    frames: set[int], config: Config = CONFIG, safety_monitor: SafetyMonitorPort | None = None
+) -> Rig:
     clock = StillClock()
     mount, camera = PlainMount(clock), PlainCamera(clock)
     instruments = Instruments(
@@ -261,12 +263,12 @@ def rig(frames: set[int], config: Config = CONFIG, guard: GuardPort | None = Non
         port=0,
         mount_name="",
         camera_name="",
-        guard=guard,
+        safety_monitor=safety_monitor,
     )
     queue, memory, reducer = CommandQueue(), Memory(), ScriptedReducer(frames, mount)
     engine = Engine(
         config=config,
-        hands=Hands(instruments, config, lambda: queue.is_wanted),
+        instrument_controller=InstrumentController(instruments, config, lambda: queue.is_wanted),
         reducer=reducer,  # type: ignore[arg-type]
         record=memory,
         queue=queue,
@@ -274,8 +276,8 @@ def rig(frames: set[int], config: Config = CONFIG, guard: GuardPort | None = Non
     return Rig(engine, mount, camera, clock, memory, queue, reducer)
 
 
-def desk_of(r: Rig) -> Desk:
-    return Desk(r.engine, r.queue, Path())
+def command_handler_of(r: Rig) -> CommandHandler:
+    return CommandHandler(r.engine, r.queue, Path())
 
 
 def asked(
@@ -288,10 +290,12 @@ def asked(
     return Request(command=command_of(verb, arguments or {}), sender=sender_of(by), stamp=stamp)
 
 
-def told(desk: Desk, verb: str, arguments: Mapping[str, Any], by: str = "operator") -> Outcome:
+def told(
+    command_handler: CommandHandler, verb: str, arguments: Mapping[str, Any], by: str = "operator"
+) -> Outcome:
     """What the wire answers: also to what is no command."""
     try:
-        return desk.handle(asked(verb, arguments, by))
+        return command_handler.handle(asked(verb, arguments, by))
     except ValueError as error:
         return Outcome(ok=False, message=str(error))
 

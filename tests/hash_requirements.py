@@ -157,8 +157,8 @@ def renewed(text: str, index: str) -> str:
             [f"{pin.name}=={pin.version}", *(f"    --hash=sha256:{each}" for each in hashes)]
         )
 
-    with ThreadPoolExecutor(AT_A_TIME) as crew:
-        return "\n".join([*comments, *crew.map(lines_of, pins)]) + "\n"
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        return "\n".join([*comments, *pool.map(lines_of, pins)]) + "\n"
 
 
 def main() -> None:

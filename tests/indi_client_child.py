@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from rsoconsole.instruments.indi.client_choice import open_client
-from rsoconsole.instruments.indi.indi_child import Mouth
+from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.instruments.indi.indi_client import Vector
 
 
-class Silent(Mouth):
+class Silent(ReplyWriter):
     """Tells nobody what is waited for."""
 
     def __init__(self) -> None:

@@ -248,11 +248,15 @@ def leap_rig(orbit: KnownOrbit, config: Config | None = None) -> Rig:
     made = engine_rig.rig(set(), config)
     mount = TravellingMount(made.clock)
     camera = SlowCamera(made.clock, mount)
-    instruments = dataclasses.replace(made.engine.hands.instruments, mount=mount, camera=camera)
+    instruments = dataclasses.replace(
+        made.engine.instrument_controller.instruments, mount=mount, camera=camera
+    )
     reducer = LowReducer(orbit, camera, config)
     engine = engine_rig.Engine(
         config=config,
-        hands=engine_rig.Hands(instruments, config, lambda: made.queue.is_wanted),
+        instrument_controller=engine_rig.InstrumentController(
+            instruments, config, lambda: made.queue.is_wanted
+        ),
         reducer=reducer,
         record=made.memory,
         queue=made.queue,

@@ -140,15 +140,15 @@ def stop_by(path: str, mount: Any, config: Config, after_stop: Any) -> dict[str,
 
 
 def weather_and_dome(instruments: Instruments) -> dict[str, Any]:
-    """What the guard says at first, and when the dome has been opened."""
-    guard = instruments.guard
-    assert guard is not None
-    first = guard.look()
+    """What the safety monitor says at first, and when the dome has been opened."""
+    safety_monitor = instruments.safety_monitor
+    assert safety_monitor is not None
+    first = safety_monitor.look()
     seen = [first.dome]
     wire = IndiWire("127.0.0.1", PORT)
     wire.new("Switch", "Dome Simulator", "DOME_SHUTTER", {"SHUTTER_OPEN": "On"})
     for _ in range(200):
-        word = guard.look().dome
+        word = safety_monitor.look().dome
         seen += [word] if word not in seen[-1:] else []
         if word == "open":
             break

@@ -38,7 +38,6 @@ from .frame_commands import Keep as Keep
 from .frame_commands import MarkByHand as MarkByHand
 from .frame_commands import Reject as Reject
 from .frame_commands import TakeBack as TakeBack
-from .looker import Looker as Looker
 from .mount_lock import MountLock as MountLock
 from .mount_text import is_silent as is_silent
 from .mount_text import motion_words as motion_words
@@ -46,6 +45,7 @@ from .mount_text import mount_words as mount_words
 from .place import EngineLock as EngineLock
 from .place import default_socket_path as default_socket_path
 from .place import engine_pid as engine_pid
+from .poller import Poller as Poller
 from .preview import MovePreview as MovePreview
 from .preview import preview_json as preview_json
 from .preview import read_preview as read_preview

@@ -22,7 +22,7 @@ _MOST_WORDS = 4096
 
 _held: dict[Path, str] = {}
 """By this very process, with what the files say."""
-_held_guard = threading.Lock()
+_held_lock = threading.Lock()
 
 
 def holder(path: Path) -> int | None:
@@ -38,7 +38,7 @@ def read_holder(path: Path) -> tuple[int, str] | None:
     """The same, with what its holder has written into the file."""
     if sys.platform != "linux":
         return None
-    with _held_guard:
+    with _held_lock:
         # To close any descriptor of it would let go of this process's own lock.
         if path in _held:
             return os.getpid(), _held[path]
@@ -73,7 +73,7 @@ class RecordLock:
 
     def acquire(self) -> None:
         """Raises ControlError when another process holds it, or it cannot be made."""
-        with _held_guard:
+        with _held_lock:
             # A process does not conflict with its own record lock.
             if self._path in _held:
                 raise ControlError("an engine is already running in this very process")
@@ -111,7 +111,7 @@ class RecordLock:
         A file without a name cannot get one again: the next process must meet this one's lock.
         Raises ControlError where another process was quicker, OSError where it cannot be done.
         """
-        with _held_guard:
+        with _held_lock:
             if self._descriptor is None or self._is_there(self._descriptor):
                 return False
             old, self._descriptor = self._descriptor, self._locked()
@@ -128,7 +128,7 @@ class RecordLock:
 
     def release(self) -> None:
         """Let the next one in; nothing when the lock is not held."""
-        with _held_guard:
+        with _held_lock:
             if self._descriptor is not None:
                 if self._is_removed and self._is_there(self._descriptor):
                     with contextlib.suppress(OSError):

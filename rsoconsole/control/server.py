@@ -75,7 +75,7 @@ class ControlServer:
         self._connections: set[Connection] = set()
         self._spare: list[Connection] = []
         """The oldest first."""
-        self._guard = threading.Lock()
+        self._lock = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None
         self._inode = 0
@@ -148,7 +148,7 @@ class ControlServer:
             except (OSError, ControlError) as error:
                 failed = f"the engine's lock cannot be made again: {error}"
         if not self._is_reachable():
-            with self._guard:
+            with self._lock:
                 if self._is_closing:
                     return ""
                 old, self._listener = self._listener, self._listening()
@@ -170,7 +170,7 @@ class ControlServer:
 
     def close(self, timeout_s: float = 2.0) -> None:
         """Stop listening, drop the connections and remove the socket."""
-        with self._guard:
+        with self._lock:
             if self._is_closing or self._listener is None:
                 return
             self._is_closing = True
@@ -211,7 +211,7 @@ class ControlServer:
                 connection.answer(None, Outcome(ok=False, message=message))
                 connection.close()
                 continue
-            with self._guard:
+            with self._lock:
                 if self._is_closing:
                     connection.close()
                     return
@@ -231,7 +231,7 @@ class ControlServer:
                 self._drop(connection)
 
     def _drop(self, connection: "Connection") -> None:
-        with self._guard:
+        with self._lock:
             self._connections.discard(connection)
             if connection in self._spare:
                 self._spare.remove(connection)
@@ -250,7 +250,7 @@ class ControlServer:
         """One command of a peer for whom there is no place: STOP, or it is sent away."""
         try:
             line = next(iter(connection.lines()), None)
-            with self._guard:
+            with self._lock:
                 # What has spoken is not crowded out.
                 if connection in self._spare:
                     self._spare.remove(connection)

@@ -196,7 +196,7 @@ def read_outcome(reply: bytes) -> Outcome:
 def is_same_user(peer: socket.socket) -> bool:
     """Whether this process's user is at the other end."""
     if not hasattr(socket, "SO_PEERCRED"):
-        return True  # the folder, which only its owner can enter, is the guard there
+        return True  # the folder, which only its owner can enter, protects it
     credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
     _, uid, _ = struct.unpack("3i", credentials)
     return bool(uid == os.getuid())

@@ -87,7 +87,7 @@ class SkyReport:
     """In the driver's words, or why it is silent."""
 
 
-class GuardPort(Protocol):
+class SafetyMonitorPort(Protocol):
     """What watches weather and dome."""
 
     def look(self) -> SkyReport:
@@ -258,5 +258,5 @@ class Instruments:
     port: int
     mount_name: str
     camera_name: str
-    guard: GuardPort | None = None
+    safety_monitor: SafetyMonitorPort | None = None
     """None where neither weather station nor dome is configured."""

@@ -93,14 +93,18 @@ def main() -> None:
         plan.site, plan.start_hour_angle_deg, plan.start_declination_deg, plan.t_start_utc_ns
     )
     mount.camera = camera = DrawnCamera(made.clock, mount, scene, optics)
-    instruments = dataclasses.replace(made.engine.hands.instruments, mount=mount, camera=camera)
+    instruments = dataclasses.replace(
+        made.engine.instrument_controller.instruments, mount=mount, camera=camera
+    )
     with open_reducer(config) as (reducer, _):
         if "--whole" in sys.argv:
             reducer.glance = lambda _frame, _reach_px: None  # type: ignore[method-assign]
         reducer.make_ready()
         engine = engine_rig.Engine(
             config=config,
-            hands=engine_rig.Hands(instruments, config, lambda: made.queue.is_wanted),
+            instrument_controller=engine_rig.InstrumentController(
+                instruments, config, lambda: made.queue.is_wanted
+            ),
             reducer=reducer,
             record=made.memory,
             queue=made.queue,

@@ -23,7 +23,7 @@ from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
 from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writing.writer import SessionWriter
 from tests import made_up_night as night
-from tests.engine_rig import Rig, asked, desk_of, rig
+from tests.engine_rig import Rig, asked, command_handler_of, rig
 from tests.makers import NS
 from tests.seat_rig import FRAMES, FakeWire, pane, play, stop_text, until
 
@@ -66,7 +66,7 @@ def test_a_server_that_is_gone_is_said_once_and_over_when_it_is_back(tracking: R
     back = lose_the_server(tracking)
     with pytest.raises(InstrumentError, match="FAULT"):
         tracking.engine.run(frames=20)
-    status = desk_of(tracking).status()
+    status = command_handler_of(tracking).status()
     assert (status.state, status.faults) == ("FAULT", (SERVER_IS_GONE,))
     said = [line for line in lines_of(tracking) if SERVER_IS_GONE in line.text]
     passage = [line for line in said if "FAULT" in line.text]
@@ -77,9 +77,9 @@ def test_a_server_that_is_gone_is_said_once_and_over_when_it_is_back(tracking: R
     back()
     tracking.engine.watch.look()
     tracking.engine._see_whether_over()
-    status = desk_of(tracking).status()
+    status = command_handler_of(tracking).status()
     assert (status.state, status.faults, status.kept) == ("FAULT", (), "track 1")
-    told = read_status(desk_of(tracking).handle(asked("status")).data)
+    told = read_status(command_handler_of(tracking).handle(asked("status")).data)
     assert told.mount_ra_icrs_deg == pytest.approx(tracking.mount.at_deg[0])
     tracking.engine.arm()
     assert tracking.engine.status().state == "SEARCH"
@@ -97,7 +97,7 @@ def test_a_fault_of_the_camera_is_not_over_because_the_mount_answers(tracking: R
 
 
 def tell(r: Rig, verb: str) -> Outcome:
-    answer = desk_of(r).handle(asked(verb))
+    answer = command_handler_of(r).handle(asked(verb))
     r.engine.commands.execute_waiting()
     return answer
 
@@ -109,10 +109,10 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_until_the_mount_is_seen_to_stan
         return StopResult(stopped=False, ms=800.0, path="mount", detail="the mount is silent")
 
     tracking.mount.abort = unsure  # type: ignore[method-assign]
-    desk = desk_of(tracking)
-    assert not desk.handle(asked("stop")).ok
+    command_handler = command_handler_of(tracking)
+    assert not command_handler.handle(asked("stop")).ok
     tracking.engine.commands.heed_alarms()
-    status = desk.status()
+    status = command_handler.status()
     assert (status.state, status.holder) == ("FAULT", "nobody")
     assert "cut its power" in status.faults[0]
     assert status.last_stop is not None
@@ -121,7 +121,7 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_until_the_mount_is_seen_to_stan
     tracking.clock.t_utc_ns += 2 * NS
     tracking.engine.watch.look()
     tracking.engine._see_whether_over()
-    status = desk.status()
+    status = command_handler.status()
     assert (status.state, status.faults, status.kept) == ("IDLE", (), "track 1")
     assert status.last_stop is not None
     assert status.last_stop.is_over
@@ -215,7 +215,7 @@ def test_the_mount_says_how_long_a_slew_still_takes():
     r.engine.arm()
     r.engine.run(frames=2)
     there = r.mount.at_deg
-    sent, _ = r.engine.hands.sent or ((0.0, 0.0), 0)
+    sent, _ = r.engine.instrument_controller.sent or ((0.0, 0.0), 0)
     r.engine.watch.last_report = MountReport(
         t_utc_ns=r.clock.t_utc_ns,
         ra_icrs_deg=there[0],

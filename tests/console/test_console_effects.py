@@ -1,4 +1,4 @@
-"""Each key of the seat, by what it does in the engine: console, desk and loop in one process."""
+"""Each key of the seat by its effect in the engine: console, command handler, loop: one process."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.control import Command, Outcome, Request, Sender
-from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.angles import separation_deg
@@ -47,11 +47,13 @@ class DeskWire:
     """The wire without a socket; what is asked for is granted at once, as between two frames."""
 
     def __init__(self, r: Rig, folder: Path) -> None:
-        self.desk, self._rig = Desk(r.engine, r.queue, folder), r
+        self.command_handler, self._rig = CommandHandler(r.engine, r.queue, folder), r
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         verb = command.verb
-        outcome = self.desk.handle(Request(command=command, sender=Sender.console("a@b")))
+        outcome = self.command_handler.handle(
+            Request(command=command, sender=Sender.console("a@b"))
+        )
         if verb == "stop":
             self._rig.engine.commands.heed_alarms()
         elif verb not in {"status", "preview"}:

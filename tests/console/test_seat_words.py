@@ -30,7 +30,7 @@ from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.aim.states import Taken
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Frame
-from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
+from tests.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
 from tests.made_up_night import state_of, t_of
 from tests.makers import NS
 from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
@@ -298,7 +298,7 @@ def test_a_stop_that_is_confirmed_is_not_told_by_a_word_from_before_it(wire: Fak
 
 
 def test_a_stop_that_the_engine_knows_is_over_only_once_nobody_has_the_mount(wire: FakeWire):
-    """Its desk answers at once, its loop ends the track with its next turn."""
+    """Its command handler answers at once, its loop ends the track with its next turn."""
     known = {"last_stop": {"t_utc_ns": NOW, "is_confirmed": True, "is_over": True}}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
@@ -438,16 +438,16 @@ def test_a_hold_until_it_clears_is_refused_in_a_clear_sky_and_taken_under_cloud(
     r.reducer.reduce = with_stars  # type: ignore[method-assign]
     r.engine.arm()
     r.engine.run(frames=8)
-    refused = desk_of(r).handle(asked("hold", {"until": "clear"}))
+    refused = command_handler_of(r).handle(asked("hold", {"until": "clear"}))
     assert not refused.ok
     assert refused.message.startswith("no cloud now: 400 stars")
-    assert desk_of(r).handle(asked("hold")).ok  # a plain hold is none of the sky's
+    assert command_handler_of(r).handle(asked("hold")).ok  # a plain hold is none of the sky's
     r.engine.commands.execute_waiting()
-    assert desk_of(r).handle(asked("resume")).ok
+    assert command_handler_of(r).handle(asked("resume")).ok
     r.engine.commands.execute_waiting()
     stars[0] = 30
     r.engine.run(frames=9)
-    assert desk_of(r).handle(asked("hold", {"until": "clear"})).ok
+    assert command_handler_of(r).handle(asked("hold", {"until": "clear"})).ok
     r.engine.commands.execute_waiting()
     assert r.engine.authority.resumes_when_clear
     stars[0] = 400
@@ -535,7 +535,7 @@ def test_the_engine_says_which_frames_take_a_mark():
         frames = r.engine.status().markable_frames
         assert frames
         for frame in range(1, r.engine.frame_id + 2):
-            answer = desk_of(r).handle(asked("mark", {"frame": frame, **ends}))
+            answer = command_handler_of(r).handle(asked("mark", {"frame": frame, **ends}))
             is_known = not re.search("nothing can be said|none of those looked", answer.message)
             assert is_known == (frame in frames), (frame, frames, answer.message)
         r.engine.happen(Taken(by="operator"))  # by hand other frames count

@@ -5,7 +5,7 @@ import pytest
 from rsoconsole.control import ON_RECORD
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
-from tests.engine_rig import Rig, asked, desk_of, rig
+from tests.engine_rig import Rig, asked, command_handler_of, rig
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def outcomes(r: Rig) -> list[tuple[str, str]]:
     ],
 )
 def test_without_autonomy(idle: Rig, verb: str, says: str):
-    answer = desk_of(idle).handle(asked(verb))
+    answer = command_handler_of(idle).handle(asked(verb))
     assert (answer.ok, answer.message) == (False, says)
     assert outcomes(idle) == [(verb, f"refused: {says}")]
     assert idle.queue.is_settled
@@ -50,42 +50,42 @@ def test_without_autonomy(idle: Rig, verb: str, says: str):
     ],
 )
 def test_while_autonomy_has_the_mount(armed: Rig, verb: str, says: str):
-    answer = desk_of(armed).handle(asked(verb))
+    answer = command_handler_of(armed).handle(asked(verb))
     assert (answer.ok, answer.message) == (False, says)
     assert outcomes(armed) == [(verb, f"refused: {says}")]
 
 
 def test_what_a_command_before_it_may_still_change_is_not_known_yet(armed: Rig):
     """Else a script could not say 'disarm' and 'track' one after the other."""
-    desk = desk_of(armed)
-    assert desk.handle(asked("disarm")).ok
-    assert desk.handle(asked("track", {"on": False})).ok
-    assert desk.handle(asked("hold")).ok
+    command_handler = command_handler_of(armed)
+    assert command_handler.handle(asked("disarm")).ok
+    assert command_handler.handle(asked("track", {"on": False})).ok
+    assert command_handler.handle(asked("hold")).ok
     armed.engine.commands.execute_waiting()
     assert outcomes(armed)[3:] == [
         ("disarm", "done"),
         ("track", "tracking is off: the mount stands"),
         ("hold", "refused: autonomy does not have the mount: nothing to hold"),
     ]
-    assert not desk.handle(asked("hold")).ok
+    assert not command_handler.handle(asked("hold")).ok
 
 
 def test_a_parked_mount_does_not_track(idle: Rig):
     idle.mount.is_parked = True
-    answer = desk_of(idle).handle(asked("track"))
+    answer = command_handler_of(idle).handle(asked("track"))
     assert (answer.ok, answer.message) == (False, "the mount is parked: unpark it first")
 
 
 def test_the_answer_says_whether_the_refusal_is_on_record(idle: Rig):
     """A console that has said it once need not say it again when it reads that."""
-    desk = desk_of(idle)
+    command_handler = command_handler_of(idle)
     for verb in ("resume", "arm"):
         arguments = {} if verb == "resume" else {"override": ["no such check"]}
-        answer = desk.handle(asked(verb, arguments))
+        answer = command_handler.handle(asked(verb, arguments))
         assert not answer.ok
         assert answer.data[ON_RECORD] is True
     assert len(outcomes(idle)) == 2
-    answer = desk.handle(asked("answer_seat", {"gives": True}))
+    answer = command_handler.handle(asked("answer_seat", {"gives": True}))
     assert not answer.ok
     assert ON_RECORD not in answer.data
     assert len(outcomes(idle)) == 2

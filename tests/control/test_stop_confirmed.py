@@ -14,7 +14,7 @@ from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, OperatorAction
-from tests.engine_rig import asked, desk_of, end_when_idle, rig
+from tests.engine_rig import asked, command_handler_of, end_when_idle, rig
 
 PATIENCE_S = 20.0
 SOON_S = 5.0
@@ -101,8 +101,8 @@ def test_stop_is_answered_when_the_mount_stands_and_not_when_tracking_is_settled
     r = rig(set())
     mount = Slow(stands=True)
     r.mount.abort = mount.abort  # type: ignore[method-assign]
-    desk = desk_of(r)
-    outcome = desk.handle(asked("stop", by="console"))
+    command_handler = command_handler_of(r)
+    outcome = command_handler.handle(asked("stop", by="console"))
     assert outcome.ok
     assert (outcome.data["ordered_ms"], outcome.data["ms"]) == (12.0, 40.0)
     # Until tracking is settled the loop gives no order.
@@ -115,7 +115,7 @@ def test_stop_is_answered_when_the_mount_stands_and_not_when_tracking_is_settled
     assert line is not None
     assert line.text.endswith("ordered in 12 ms (counted in the engine)")
     mount.is_settled.set()
-    last = desk.status().last_stop
+    last = command_handler.status().last_stop
     assert last is not None
     assert (last.by, last.text) == ("console", "ordered in 12 ms, confirmed in 40 ms")
 
@@ -127,15 +127,15 @@ def test_a_mount_that_does_not_confirm_is_an_alarm_at_once_and_told_if_it_confir
     r = rig(set())
     mount = Slow(stands=False)
     r.mount.abort = mount.abort  # type: ignore[method-assign]
-    desk = desk_of(r)
-    outcome = desk.handle(asked("stop"))
+    command_handler = command_handler_of(r)
+    outcome = command_handler.handle(asked("stop"))
     assert not outcome.ok
     assert outcome.message == "ordered in 12 ms, not confirmed in 0.1 s"
     (alarm,) = [each for each in r.memory.of(Event) if each.level == "alarm"]
     assert alarm.text == (
         "STOP ordered in 12 ms, not confirmed in 0.1 s: cut the mount's power if it moves"
     )
-    last = desk.status().last_stop
+    last = command_handler.status().last_stop
     assert last is not None
     assert last.text == "ordered in 12 ms, NOT CONFIRMED"
     assert r.memory.of(OperatorAction) == []
@@ -145,7 +145,7 @@ def test_a_mount_that_does_not_confirm_is_an_alarm_at_once_and_told_if_it_confir
         time.sleep(0.01)
     (action,) = r.memory.of(OperatorAction)
     assert action.outcome.kind == "stopped"
-    last = desk.status().last_stop
+    last = command_handler.status().last_stop
     assert last is not None
     assert last.is_confirmed
 
@@ -160,9 +160,9 @@ def test_the_line_of_the_log_has_both_figures():
     r.mount.abort = lambda **_: StopResult(  # type: ignore[method-assign]
         stopped=True, ms=40.0, ordered_ms=12.0, path="mount"
     )
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
-    desk.handle(asked("stop"))
+    command_handler.handle(asked("stop"))
     end_when_idle(r)
     r.engine.run()
     said = [each.text for each in r.memory.of(Event) if each.text.startswith("STOP")]

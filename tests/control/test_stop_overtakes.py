@@ -10,14 +10,14 @@ import pytest
 
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Sender
 from rsoconsole.control.commands import Goto, Nudge, Stop
-from rsoconsole.engine.aim.hands import Interrupted
+from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
-from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import OperatorAction
-from tests.engine_rig import START_DEG, Rig, asked, desk_of, rig
+from tests.engine_rig import START_DEG, Rig, asked, command_handler_of, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}
 SLOW_DISK_S = 0.05
@@ -38,15 +38,15 @@ def heed(r: Rig) -> None:
 
 
 def test_a_move_that_is_being_computed_when_stop_comes_is_dropped(armed: Rig):
-    desk, plain = desk_of(armed), armed.engine.slews.refusal
+    command_handler, plain = command_handler_of(armed), armed.engine.slews.refusal
 
     def refusal(*arguments: Any, **named: Any) -> SlewRefusal | None:
-        assert desk.handle(asked("stop", by="console b")).ok
+        assert command_handler.handle(asked("stop", by="console b")).ok
         return plain(*arguments, **named)
 
     armed.engine.slews.refusal = refusal  # type: ignore[method-assign]
     stamp = armed.queue.stops
-    outcome = desk.handle(asked("goto", arguments=ASIDE, stamp=stamp))
+    outcome = command_handler.handle(asked("goto", arguments=ASIDE, stamp=stamp))
     assert (outcome.ok, outcome.message) == (False, "dropped by STOP")
     slews = len(armed.mount.slews)
     heed(armed)
@@ -61,14 +61,14 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         time.sleep(SLOW_DISK_S)
         return True
 
-    desk = Desk(armed.engine, armed.queue, tmp_path, flush=flush)
+    command_handler = CommandHandler(armed.engine, armed.queue, tmp_path, flush=flush)
     socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
 
     def nudge() -> None:
         client = ControlClient(socket, sender=Sender.console("a"))
         outcomes.append(client.send(Nudge(east_arcmin=1.0, north_arcmin=0.0)))
 
-    with ControlServer(socket, desk.handle, stamp=lambda: armed.queue.stops):
+    with ControlServer(socket, command_handler.handle, stamp=lambda: armed.queue.stops):
         threads = [threading.Thread(target=nudge) for _ in range(NUDGES)]
         for thread in threads:
             thread.start()
@@ -92,15 +92,15 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
 @pytest.mark.parametrize("verb", ["disarm", "shutdown"])
 def test_what_moves_nothing_is_done_though_stop_has_come(armed: Rig, verb: str):
     stamp = armed.queue.stops
-    desk = desk_of(armed)
-    assert desk.handle(asked("stop")).ok
-    assert desk.handle(asked(verb, stamp=stamp)).ok
+    command_handler = command_handler_of(armed)
+    assert command_handler.handle(asked("stop")).ok
+    assert command_handler.handle(asked(verb, stamp=stamp)).ok
 
 
 def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: Rig):
-    desk = desk_of(armed)
+    command_handler = command_handler_of(armed)
     for verb, arguments in (("hold", {}), ("goto", ASIDE), ("disarm", {})):
-        assert desk.handle(asked(verb, arguments=arguments)).ok
+        assert command_handler.handle(asked(verb, arguments=arguments)).ok
     armed.queue.stop(LimitMet(words="altitude 14.9 deg"), armed.mount.abort)
     assert armed.queue.stops == 0
     slews = len(armed.mount.slews)
@@ -114,14 +114,16 @@ def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: R
 
 def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
     """Else those behind it were dropped, and the log blamed a STOP that nobody gave."""
-    desk = desk_of(armed)
+    command_handler = command_handler_of(armed)
     plain, reports = armed.mount.report, iter([True, True, False])
 
     def report(*arguments: Any, **named: Any) -> MountReport:
         return dataclasses.replace(plain(*arguments, **named), is_slewing=next(reports, False))
 
     for _ in range(3):
-        assert desk.handle(asked("nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})).ok
+        assert command_handler.handle(
+            asked("nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})
+        ).ok
     before = armed.engine.planner.looking_at(plain())
     armed.mount.report = report  # type: ignore[method-assign]
     armed.engine.commands.execute_waiting()
@@ -132,15 +134,18 @@ def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
 
 
 def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(armed: Rig):
-    desk, plain = desk_of(armed), armed.engine.hands.order_slew
+    command_handler, plain = (
+        command_handler_of(armed),
+        armed.engine.instrument_controller.order_slew,
+    )
 
     def order_slew(*direction: float) -> None:
         armed.queue.stop(LimitMet(words="pier by 0.1 deg"), armed.mount.abort)
         plain(*direction)
 
     for verb, arguments in (("goto", ASIDE), ("hold", {})):
-        assert desk.handle(asked(verb, arguments=arguments)).ok
-    armed.engine.hands.order_slew = order_slew  # type: ignore[method-assign]
+        assert command_handler.handle(asked(verb, arguments=arguments)).ok
+    armed.engine.instrument_controller.order_slew = order_slew  # type: ignore[method-assign]
     slews = len(armed.mount.slews)
     with pytest.raises(Interrupted):
         armed.engine.commands.execute_waiting()

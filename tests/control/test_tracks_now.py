@@ -11,7 +11,7 @@ from rsoconsole.control.track_text import next_aim_words, track_table
 from rsoconsole.records import SlewCommand
 from tests import eight_tracks as eight
 from tests.cli.test_cli_telescope import engine_that, home, rsoconsole
-from tests.engine_rig import Rig, desk_of, told
+from tests.engine_rig import Rig, command_handler_of, told
 from tests.pipeline.test_track_lead import night_of_two
 
 __all__ = ["home"]
@@ -79,7 +79,7 @@ def test_one_track_alone_is_one_line_for_tmux():
 
 
 def status_of(r: Rig) -> Status:
-    return read_status(told(desk_of(r), "status", {}).data)
+    return read_status(told(command_handler_of(r), "status", {}).data)
 
 
 def test_the_engine_tells_each_track_as_its_last_frame_left_it():
@@ -99,7 +99,7 @@ def test_the_engine_tells_each_track_as_its_last_frame_left_it():
     r.engine.run(frames=r.engine.frame_id + 2)
     lead, other = status_of(r).tracks
     assert (lead.state, lead.misses, lead.nis) == ("COAST", 2, None)
-    assert told(desk_of(r), "disarm", {}).ok
+    assert told(command_handler_of(r), "disarm", {}).ok
     r.engine.commands.execute_waiting()
     said = status_of(r)
     assert (said.tracks, said.next_aim) == ((), None)
@@ -117,7 +117,7 @@ def test_the_aim_after_the_next_is_told_before_the_mount_goes_there():
     assert slew.dec_icrs_deg == pytest.approx(aim.dec_icrs_deg, abs=2 / 3600)
     # The policy's word shows before a slew follows it.
     sent = len(r.memory.of(SlewCommand))
-    assert told(desk_of(r), "set", {"name": "aim.policy", "value": "group"}).ok
+    assert told(command_handler_of(r), "set", {"name": "aim.policy", "value": "group"}).ok
     r.engine.commands.execute_waiting()
     assert len(r.memory.of(SlewCommand)) == sent
     said = status_of(r)

@@ -268,7 +268,7 @@ class StubClock:
         return MIDNIGHT
 
 
-class StubGuard:
+class StubSafetyMonitor:
     def __init__(self, fault: Exception | None = None) -> None:
         self.fault = fault
 
@@ -278,8 +278,13 @@ class StubGuard:
         return SkyReport(weather="ok", dome="open")
 
 
-def instruments(mount: StubMount, guard: Any = None) -> Instruments:
-    stubs: Any = {"clock": StubClock(), "mount": mount, "camera": None, "guard": guard}
+def instruments(mount: StubMount, safety_monitor: Any = None) -> Instruments:
+    stubs: Any = {
+        "clock": StubClock(),
+        "mount": mount,
+        "camera": None,
+        "safety_monitor": safety_monitor,
+    }
     return Instruments(
         **stubs, host="127.0.0.1", port=7624, mount_name="mount", camera_name="camera"
     )
@@ -289,7 +294,7 @@ def test_the_world_is_asked_and_its_answers_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doctor_system, "read_clock", lambda: FACTS.clock)
-    facts = gather_facts(instruments(StubMount(), StubGuard()), CONFIG, tmp_path / "new")
+    facts = gather_facts(instruments(StubMount(), StubSafetyMonitor()), CONFIG, tmp_path / "new")
     assert facts.now_utc_ns == MIDNIGHT
     assert (facts.report, facts.site, facts.mount_utc_offset_s) == (REPORT, HERE, 0.2)
     assert facts.sky == SkyReport(weather="ok", dome="open")
@@ -312,8 +317,8 @@ def test_questions_that_fail_become_failed_checks_never_exceptions(
     for name in ("check_network", "check_index_files"):
         monkeypatch.setattr(doctor, name, broken)
     mount = StubMount(report=InstrumentError("the mount's process died"))
-    guard = StubGuard(RuntimeError("gone"))
-    facts = gather_facts(instruments(mount, guard), CONFIG, tmp_path)
+    safety_monitor = StubSafetyMonitor(RuntimeError("gone"))
+    facts = gather_facts(instruments(mount, safety_monitor), CONFIG, tmp_path)
     assert mount.asked == ["report"]  # a dead mount is waited for once
     failed = {check.name: check.detail for check in arming_checks(facts, CONFIG) if not check.ok}
     assert set(failed) == set(CHECKS) - {"sun", "pointing"}

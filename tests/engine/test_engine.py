@@ -31,7 +31,7 @@ from tests.engine_rig import (
     START_DEG,
     Rig,
     asked,
-    desk_of,
+    command_handler_of,
     end_when_idle,
     rig,
     solution_at,
@@ -70,13 +70,13 @@ STOP_MOMENTS = ["reduce", "expose", "slew", "arrival"]
 def test_after_stop_no_order_reaches_the_mount_any_more(moment):
     """STOP in the middle of anything: the last thing the mount hears is the abort."""
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     heard: list[str] = []
     slew, abort, report = r.mount.slew, r.mount.abort, r.mount.report
 
     def stop_now() -> None:
         if not any(word == "abort" for word in heard):
-            assert desk.handle(asked("stop", by="console")).ok
+            assert command_handler.handle(asked("stop", by="console")).ok
 
     def heard_slew(*where: Any) -> None:
         heard.append("slew")
@@ -119,9 +119,9 @@ def test_after_stop_no_order_reaches_the_mount_any_more(moment):
 
 def test_stop_undoes_an_arming_that_still_waits():
     r = rig(set())
-    desk = desk_of(r)
-    desk.handle(asked("arm"))
-    desk.handle(asked("stop"))
+    command_handler = command_handler_of(r)
+    command_handler.handle(asked("arm"))
+    command_handler.handle(asked("stop"))
     end_when_idle(r)
     r.engine.run()
     assert r.mount.slews == []
@@ -134,9 +134,9 @@ def test_a_stop_that_the_mount_does_not_confirm_is_an_alarm():
     r.mount.abort = lambda **_: StopResult(  # type: ignore[method-assign]
         stopped=False, ms=2000.0, path="indi", detail="still moving"
     )
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
-    assert not desk.handle(asked("stop")).ok
+    assert not command_handler.handle(asked("stop")).ok
     end_when_idle(r)
     r.engine.run()
     assert any("not confirmed" in event.text for event in r.memory.of(Event))
@@ -194,7 +194,7 @@ def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_
     starts = {f.frame_id: f.t_start_utc_ns for f in r.memory.of(FrameTaken)}
     assert starts[8] < starts[5]
     assert r.engine.authority.state != "FAULT"
-    health = desk_of(r).handle(asked("status")).data["health"]
+    health = command_handler_of(r).handle(asked("status")).data["health"]
     assert any("set by -300.0 s" in each["text"] for each in health)
 
 
@@ -239,7 +239,7 @@ def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_see
     r.clock.set_by(-60.0)
     r.engine.run(frames=8)
     assert r.engine.authority.state == "SEARCH"
-    answer = desk_of(r).handle(asked("seek"))
+    answer = command_handler_of(r).handle(asked("seek"))
     assert not answer.ok
     assert "nothing has been followed" in answer.message
 
@@ -343,7 +343,7 @@ def test_what_cannot_be_set_is_refused_with_the_reason(name, value, word):
 
 
 def test_a_verb_that_there_is_not_is_refused_with_those_that_there_are():
-    answer = told(desk_of(rig(set())), "dance", {})
+    answer = told(command_handler_of(rig(set())), "dance", {})
     assert not answer.ok
     assert answer.message.startswith("the engine knows no 'dance'; it knows stop, status, arm,")
 

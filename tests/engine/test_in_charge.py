@@ -9,7 +9,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
-from rsoconsole.engine.aim.hands import Interrupted
+from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
@@ -21,7 +21,17 @@ from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, S
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
-from tests.engine_rig import CONFIG, SITE, START_DEG, Rig, asked, desk_of, end_when_idle, rig, told
+from tests.engine_rig import (
+    CONFIG,
+    SITE,
+    START_DEG,
+    Rig,
+    asked,
+    command_handler_of,
+    end_when_idle,
+    rig,
+    told,
+)
 from tests.makers import NS, T0_UTC_NS
 
 BESIDE = altaz_to_icrs(SITE, 50.0, 170.0, T0_UTC_NS)
@@ -68,15 +78,15 @@ def alarms(r: Rig) -> str:
 
 def test_a_move_by_hand_takes_the_mount_and_autonomy_waits_for_resume():
     r = rig(set(range(1, 30)))
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
-    after_frames(r, 4, lambda: desk.handle(goto(*BESIDE)))
+    after_frames(r, 4, lambda: command_handler.handle(goto(*BESIDE)))
     r.engine.run(frames=8)
     assert states(r) == ["SEARCH", "ACQUIRE", "TRACK", "MANUAL"]
     assert separation_deg(*r.mount.slews[-1], *BESIDE) < 1e-6
     assert r.engine.status().holder == "operator"
     slews = len(r.mount.slews)
-    desk.handle(asked("resume"))
+    command_handler.handle(asked("resume"))
     r.engine.run(frames=12)
     assert states(r)[4:] == ["COAST", "TRACK"]
     assert len(r.mount.slews) > slews
@@ -84,7 +94,7 @@ def test_a_move_by_hand_takes_the_mount_and_autonomy_waits_for_resume():
 
 def test_frames_go_on_while_the_operator_has_the_mount():
     r = rig(set())
-    desk_of(r).handle(goto(*BESIDE))
+    command_handler_of(r).handle(goto(*BESIDE))
     r.engine.run(frames=3)
     assert len(r.memory.of(FrameTaken)) == 3
     assert len(r.mount.slews) == 1
@@ -101,7 +111,7 @@ def test_frames_go_on_while_the_operator_has_the_mount():
 def test_a_move_by_hand_against_the_limits_is_refused_with_the_reason(direction, word):
     r = rig(set())
     ra_deg, dec_deg = direction
-    answer = told(desk_of(r), "goto", {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg})
+    answer = told(command_handler_of(r), "goto", {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg})
     assert not answer.ok
     assert word in answer.message
     assert r.engine.status().holder == "nobody"
@@ -110,36 +120,36 @@ def test_a_move_by_hand_against_the_limits_is_refused_with_the_reason(direction,
 def test_a_nudge_moves_by_so_much_on_the_sky():
     r = rig(set())
     arguments = {"east_arcmin": 10.0, "north_arcmin": 0.0}
-    desk_of(r).handle(asked("nudge", arguments=arguments))
+    command_handler_of(r).handle(asked("nudge", arguments=arguments))
     r.engine.run(frames=1)
     assert separation_deg(*r.mount.slews[-1], *START_DEG) * 60.0 == pytest.approx(10.0, abs=0.01)
 
 
 def test_a_held_mount_gets_no_order_and_the_track_goes_on():
     r = rig(set(range(1, 30)), Config.model_validate({"search": {"recentre": "every"}}))
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
-    after_frames(r, 5, lambda: desk.handle(asked("hold")))
+    after_frames(r, 5, lambda: command_handler.handle(asked("hold")))
     r.engine.run(frames=6)
     held_at = len(r.mount.slews)
     r.engine.run(frames=9)
     assert len(r.mount.slews) == held_at
     assert r.engine.status().state == "TRACK"
-    desk.handle(asked("resume"))
+    command_handler.handle(asked("resume"))
     r.engine.run(frames=12)
     assert len(r.mount.slews) > held_at
 
 
 def test_disarming_does_not_wait_for_the_end_of_the_exposure():
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
     expose = r.camera.start_exposure
 
     def disarmed_meanwhile(exposure_s: float, frame_id: int) -> None:
         expose(exposure_s, frame_id)
         if frame_id == 3:
-            desk.handle(asked("disarm"))
+            command_handler.handle(asked("disarm"))
 
     r.camera.start_exposure = disarmed_meanwhile  # type: ignore[method-assign]
     end_when_idle(r)
@@ -151,9 +161,9 @@ def test_disarming_does_not_wait_for_the_end_of_the_exposure():
 
 def test_parking_disarms_first():
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
-    after_frames(r, 2, lambda: desk.handle(asked("park")))
+    after_frames(r, 2, lambda: command_handler.handle(asked("park")))
     end_when_parked(r)
     r.engine.run()
     assert r.mount.is_parked
@@ -163,9 +173,11 @@ def test_parking_disarms_first():
 def test_what_was_acknowledged_is_on_record_before_the_answer():
     r = rig(set())
     flushed: list[int] = []
-    desk = desk_of(r)
-    desk._flush = lambda _: bool(flushed.append(len(r.memory.of(OperatorAction)))) or True
-    assert desk.handle(asked("set", arguments={"name": "detector.tau", "value": 0.2})).ok
+    command_handler = command_handler_of(r)
+    command_handler._flush = lambda _: (
+        bool(flushed.append(len(r.memory.of(OperatorAction)))) or True
+    )
+    assert command_handler.handle(asked("set", arguments={"name": "detector.tau", "value": 0.2})).ok
     assert flushed == [1]
 
 
@@ -219,7 +231,7 @@ def test_no_exposure_begins_that_would_end_behind_a_limit():
     ahead = r.engine.watch.next_limit
     assert ahead is not None
     r.clock.t_utc_ns = ahead[0] - 5 * NS
-    desk_of(r)
+    command_handler_of(r)
     assert r.engine.watch.limit_before(r.clock.t_utc_ns + 10 * NS) is not None
     assert r.engine.watch.limit_before(r.clock.t_utc_ns + 2 * NS) is None
 
@@ -259,7 +271,7 @@ class Weather:
 def test_bad_weather_stops_and_parks_and_nothing_resumes_by_itself(report, word):
     config = Config.model_validate({"indi": {"weather": "Station", "dome": "Dome"}})
     station = Weather()
-    r = rig(set(), config, guard=station)
+    r = rig(set(), config, safety_monitor=station)
     r.engine.arm()
 
     def turn() -> None:
@@ -295,12 +307,12 @@ def test_bad_weather_stops_and_parks_and_nothing_resumes_by_itself(report, word)
 def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by):
     config = Config.model_validate({"indi": {"weather": "Station", "dome": "Dome"}})
     station = Weather()
-    r = rig(set(range(1, 60)), config, guard=station)
+    r = rig(set(range(1, 60)), config, safety_monitor=station)
     r.engine.arm()
     r.engine.run(frames=6)
     assert r.engine.authority.state == "TRACK"
     arguments = {"ra_icrs_deg": BESIDE[0], "dec_icrs_deg": BESIDE[1]} if taken_by == "goto" else {}
-    assert desk_of(r).handle(asked(taken_by, arguments)).ok
+    assert command_handler_of(r).handle(asked(taken_by, arguments)).ok
     r.engine.commands.execute_waiting()
     assert r.engine.authority.is_resumable
     if report is None:
@@ -308,7 +320,7 @@ def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by
     else:
         station.report = report
     slews = len(r.mount.slews)
-    answer = told(desk_of(r), "resume", {})
+    answer = told(command_handler_of(r), "resume", {})
     assert not answer.ok
     assert word in answer.message
     # The loop, too, which comes to it later.
@@ -330,7 +342,7 @@ def test_no_slew_s_seconds_are_counted_while_the_mount_parks():
     r.mount.report = report  # type: ignore[method-assign]
     r.engine.watch.last_report = report()
     assert r.engine.status().slew_left_s is not None
-    r.engine.hands.order_park()
+    r.engine.instrument_controller.order_park()
     assert r.engine.status().slew_left_s is None
 
 
@@ -381,13 +393,13 @@ def test_a_search_that_a_wall_surrounds_is_a_fault_all_the_same(monkeypatch):
 def test_arming_is_refused_with_the_check_that_failed_and_can_be_overridden_by_name():
     r = rig(set())
     r.mount.is_parked = True
-    desk = desk_of(r)
-    refused = desk.handle(asked("arm"))
+    command_handler = command_handler_of(r)
+    refused = command_handler.handle(asked("arm"))
     assert not refused.ok
     assert "unparked" in refused.message
     failed = [check["name"] for check in refused.data["checks"] if not check["ok"]]
     assert "unparked" in failed
-    accepted = desk.handle(asked("arm", arguments={"override": failed}, by="console"))
+    accepted = command_handler.handle(asked("arm", arguments={"override": failed}, by="console"))
     assert accepted.ok
     r.engine.run(frames=1)
     assert r.engine.status().state == "SEARCH"
@@ -396,7 +408,7 @@ def test_arming_is_refused_with_the_check_that_failed_and_can_be_overridden_by_n
 
 
 def test_an_override_of_what_does_not_exist_is_refused():
-    answer = desk_of(rig(set())).handle(asked("arm", arguments={"override": ["moon"]}))
+    answer = command_handler_of(rig(set())).handle(asked("arm", arguments={"override": ["moon"]}))
     assert not answer.ok
     assert "moon" in answer.message
 
@@ -466,14 +478,14 @@ def test_a_loop_that_hangs_is_told_and_the_service_manager_hears_no_more(monkeyp
 
 def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over():
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     abort = r.mount.abort
     order: list[str] = []
 
     def slow_abort(timeout_s: float = 2.0, **_: Any) -> StopResult:
         if not order:
             order.append("stop begins")
-            desk.handle(asked("park"))
+            command_handler.handle(asked("park"))
             # The loop turns meanwhile.
             with pytest.raises(Interrupted):
                 r.engine.commands.heed_alarms()
@@ -481,7 +493,7 @@ def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over()
         return abort(timeout_s)
 
     r.mount.abort = slow_abort  # type: ignore[method-assign]
-    desk.handle(asked("stop"))
+    command_handler.handle(asked("stop"))
     assert order == ["stop begins", "stop ends"]
     assert not r.mount.is_parked
 
@@ -526,7 +538,7 @@ def test_a_failed_first_frame_does_not_spare_the_pointing_check():
 
 def test_a_fault_is_parked_when_the_weather_turns():
     station = Weather()
-    r = rig(set(), Config.model_validate({"indi": {"weather": "Station"}}), guard=station)
+    r = rig(set(), Config.model_validate({"indi": {"weather": "Station"}}), safety_monitor=station)
     r.camera.broken_for = 999
     r.engine.arm()
     wait = r.clock.wait_until
@@ -578,7 +590,7 @@ def test_a_telescope_that_stands_is_told_when_the_sun_comes_to_where_it_looks():
 
 def test_a_hold_in_a_slew_waits_for_the_mount_before_it_exposes():
     r = rig(set(range(1, 30)), Config.model_validate({"search": {"recentre": "every"}}))
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
     go, report, expose = r.mount.slew, r.mount.report, r.camera.start_exposure
     rests_at: list[int] = []
@@ -588,7 +600,7 @@ def test_a_hold_in_a_slew_waits_for_the_mount_before_it_exposes():
         go(*where)  # type: ignore[arg-type]
         if len(r.memory.of(FrameTaken)) == 5 and not rests_at:
             rests_at.append(r.clock.t_utc_ns + 8 * NS)
-            desk.handle(asked("hold"))
+            command_handler.handle(asked("hold"))
 
     def slewing(*asked: object) -> MountReport:
         is_slewing = bool(rests_at) and r.clock.t_utc_ns < rests_at[0]
@@ -606,9 +618,9 @@ def test_a_hold_in_a_slew_waits_for_the_mount_before_it_exposes():
 
 def test_a_forgotten_target_is_never_gone_to():
     r = rig(set())
-    desk = desk_of(r)
-    desk.handle(goto(*BESIDE))
-    after_frames(r, 1, lambda: desk.handle(asked("disarm")))
+    command_handler = command_handler_of(r)
+    command_handler.handle(goto(*BESIDE))
+    after_frames(r, 1, lambda: command_handler.handle(asked("disarm")))
     end_when_idle(r)
     r.engine.run()
     assert r.engine.hand_move is None
@@ -617,17 +629,17 @@ def test_a_forgotten_target_is_never_gone_to():
 def test_a_parked_mount_is_not_sent_anywhere_by_hand():
     r = rig(set())
     r.mount.is_parked = True
-    answer = desk_of(r).handle(goto(*BESIDE))
+    answer = command_handler_of(r).handle(goto(*BESIDE))
     assert not answer.ok
     assert "parked" in answer.message
 
 
 def test_nudges_add_up_while_the_mount_is_on_its_way():
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     for _ in range(3):
         arguments = {"east_arcmin": 0.0, "north_arcmin": 10.0}
-        assert desk.handle(asked("nudge", arguments=arguments)).ok
+        assert command_handler.handle(asked("nudge", arguments=arguments)).ok
     r.engine.run(frames=1)
     assert r.mount.slews[-1][1] - START_DEG[1] == pytest.approx(0.5, abs=1e-3)
 
@@ -649,9 +661,9 @@ def test_a_limit_is_heard_of_although_the_mount_refuses_to_stop_tracking():
 
 def test_what_waits_when_the_engine_ends_is_dropped_and_said():
     r = rig(set())
-    desk = desk_of(r)
-    desk.handle(goto(*BESIDE))
-    desk.handle(asked("shutdown"))
+    command_handler = command_handler_of(r)
+    command_handler.handle(goto(*BESIDE))
+    command_handler.handle(asked("shutdown"))
     r.engine.run()
     assert r.mount.slews == []
     outcomes = {action.verb: text(action.outcome) for action in r.memory.of(OperatorAction)}

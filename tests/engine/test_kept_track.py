@@ -13,7 +13,7 @@ from rsoconsole.pipeline.replay.refold import Walk, replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.log.codec import decode, encode
-from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
+from tests.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
 
 FRAMES = set(range(1, 60))
 
@@ -30,7 +30,7 @@ def tracking() -> Rig:
 
 def tell(r: Rig, verb: str, **arguments: object) -> tuple[bool, str]:
     """Ask for it, and have the loop do it."""
-    answer = desk_of(r).handle(asked(verb, arguments))
+    answer = command_handler_of(r).handle(asked(verb, arguments))
     r.engine.commands.execute_waiting()
     return answer.ok, answer.message
 
@@ -183,9 +183,11 @@ def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: 
     """As the console's one key asks it: both wait for the loop, and the first frame is no slew."""
     tell(tracking, "stop")
     tracking.engine.commands.heed_alarms()
-    desk = desk_of(tracking)
+    command_handler = command_handler_of(tracking)
     for verb in ("arm", "resume"):
-        answer = desk.handle(asked(verb, {"override": list(CHECKS)} if verb == "arm" else {}))
+        answer = command_handler.handle(
+            asked(verb, {"override": list(CHECKS)} if verb == "arm" else {})
+        )
         assert answer.ok, answer.message
     tracking.engine.commands.execute_waiting()
     assert (tracking.engine.status().state, tracking.engine.status().kept) == ("COAST", None)

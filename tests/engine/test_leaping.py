@@ -212,7 +212,7 @@ def test_a_hold_keeps_the_mount_where_it_is() -> None:
     r.engine.run(frames=14)
     before = len(r.mount.slews)
     assert r.engine.leaping.track is not None
-    engine_rig.told(engine_rig.desk_of(r), "hold", {})
+    engine_rig.told(engine_rig.command_handler_of(r), "hold", {})
     r.engine.run(frames=20)
     assert len(r.mount.slews) <= before + 1
 
@@ -221,7 +221,7 @@ def test_disarmed_it_leaps_no_more() -> None:
     r = leap_rig(orbit_over(heading_deg=50.0))
     r.engine.arm()
     r.engine.run(frames=14)
-    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.told(engine_rig.command_handler_of(r), "disarm", {})
     r.engine.run(frames=14)
     engine_rig.end_when_idle(r)
     r.engine.run(None)
@@ -242,11 +242,11 @@ def test_leaps_begin_and_end_with_a_setting_that_the_console_can_change() -> Non
     r = leap_rig(
         orbit_over(heading_deg=50.0), config_with(exposure={"exposure_s": 1.5, "automatic": False})
     )
-    desk = engine_rig.desk_of(r)
+    command_handler = engine_rig.command_handler_of(r)
     r.engine.arm()
     r.engine.run(frames=16)
     assert r.engine.config.exposure.exposure_s < 1.0
-    off = engine_rig.told(desk, "set", {"name": "leap.enabled", "value": "false"})
+    off = engine_rig.told(command_handler, "set", {"name": "leap.enabled", "value": "false"})
     assert off.ok, off.message
     r.engine.run(frames=18)
     assert r.engine.config.exposure.exposure_s == 1.5
@@ -275,9 +275,9 @@ def test_what_the_operator_sets_holds_where_the_leaps_end() -> None:
     )
     r.engine.arm()
     r.engine.run(frames=14)
-    desk = engine_rig.desk_of(r)
-    assert engine_rig.told(desk, "set", {"name": "exposure.exposure_s", "value": 3.0}).ok
+    command_handler = engine_rig.command_handler_of(r)
+    assert engine_rig.told(command_handler, "set", {"name": "exposure.exposure_s", "value": 3.0}).ok
     r.engine.run(frames=18)
-    assert engine_rig.told(desk, "set", {"name": "leap.enabled", "value": "false"}).ok
+    assert engine_rig.told(command_handler, "set", {"name": "leap.enabled", "value": "false"}).ok
     r.engine.run(frames=22)
     assert r.engine.config.exposure.exposure_s == 3.0

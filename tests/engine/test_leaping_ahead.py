@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.hands import Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.aim.instrument_controller import (
+    InstrumentController,
+    Interrupted,
+    StoppedElsewhere,
+)
 from rsoconsole.engine.aim.states import Held
 from rsoconsole.engine.leaps.leap_times import LeapTimes
 from rsoconsole.engine.tasks.slews import Slews
@@ -112,11 +116,11 @@ def test_after_a_miss_it_waits_for_what_the_frame_shows() -> None:
 @pytest.mark.parametrize("moment", ["open", "closed"])
 def test_a_stop_in_an_exposure_leaves_the_mount_standing(moment) -> None:
     r = leap_rig(orbit_over(heading_deg=50.0))
-    desk = engine_rig.desk_of(r)
+    command_handler = engine_rig.command_handler_of(r)
     slews_at_stop: list[int] = []
 
     def stop() -> None:
-        desk.handle(engine_rig.asked("stop"))
+        command_handler.handle(engine_rig.asked("stop"))
         slews_at_stop.append(len(r.mount.slews))
 
     start, report = r.camera.start_exposure, r.mount.report
@@ -167,7 +171,7 @@ def test_a_hold_behind_an_order_at_the_close_teaches_no_pointing_offset() -> Non
     r = leap_rig(orbit_over(heading_deg=50.0))
     r.engine.arm()
     r.engine.run(frames=20)
-    closed, held = r.engine.hands.on_closed, []
+    closed, held = r.engine.instrument_controller.on_closed, []
 
     def hold_after() -> MountReport | None:
         looked = closed()
@@ -178,7 +182,7 @@ def test_a_hold_behind_an_order_at_the_close_teaches_no_pointing_offset() -> Non
             raise Interrupted
         return looked
 
-    r.engine.hands.on_closed = hold_after
+    r.engine.instrument_controller.on_closed = hold_after
     r.engine.run(frames=23)
     assert held
     offset = r.engine.planner.pointing_offset
@@ -194,14 +198,14 @@ def test_an_exposure_whose_order_at_the_close_fails_is_given_up(error: Exception
     aborts: list[int] = []
     r.camera.abort = lambda: aborts.append(1)
     failing = [error]
-    closed = r.engine.hands.on_closed
+    closed = r.engine.instrument_controller.on_closed
 
     def fails() -> MountReport | None:
         if failing:
             raise failing.pop()
         return closed()
 
-    r.engine.hands.on_closed = fails
+    r.engine.instrument_controller.on_closed = fails
     r.engine.run(frames=21)
     assert aborts == [1]
 
@@ -233,7 +237,7 @@ def test_pixels_are_joined_for_the_leaps_alone() -> None:
     terms = r.engine.leaping.telescope().terms
     assert terms.scale_arcsec_px == pytest.approx(2 * r.engine.config.optics.scale_arcsec_px)
     assert terms.field_deg == r.engine.config.optics.field_deg
-    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.told(engine_rig.command_handler_of(r), "disarm", {})
     engine_rig.end_when_idle(r)
     r.engine.run()
     assert r.camera.binned == [2, 1]
@@ -256,8 +260,8 @@ def test_a_camera_that_cannot_join_pixels_is_said_once_and_used() -> None:
 
 
 def times_of(r: Rig) -> LeapTimes:
-    hands: Hands = r.engine.hands
-    return LeapTimes(Config, hands, r.engine.watch)
+    instrument_controller: InstrumentController = r.engine.instrument_controller
+    return LeapTimes(Config, instrument_controller, r.engine.watch)
 
 
 def frame_of(opened_ns: int, later_s: float) -> Frame:
@@ -363,7 +367,7 @@ def test_a_pass_that_is_cut_off_is_on_record_too() -> None:
     r = leap_rig(orbit_over(heading_deg=50.0))
     r.engine.arm()
     r.engine.run(frames=18)
-    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.told(engine_rig.command_handler_of(r), "disarm", {})
     engine_rig.end_when_idle(r)
     r.engine.run()
     [found] = r.memory.of(LowPass)

@@ -8,7 +8,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import COMMANDS, Outcome, Sender
 from rsoconsole.engine.tasks.seats import ASKED_S, GONE_S, Seats, SeatView
-from tests.engine_rig import asked, desk_of, rig
+from tests.engine_rig import asked, command_handler_of, rig
 from tests.seat_rig import FakeWire, can_answer, pane, play, until
 
 ANA, BOB = Sender.console("ana@pts/1"), Sender.console("bob@pts/2")
@@ -98,19 +98,19 @@ def test_who_asked_and_left_does_not_get_it(seats: Seats, clock: Watch):
     assert seats.view() == SeatView(holder=ANA, asked_by=None)
 
 
-def test_the_desk_refuses_the_second_console_and_tells_everybody_who_has_the_seat():
-    desk = desk_of(rig(set()))
-    assert desk.handle(asked("disarm", by=ANA.words)).ok
-    refused = desk.handle(asked("disarm", by=BOB.words))
+def test_the_engine_refuses_the_second_console_and_tells_everybody_who_has_the_seat():
+    command_handler = command_handler_of(rig(set()))
+    assert command_handler.handle(asked("disarm", by=ANA.words)).ok
+    refused = command_handler.handle(asked("disarm", by=BOB.words))
     assert not refused.ok
     assert refused.data["seat"] == "ana@pts/1"
-    assert desk.handle(asked("stop", by=BOB.words)).ok
-    assert desk.handle(asked("ask_seat", by=BOB.words)).ok
-    data = desk.handle(asked("status", by=ANA.words)).data
+    assert command_handler.handle(asked("stop", by=BOB.words)).ok
+    assert command_handler.handle(asked("ask_seat", by=BOB.words)).ok
+    data = command_handler.handle(asked("status", by=ANA.words)).data
     assert (data["seat"], data["seat_asked_by"]) == ("ana@pts/1", "bob@pts/2")
-    assert desk.handle(asked("answer_seat", by=ANA.words, arguments={"gives": True})).ok
-    assert desk.handle(asked("disarm", by=BOB.words)).ok
-    assert not desk.handle(asked("answer_seat", by=ANA.words)).ok
+    assert command_handler.handle(asked("answer_seat", by=ANA.words, arguments={"gives": True})).ok
+    assert command_handler.handle(asked("disarm", by=BOB.words)).ok
+    assert not command_handler.handle(asked("answer_seat", by=ANA.words)).ok
 
 
 # -- on the console -------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from rsoconsole.instruments.ports import ClockFault, SlewEnd
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChange, TrackState
 from rsoconsole.sky.frames import altaz_to_icrs
-from tests.engine_rig import SITE, Rig, asked, desk_of, end_when_idle, rig
+from tests.engine_rig import SITE, Rig, asked, command_handler_of, end_when_idle, rig
 from tests.makers import NS
 
 MINUTE = ClockFault(kind="stood still", seconds=60.0)
@@ -154,7 +154,10 @@ def test_no_frame_is_taken_while_the_clock_runs_wrong_and_the_night_goes_on_afte
         waits[0] += 1
         if waits[0] == 30:
             assert r.engine.frame_id == frames_before
-            assert any(not h.ok and "times as fast" in h.text for h in desk_of(r).status().health)
+            assert any(
+                not h.ok and "times as fast" in h.text
+                for h in command_handler_of(r).status().health
+            )
             sky.off_s += 20.0
             r.clock.t_utc_ns += 20 * NS
             r.clock.is_steady = True
@@ -266,7 +269,7 @@ def test_after_it_a_mount_below_its_limit_is_stopped_and_not_sent_on():
 
 def test_a_move_by_hand_that_was_ended_is_to_be_asked_for_again():
     r = rig(set())
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     r.engine.arm()
     r.engine.run(frames=2)
     go = r.mount.slew
@@ -278,7 +281,9 @@ def test_a_move_by_hand_that_was_ended_is_to_be_asked_for_again():
 
     r.mount.slew = stopped_on_the_way  # type: ignore[method-assign]
     ra_deg, dec_deg = altaz_to_icrs(SITE, 50.0, 150.0, r.clock.t_utc_ns)
-    assert desk.handle(asked("goto", {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg})).ok
+    assert command_handler.handle(
+        asked("goto", {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg})
+    ).ok
     r.engine.run(frames=4)
     assert states(r)[-1] == "MANUAL"
     assert r.engine.hand_move is None
@@ -325,7 +330,7 @@ def test_a_disarmed_engine_beside_a_mount_that_is_off_stays_idle_and_parks_nothi
     r = rig(set())
     r.engine.arm()
     r.engine.run(frames=2)
-    assert desk_of(r).handle(asked("disarm")).ok
+    assert command_handler_of(r).handle(asked("disarm")).ok
     silent = [True]
     plain = r.mount.report
 

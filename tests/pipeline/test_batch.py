@@ -23,7 +23,7 @@ from rsoconsole.pipeline.batch.batch_nights import (
     process_nights,
     working_in,
 )
-from rsoconsole.pipeline.batch.batch_pool import Crew, crew_for, share_out
+from rsoconsole.pipeline.batch.batch_pool import WorkerPool, pool_for, share_out
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests.cli.test_cli_frames import objects, rsoconsole
@@ -31,7 +31,7 @@ from tests.samples import SCHEMA_1
 
 HEIGHT, WIDTH = 480, 640
 NAMES = ("2023-06-22", "2023-06-23", "2023-06-24")
-SERIAL = Crew(kind="serial", workers=1)
+SERIAL = WorkerPool(kind="serial", workers=1)
 needs_dask = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")
 
 
@@ -65,9 +65,11 @@ def serial_root(nights, tmp_path_factory) -> Path:
     return root
 
 
-def made(folders: list[Path], root: Path, crew: Crew = SERIAL, **more: Any) -> list[NightOutcome]:
+def made(
+    folders: list[Path], root: Path, pool: WorkerPool = SERIAL, **more: Any
+) -> list[NightOutcome]:
     tasks = nights_in(folders, root, Config(), **more)
-    return list(process_nights(tasks, lambda _: crew))
+    return list(process_nights(tasks, lambda _: pool))
 
 
 def without_times(value: Any) -> Any:
@@ -113,7 +115,7 @@ def test_each_folder_becomes_a_session_in_the_order_of_its_frames(nights, serial
 
 
 def test_processes_make_what_one_after_another_makes(nights, serial_root, tmp_path):
-    outcomes = made(nights, tmp_path, Crew(kind="processes", workers=2))
+    outcomes = made(nights, tmp_path, WorkerPool(kind="processes", workers=2))
     assert [outcome.session.name for outcome in outcomes] == list(NAMES)
     assert same_sessions(serial_root, tmp_path)
 
@@ -130,14 +132,14 @@ def test_dask_makes_what_one_after_another_makes(nights, serial_root, tmp_path):
 
 
 def test_who_does_the_work(monkeypatch):
-    assert crew_for(1).kind == "serial"
-    assert crew_for(3, is_serial=True).kind == "serial"
-    assert crew_for(3, workers=2, is_dask_wanted=False) == Crew(kind="processes", workers=2)
-    assert crew_for(2, workers=8, is_dask_wanted=False).workers == 2
+    assert pool_for(1).kind == "serial"
+    assert pool_for(3, is_serial=True).kind == "serial"
+    assert pool_for(3, workers=2, is_dask_wanted=False) == WorkerPool(kind="processes", workers=2)
+    assert pool_for(2, workers=8, is_dask_wanted=False).workers == 2
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert crew_for(3, workers=2).kind == "processes"
+    assert pool_for(3, workers=2).kind == "processes"
     with pytest.raises(BatchError, match="needs Dask"):
-        crew_for(3, scheduler="tcp://127.0.0.1:1")
+        pool_for(3, scheduler="tcp://127.0.0.1:1")
 
 
 @needs_dask
@@ -161,7 +163,7 @@ def test_a_worker_that_is_killed_costs_its_own_task_alone():
     results = share_out(
         _double,
         tasks,
-        Crew(kind="processes", workers=2),
+        WorkerPool(kind="processes", workers=2),
         failed=lambda task, reason: (task, reason),
     )
     first, killed, *others = list(results)

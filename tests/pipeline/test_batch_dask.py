@@ -15,7 +15,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.batch.batch_nights import nights_in, process_night, process_nights
-from rsoconsole.pipeline.batch.batch_pool import Crew
+from rsoconsole.pipeline.batch.batch_pool import WorkerPool
 from rsoconsole.session.reading.reader import SessionReader
 from tests.pipeline.test_batch import write_night
 
@@ -164,7 +164,7 @@ def test_one_that_was_given_up_and_its_successor_are_in_each_others_way_nowhere(
     process_night(task)
     assert left.exists()
     again = nights_in(nights[:1], tmp_path, Config(), is_again=True)
-    (outcome,) = process_nights(again, lambda _: Crew(kind="serial", workers=1))
+    (outcome,) = process_nights(again, lambda _: WorkerPool(kind="serial", workers=1))
     assert outcome.state == "done"
     assert not left.exists()
     assert [path.name for path in tmp_path.iterdir()] == [nights[0].name]

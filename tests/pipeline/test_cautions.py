@@ -13,7 +13,7 @@ from astropy.io import fits
 from rsoconsole.config import Config
 from rsoconsole.instruments.camera.camera_child import CameraChild
 from rsoconsole.instruments.camera.frame_ring import FrameRing
-from rsoconsole.instruments.indi.indi_child import Mouth
+from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.pipeline.cycle.cycle import Cycle
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
@@ -119,7 +119,7 @@ def test_an_engine_with_a_colour_camera_and_a_wrong_focal_length_solves_and_says
     assert f"it should be {620 * 1.1:.0f}" in warning
 
 
-class Heard(Mouth):
+class Heard(ReplyWriter):
     """Remembers what the camera's process says."""
 
     def __init__(self) -> None:

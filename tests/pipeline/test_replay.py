@@ -32,7 +32,7 @@ from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.tracking.association.following import Following
 from tests.cli.test_demo import night
-from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, solution_at
+from tests.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, solution_at
 from tests.makers import NS, geo_measurement, straight_detection
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
@@ -127,29 +127,29 @@ def refuse_one_slew(r: Rig) -> None:
 def busy_night() -> Night:
     """Everything that may come between two frames, in one night of 60."""
     r, followed = busy_rig(set(range(1, 61)) - {7, *CLOUDS, *range(48, 54)})
-    desk, engine = desk_of(r), r.engine
+    command_handler, engine = command_handler_of(r), r.engine
     r.reducer.breaks = frozenset({13})
-    at_frame(r, 15, lambda: desk.handle(asked("hold")))
+    at_frame(r, 15, lambda: command_handler.handle(asked("hold")))
     engine.arm()
     engine.run(frames=11)  # lock, a miss, two frames of cloud
     r.camera.broken_for = 1
     engine.run(frames=16)  # a lost frame, one whose reduction breaks, one cut short by 'hold'
-    desk.handle(asked("resume"))
+    command_handler.handle(asked("resume"))
     r.queue.put(asked("set", arguments={"name": "filter.r_multiplier", "value": 3.0}))
     r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.2}))
     engine.run(frames=20)
     refuse_one_slew(r)
     engine.run(frames=22)
     away = {"ra_icrs_deg": r.mount.at_deg[0] + 5.0, "dec_icrs_deg": r.mount.at_deg[1]}
-    desk.handle(asked("goto", arguments=away))
+    command_handler.handle(asked("goto", arguments=away))
     engine.run(frames=24)
-    desk.handle(asked("nudge", arguments={"east_arcmin": 10.0, "north_arcmin": 0.0}))
+    command_handler.handle(asked("nudge", arguments={"east_arcmin": 10.0, "north_arcmin": 0.0}))
     engine.run(frames=26)
-    desk.handle(asked("resume"))
+    command_handler.handle(asked("resume"))
     engine.run(frames=30)
     r.queue.interrupt(LimitMet(words="altitude 14.9 deg, 15 at least"))
     engine.run(frames=35)
-    desk.handle(asked("stop"))
+    command_handler.handle(asked("stop"))
     r.queue.put(asked("arm"))
     r.queue.put(asked("set", arguments={"name": "search.follow", "value": "nearest"}))
     engine.run(frames=40)

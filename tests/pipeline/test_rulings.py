@@ -34,7 +34,7 @@ from rsoconsole.records import (
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests import made_up_night
-from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, told
+from tests.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, told
 from tests.makers import straight_detection
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
@@ -74,8 +74,8 @@ def night(frames: set[int], misled: frozenset[int] = frozenset()) -> Rig:
 
 
 def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
-    """To the desk, and granted at once."""
-    outcome = told(desk_of(r), verb, arguments)
+    """To the command handler, and executed at once."""
+    outcome = told(command_handler_of(r), verb, arguments)
     r.engine.commands.execute_waiting()
     return outcome
 
@@ -221,11 +221,13 @@ def test_what_if_a_frame_was_ruled_on_that_is_not_followed_then():
 
 def test_a_note_is_on_record_with_its_words():
     r = night(set())
-    assert desk_of(r).handle(asked("note", arguments={"text": " clouds from the west "})).ok
+    assert (
+        command_handler_of(r).handle(asked("note", arguments={"text": " clouds from the west "})).ok
+    )
     (action,) = [a for a in r.memory.of(OperatorAction) if a.verb == "note"]
     assert action.arguments == {"text": "clouds from the west"}
     for nothing in ({}, {"text": "  "}, {"text": 3}):
-        assert not told(desk_of(r), "note", nothing).ok
+        assert not told(command_handler_of(r), "note", nothing).ok
 
 
 def test_the_track_on_record_is_the_one_that_was_ruled():
@@ -242,7 +244,7 @@ def test_the_track_on_record_is_the_one_that_was_ruled():
 def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_meanwhile():
     r = night(set(range(1, 14)))
     r.engine.run(frames=8)
-    assert desk_of(r).handle(asked("reject", arguments={"frame": 8})).ok
+    assert command_handler_of(r).handle(asked("reject", arguments={"frame": 8})).ok
     r.engine.run(frames=9)
     r.engine.commands.execute_waiting()
     (ruling,) = r.memory.of(Ruling)

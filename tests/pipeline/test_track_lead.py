@@ -15,7 +15,7 @@ from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, 
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig, told
+from tests.engine_rig import Rig, ScriptedReducer, command_handler_of, rig, told
 from tests.makers import straight_detection
 from tests.slot_of_twelve import streak
 from tests.tracking.test_company import SLOT, owners, places, seen, settings
@@ -126,7 +126,7 @@ def test_the_telescope_follows_the_one_that_was_made_the_lead_and_a_replay_agree
     lead, other = (each.track.track_id for each in r.engine.following.tracks)
     before = aims(r, 1)
     last = r.engine.following.track.frame_id
-    outcome = told(desk_of(r), "choose", {"frame": last - 1, "x": 40.0, "y": 30.0})
+    outcome = told(command_handler_of(r), "choose", {"frame": last - 1, "x": 40.0, "y": 30.0})
     assert outcome.ok
     r.engine.commands.execute_waiting()
     assert r.engine.following.track_id == other

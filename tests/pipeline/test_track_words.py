@@ -23,7 +23,7 @@ from rsoconsole.records import (
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.engine_rig import desk_of, told
+from tests.engine_rig import command_handler_of, told
 from tests.pipeline.test_track_lead import FRAMES, SEVERAL, aims, locked, night_of_two, shown
 from tests.tracking.test_company import SLOT, owners, seen, settings
 
@@ -166,9 +166,9 @@ def test_a_kept_track_of_two_streaks_outlives_more_misses_than_another():
 def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
     r = night_of_two()
     lead, other = (each.track.track_id for each in r.engine.following.tracks)
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     untouched = r.engine.following.tracks
-    assert told(desk, "drop", {"track": lead}).ok
+    assert told(command_handler, "drop", {"track": lead}).ok
     r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [other]
     (said,) = [a for a in r.memory.of(OperatorAction) if a.outcome.kind == "ruled"]
@@ -178,11 +178,11 @@ def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
     before = r.memory.of(SlewCommand)[-1].dec_icrs_deg
     assert aims(r, 3) - before == pytest.approx(0.05, abs=0.01)
     assert ids(r.engine.following) == [other]
-    assert told(desk, "drop", {"track": other, "off": True}).message == (
+    assert told(command_handler, "drop", {"track": other, "off": True}).message == (
         f"track {other} has not been dropped in the last frames:"
         " follow its streak in the picture instead"
     )
-    assert told(desk, "drop", {"track": lead, "off": True}).ok
+    assert told(command_handler, "drop", {"track": lead, "off": True}).ok
     r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [lead, other]
     assert r.engine.following.track.innovations > untouched[0].track.innovations
@@ -197,9 +197,9 @@ def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
 def test_of_two_dropped_with_one_frame_one_alone_is_taken_back():
     r = night_of_two()
     lead, other = ids(r.engine.following)
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     for arguments in ({"track": other}, {"track": lead}, {"track": other, "off": True}):
-        assert told(desk, "drop", arguments).ok
+        assert told(command_handler, "drop", arguments).ok
         r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [other]
     assert r.engine.authority.state == "TRACK"
@@ -211,9 +211,9 @@ def test_the_console_offers_to_take_back_as_long_as_the_engine_does():
 
 def test_both_dropped_it_searches_and_a_replay_agrees():
     r = night_of_two()
-    desk = desk_of(r)
+    command_handler = command_handler_of(r)
     for number in ids(r.engine.following):
-        assert told(desk, "drop", {"track": number}).ok
+        assert told(command_handler, "drop", {"track": number}).ok
         r.engine.commands.execute_waiting()
     assert r.engine.authority.state == "SEARCH"
     r.engine.run(frames=r.engine.frame_id + 4)
@@ -228,10 +228,10 @@ def test_both_dropped_it_searches_and_a_replay_agrees():
 def test_a_word_on_a_streak_leaves_what_was_said_of_a_track():
     r = night_of_two()
     lead, other = ids(r.engine.following)
-    desk = desk_of(r)
-    assert told(desk, "drop", {"track": other}).ok
+    command_handler = command_handler_of(r)
+    assert told(command_handler, "drop", {"track": other}).ok
     r.engine.commands.execute_waiting()
-    assert told(desk, "reject", {"frame": r.memory.of(Ruling)[-1].frame_id}).ok
+    assert told(command_handler, "reject", {"frame": r.memory.of(Ruling)[-1].frame_id}).ok
     r.engine.commands.execute_waiting()
     assert r.memory.of(Ruling)[-1].dropped == (other,)
     assert ids(r.engine.following) == [lead]
@@ -239,15 +239,15 @@ def test_a_word_on_a_streak_leaves_what_was_said_of_a_track():
 
 def test_what_cannot_be_is_refused_in_one_line():
     r = night_of_two()
-    desk = desk_of(r)
-    outcome = told(desk, "drop", {"track": 7})
+    command_handler = command_handler_of(r)
+    outcome = told(command_handler, "drop", {"track": 7})
     assert not outcome.ok
     assert outcome.message == "no track 7 is followed: those followed are 1 2"
-    assert told(desk, "keep", {"track": 1}).ok
+    assert told(command_handler, "keep", {"track": 1}).ok
     r.engine.commands.execute_waiting()
-    assert told(desk, "keep", {"track": 1}).message == "track 1 is kept already"
-    assert told(desk, "keep", {"track": 2, "off": True}).message == "track 2 is not kept"
-    assert told(desk, "disarm", {}).ok
+    assert told(command_handler, "keep", {"track": 1}).message == "track 1 is kept already"
+    assert told(command_handler, "keep", {"track": 2, "off": True}).message == "track 2 is not kept"
+    assert told(command_handler, "disarm", {}).ok
     r.engine.commands.execute_waiting()
-    outcome = told(desk, "drop", {"track": 1})
+    outcome = told(command_handler, "drop", {"track": 1})
     assert outcome.message == "nothing is followed: autonomy does not have the mount"

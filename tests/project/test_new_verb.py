@@ -14,7 +14,7 @@ from rsoconsole.control import COMMANDS, Command
 from rsoconsole.control.commands import Beside, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from rsoconsole.resources import resource
-from tests.engine_rig import desk_of, rig
+from tests.engine_rig import command_handler_of, rig
 
 ROOT = Path(__file__).parents[2]
 PAGE = resource("control", "README.md").read_text(encoding="utf-8")
@@ -30,13 +30,13 @@ from rsoconsole.control.commands import Flats
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
-from tests.engine_rig import SITE, desk_of, rig
+from tests.engine_rig import SITE, command_handler_of, rig
 
 r = rig(set())
-desk = desk_of(r)
+handler = command_handler_of(r)
 
-# By the shell, over the wire, to the desk.
-with ControlServer(default_socket_path(), desk.handle):
+# By the shell, over the wire, to the command handler.
+with ControlServer(default_socket_path(), handler.handle):
     run = CliRunner().invoke(app, ["flats", "--altitude-deg", "65"])
     assert run.exit_code == 0, run.output
     low = CliRunner().invoke(app, ["flats", "--altitude-deg", "-20"])
@@ -138,8 +138,8 @@ def test_the_page_has_no_verb_that_there_is_not():
 
 @pytest.mark.parametrize("verb", COMMANDS)
 def test_the_engine_has_a_way_to_do_every_command(verb: str):
-    desk, command = desk_of(rig(set())), COMMANDS[verb]
-    answered, handled = command in desk._answers, desk._handlers.get(command)
+    command_handler, command = command_handler_of(rig(set())), COMMANDS[verb]
+    answered, handled = command in command_handler._answers, command_handler._handlers.get(command)
     assert answered != isinstance(handled, Handler)
     assert command.is_immediate <= answered
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.hands import Hands
+from rsoconsole.engine.aim.instrument_controller import InstrumentController
 from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments.observatory.connect import connect_instruments
@@ -155,7 +155,9 @@ def night(
             reducer = TruthReducer(truth_path, mover)
             engine = Engine(
                 config=config,
-                hands=Hands(instruments, config, lambda: queue.is_wanted),
+                instrument_controller=InstrumentController(
+                    instruments, config, lambda: queue.is_wanted
+                ),
                 reducer=reducer,  # type: ignore[arg-type]
                 record=memory,
                 queue=queue,
@@ -240,7 +242,7 @@ def test_a_mount_that_must_not_flip_is_left_on_its_side_and_the_misses_say_why(t
         refusals = [event.text for event in it.memory.of(Event) if "refused" in event.text]
         assert len(refusals) == 1
         assert "mount.meridian is hold" in refusals[0]
-        assert it.engine.hands.mount_report().pier_side == "west"
+        assert it.engine.instrument_controller.mount_report().pier_side == "west"
         assert it.engine.following.state == "COAST"
         reasons = [text(miss.reason) for miss in it.memory.of(Miss)]
         assert len(reasons) == 2

@@ -149,7 +149,7 @@ def process(
     where it was when the same command is given again: nights that are done are not done twice.
     Example: rsoconsole process nights/* --session processed
     """
-    from rsoconsole.pipeline.batch import crew_for, nights_in
+    from rsoconsole.pipeline.batch import nights_in, pool_for
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -167,14 +167,14 @@ def process(
                 param_hint="--session",
             )
         nights = nights_in(everywhere(given), session.resolve(), settings, is_again=again)
-        crew_of = partial(
-            crew_for,
+        pool_of = partial(
+            pool_for,
             workers=workers,
             scheduler=scheduler,
             is_serial=serial,
             is_dask_wanted=not no_dask,
         )
-        process_nights(nights, session.resolve(), crew_of, json_)
+        process_nights(nights, session.resolve(), pool_of, json_)
         return
     with piped(given) as files:
         _process_frames(files, session, settings, extension, json_)

@@ -9,18 +9,18 @@ import typer
 from rsoconsole.cli.words import output, progress
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.batch import Crew, Night, NightOutcome
+    from rsoconsole.pipeline.batch import Night, NightOutcome, WorkerPool
 
 
 def process_nights(
-    nights: "tuple[Night, ...]", root: Path, crew_of: "Callable[[int], Crew]", json_: bool
+    nights: "tuple[Night, ...]", root: Path, pool_of: "Callable[[int], WorkerPool]", json_: bool
 ) -> None:
     """Make a session of each, say what became of it, and exit 1 where one is not whole."""
     from rsoconsole.pipeline.batch import batch_nights
 
     is_whole = True
     with batch_nights.working_in(root), progress("nights", len(nights)) as bar:
-        for outcome in batch_nights.process_nights(nights, crew_of, on_done=bar):
+        for outcome in batch_nights.process_nights(nights, pool_of, on_done=bar):
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
             with bar.aside():
                 _say(outcome, json_)

@@ -21,7 +21,7 @@ from rsoconsole.cli.words import (
 )
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.batch import Crew, Question
+    from rsoconsole.pipeline.batch import Question, WorkerPool
 
 SessionsArgument = Annotated[
     list[Path],
@@ -120,7 +120,7 @@ def what_if(
 
     A branch lies in SESSION/branches/NAME and can be shown, drawn and exported like a session.
     """
-    from rsoconsole.pipeline.batch import Question, crew_for
+    from rsoconsole.pipeline.batch import Question, pool_for
 
     named = {
         "detector.tau": tau,
@@ -160,14 +160,14 @@ def what_if(
         for path in sessions
     ]
     is_shared = detector or solver or workers is not None or len(sessions) >= SHARED_FROM
-    crew = crew_for(
+    pool = pool_for(
         len(sessions),
         workers=workers,
         scheduler=scheduler,
         is_serial=serial or not is_shared,
         is_dask_wanted=not no_dask,
     )
-    _answer(questions, crew, json_)
+    _answer(questions, pool, json_)
 
 
 def _check_usage(*, tried: bool, propose: bool, list_: bool, drop: str | None) -> None:
@@ -184,7 +184,7 @@ def _number_or_text(text: str) -> float | str:
     return value if math.isfinite(value) else text
 
 
-def _answer(questions: "list[Question]", crew: "Crew", json_: bool) -> None:
+def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
     from rsoconsole.cli.words import answer_lines, answer_report
@@ -202,7 +202,7 @@ def _answer(questions: "list[Question]", crew: "Crew", json_: bool) -> None:
                 share_out(
                     answer,
                     whole,
-                    crew,
+                    pool,
                     failed=no_answer,
                     paths=[question.session for question in whole],
                     on_done=on_done,

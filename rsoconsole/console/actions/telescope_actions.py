@@ -103,7 +103,7 @@ class TelescopeActions:
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
-    def see_mount_change_hands(self, before: EngineView) -> None:
+    def see_control_change(self, before: EngineView) -> None:
         """What the engine said before is ``before``."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder

@@ -107,7 +107,7 @@ class LiveScreen(NightScreen):
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.telescope.see_mount_change_hands(before)
+        self.telescope.see_control_change(before)
         self.see_stop()
 
     def on_outcome_came(self, message: OutcomeCame) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rsoconsole.console.night import LogLine
 from rsoconsole.console.timeline.moments import Moment, Moments
 from rsoconsole.console.timeline.night_line import Timeline
-from rsoconsole.control import Looker
+from rsoconsole.control import Poller
 from rsoconsole.errors import SessionError
 from rsoconsole.session.reading import SessionReader
 
@@ -28,7 +28,7 @@ OnMoment = Callable[[Path, Moment], None]
 OnFault = Callable[[Path, str], None]
 
 
-class ReviewWatch(Looker):
+class ReviewWatch(Poller):
     """Shows the moment that is wanted last; between such wishes it reads on.
 
     Its callbacks are called on its own thread and must return at once.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.night import EngineView, NightView, OrbitAhead, ahead_of_record, orbit_ahead
-from rsoconsole.control import Looker
+from rsoconsole.control import Poller
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
@@ -20,7 +20,7 @@ BREATH_S = 2.0
 MINUTE_NS = 60 * 10**9
 
 
-class OutlookWatch(Looker):
+class OutlookWatch(Poller):
     """Computes it every half minute, and when the state or what is followed is another."""
 
     def __init__(

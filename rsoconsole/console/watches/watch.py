@@ -13,7 +13,7 @@ from pathlib import Path
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.night import EngineView, Night, NightView, engine_view
 from rsoconsole.console.picture import Picture, marks_of, read_closeup, read_picture
-from rsoconsole.control import AskStatus, Looker, Wire
+from rsoconsole.control import AskStatus, Poller, Wire
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.session.reading import SessionReader
 
@@ -28,7 +28,7 @@ SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
 
 
-class SessionWatch(Looker):
+class SessionWatch(Poller):
     """Reads a session as it grows: its records four times a second, its newest picture."""
 
     def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
@@ -160,7 +160,7 @@ class SessionWatch(Looker):
         self._on_seen(replace(view, fault=text), self._picture)
 
 
-class EngineWatch(Looker):
+class EngineWatch(Poller):
     """Asks the engine how it is, twice a second."""
 
     def __init__(self, wire: Wire, on_seen: Callable[[EngineView], None]) -> None:

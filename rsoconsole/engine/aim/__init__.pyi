@@ -1,10 +1,10 @@
 from .guide import Guide as Guide
-from .hands import FAR_OFF_DEG as FAR_OFF_DEG
-from .hands import NS as NS
-from .hands import POLL_NS as POLL_NS
-from .hands import Hands as Hands
-from .hands import Interrupted as Interrupted
-from .hands import StoppedElsewhere as StoppedElsewhere
+from .instrument_controller import FAR_OFF_DEG as FAR_OFF_DEG
+from .instrument_controller import NS as NS
+from .instrument_controller import POLL_NS as POLL_NS
+from .instrument_controller import InstrumentController as InstrumentController
+from .instrument_controller import Interrupted as Interrupted
+from .instrument_controller import StoppedElsewhere as StoppedElsewhere
 from .night import NightEnd as NightEnd
 from .night import darkness_words as darkness_words
 from .night import dome_fault as dome_fault

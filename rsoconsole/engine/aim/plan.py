@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide
-from rsoconsole.engine.aim.hands import NS
+from rsoconsole.engine.aim.instrument_controller import NS
 from rsoconsole.engine.aim.planned import (
     CLOCKS_APART_NS,
     FLIP_WAY_DEG,

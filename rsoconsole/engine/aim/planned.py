@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rsoconsole.engine.aim.hands import NS
+from rsoconsole.engine.aim.instrument_controller import NS
 from rsoconsole.engine.aim.search import Direction
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand

@@ -1,7 +1,7 @@
 """Who is in charge: the states of the loop and the passages between them. Pure.
 
-``step(authority, trigger)`` gives the next state and what the hands must do for it; the loop
-performs that and writes it down. What frames show passes through ``tracking.follow`` first and
+``step(authority, trigger)`` gives the next state and what the instrument controller must do; the
+loop performs that and writes it down. What frames show passes through ``tracking.follow`` first and
 arrives here as ``Followed``.
 
     IDLE -> SEARCH <-> ACQUIRE -> TRACK <-> COAST -> LOST -> SEARCH     while autonomy has the mount

@@ -35,7 +35,7 @@ class Awaiting:
 
     def __init__(self, control: LeapControl, parts: Parts) -> None:
         self._control = control
-        self._watch, self._chronicle = parts.watch, parts.chronicle
+        self._watch, self._session_log = parts.watch, parts.session_log
         self._site = control.config.site.to_site()
         self.awaited: Awaited | None = None
         """The pass that is waited for; None: whatever comes."""
@@ -74,7 +74,7 @@ class Awaiting:
         """The one that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
-            self._chronicle.say("info", f"{awaited.name} did not come by")
+            self._session_log.say("info", f"{awaited.name} did not come by")
             self.passed_over()
             awaited = None
         if awaited is not None or not (leap.pass_norad or leap.waits):
@@ -85,13 +85,13 @@ class Awaiting:
             self.awaited = self._next_pass(max(now_ns, self._from_ns))
         except OrbitError as error:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
-            self._chronicle.say("warning", f"nothing is waited for: {error}")
+            self._session_log.say("warning", f"nothing is waited for: {error}")
             return None
         if self.awaited is not None:
-            self._chronicle.say("info", awaited_words(self.awaited))
+            self._session_log.say("info", awaited_words(self.awaited))
         elif leap.pass_norad or self._last_orbit is not None:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
-            self._chronicle.say("info", "no pass within a day to wait for: stares instead")
+            self._session_log.say("info", "no pass within a day to wait for: stares instead")
         return self.awaited
 
     def _next_pass(self, now_ns: int) -> Awaited | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.engine.leaps.awaiting import LeapControl
-from rsoconsole.engine.tasks import Chronicle, change_record, changed
+from rsoconsole.engine.tasks import SessionLog, change_record, changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import Instruments
 from rsoconsole.pipeline.leaps import binning_for
@@ -21,9 +21,9 @@ class LeapCamera:
     """Sets exposure and binning, on record, and gives the night's own back."""
 
     def __init__(
-        self, control: LeapControl, instruments: Instruments, chronicle: Chronicle
+        self, control: LeapControl, instruments: Instruments, session_log: SessionLog
     ) -> None:
-        self._control, self._camera, self._chronicle = control, instruments.camera, chronicle
+        self._control, self._camera, self._session_log = control, instruments.camera, session_log
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""
         self._asked = 1
@@ -46,9 +46,9 @@ class LeapCamera:
         try:
             self.binning = self._camera.set_binning(wanted)
         except InstrumentError as error:
-            self._chronicle.say("warning", f"leaps without binning: {error}")
+            self._session_log.say("warning", f"leaps without binning: {error}")
         if self.binning != before:
-            self._chronicle.say("info", f"the camera is binned {self.binning} x {self.binning}")
+            self._session_log.say("info", f"the camera is binned {self.binning} x {self.binning}")
         return self.binning != before
 
     def expose_for(self, exposure_s: float) -> None:
@@ -75,7 +75,7 @@ class LeapCamera:
             self._asked = was_asked  # the next time that leaps end it is tried again
             log.warning("the camera stays binned: %s", error)
             words = f"the camera stays binned {self.binning} x {self.binning}: {error}"
-            self._chronicle.say("warning", words)
+            self._session_log.say("warning", words)
 
     def configured(self, before: Config) -> None:
         """What the operator sets meanwhile holds where the leaps end."""
@@ -87,5 +87,5 @@ class LeapCamera:
         config = self._control.config
         self._set_s = exposure_s
         after = changed(config, _EXPOSURE, exposure_s)
-        self._chronicle.append(change_record(config, after, _EXPOSURE, by))
+        self._session_log.append(change_record(config, after, _EXPOSURE, by))
         self._control.configure(after)

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.engine.aim import NS, Hands
+from rsoconsole.engine.aim import NS, InstrumentController
 from rsoconsole.engine.leaps.awaiting import LeapControl
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leaps.leap_words import last_words, next_pass_of, orbit_words, pass_words
-from rsoconsole.engine.tasks import Chronicle
+from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
 from rsoconsole.orbits.motion import KnownOrbit, PointMass
 from rsoconsole.pipeline.leaps import FrameStreak, Leap, Telescope, plan_pass
@@ -35,9 +35,18 @@ class LeapLog:
     """Gathers leap by leap; what takes time is done once nobody waits for it."""
 
     def __init__(
-        self, control: LeapControl, hands: Hands, chronicle: Chronicle, times: LeapTimes
+        self,
+        control: LeapControl,
+        instrument_controller: InstrumentController,
+        session_log: SessionLog,
+        times: LeapTimes,
     ) -> None:
-        self._control, self._hands, self._chronicle, self._times = control, hands, chronicle, times
+        self._control, self._instrument_controller, self._session_log, self._times = (
+            control,
+            instrument_controller,
+            session_log,
+            times,
+        )
         self._site = control.config.site.to_site()
         self._begun = _Begun()
         self._seen: LeapSeen | None = None
@@ -54,7 +63,7 @@ class LeapLog:
 
     def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
         """The next slew can be ordered."""
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         self._parts.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
 
     def came(
@@ -85,7 +94,7 @@ class LeapLog:
         """The last leap."""
         seen, self._seen = self._seen, None
         if seen is not None and self._parts:
-            self._chronicle.append(leap_record(seen, self._parts[-1]))
+            self._session_log.append(leap_record(seen, self._parts[-1]))
 
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
@@ -120,19 +129,19 @@ class LeapLog:
             sure_from=sure_from if is_early else None,
         )
         self._begun.planned = len(plan.leaps)
-        self._chronicle.say("info", pass_words(plan))
+        self._session_log.say("info", pass_words(plan))
 
     def end(self, track: LeapTrack, why: str) -> None:
         """What is known of what was leapt after."""
         orbit = track.best.orbit
-        self._chronicle.say("info", f"{why}: {last_words(track, self._parts)}")
+        self._session_log.say("info", f"{why}: {last_words(track, self._parts)}")
         later: ExpectedPass | None = None
         if orbit is not None:
-            now_ns = self._hands.now_utc_ns()
+            now_ns = self._instrument_controller.now_utc_ns()
             least_deg = self._control.config.limits.min_altitude_deg
             later = next_pass_of(orbit, self._site, now_ns, least_deg)
             for line in orbit_words(orbit, later):
-                self._chronicle.say("info", line)
+                self._session_log.say("info", line)
         self._record_pass(track, why, later)
 
     def cut_off(self, track: LeapTrack, why: str) -> None:
@@ -141,7 +150,7 @@ class LeapLog:
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
         self.record()
-        self._chronicle.append(
+        self._session_log.append(
             pass_record(
                 track,
                 frame_id=self._frame_id,

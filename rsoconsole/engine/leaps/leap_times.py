@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import NS, Hands
+from rsoconsole.engine.aim import NS, InstrumentController
 from rsoconsole.engine.tasks import Watch
 from rsoconsole.pipeline.frame import shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.leaps import (
@@ -55,9 +55,18 @@ class LeapParts:
 class LeapTimes:
     """Learns from slew to slew and from frame to frame."""
 
-    def __init__(self, config: Callable[[], Config], hands: Hands, watch: Watch) -> None:
+    def __init__(
+        self,
+        config: Callable[[], Config],
+        instrument_controller: InstrumentController,
+        watch: Watch,
+    ) -> None:
         """``config``: the one in force."""
-        self._config, self._hands, self._watch = config, hands, watch
+        self._config, self._instrument_controller, self._watch = (
+            config,
+            instrument_controller,
+            watch,
+        )
         self._seen: deque[SlewSeen] = deque(maxlen=LAST_SLEWS)
         self._motion: MountMotion | None = None
         """By the slews seen so far; None: to be found again."""
@@ -84,7 +93,7 @@ class LeapTimes:
             return
         travel, since_ns = self._ordered
         self._ordered = None
-        took_s = (self._hands.arrived_utc_ns - since_ns) / NS
+        took_s = (self._instrument_controller.arrived_utc_ns - since_ns) / NS
         if took_s > 0.0:  # a hold may have come before the arrival
             self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
             self._motion = None

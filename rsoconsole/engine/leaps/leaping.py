@@ -60,8 +60,12 @@ class Leaping:
 
     def __init__(self, control: LeapControl, parts: Parts, look_at: LookAt) -> None:
         self._control = control
-        self._hands, self._planner, self._slews = parts.hands, parts.planner, parts.slews
-        self._chronicle = parts.chronicle
+        self._instrument_controller, self._planner, self._slews = (
+            parts.instrument_controller,
+            parts.planner,
+            parts.slews,
+        )
+        self._session_log = parts.session_log
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
@@ -79,11 +83,13 @@ class Leaping:
         """Of the look at the last frame's middle, and of what was ordered by it."""
         self._exposing = (0, 0)
         """The frame under way, and when its exposure was ordered."""
-        self.times = LeapTimes(lambda: control.config, parts.hands, parts.watch)
-        self._camera = LeapCamera(control, parts.hands.instruments, parts.chronicle)
+        self.times = LeapTimes(lambda: control.config, parts.instrument_controller, parts.watch)
+        self._camera = LeapCamera(
+            control, parts.instrument_controller.instruments, parts.session_log
+        )
         self._awaiting = Awaiting(control, parts)
         self._staring = Staring(control, parts, self.times, self._camera, self._awaiting)
-        self._log = LeapLog(control, parts.hands, parts.chronicle, self.times)
+        self._log = LeapLog(control, parts.instrument_controller, parts.session_log, self.times)
 
     @property
     def is_on(self) -> bool:
@@ -154,8 +160,8 @@ class Leaping:
         found, self._next = self._next, None
         if found is None or not self._may_order():
             return None
-        self._hands.wait_until(found.t_order_utc_ns)
-        looked = self._hands.mount_report()
+        self._instrument_controller.wait_until(found.t_order_utc_ns)
+        looked = self._instrument_controller.mount_report()
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
@@ -173,13 +179,15 @@ class Leaping:
         self._stage_ms["glance"] = (time.perf_counter() - began_s) * 1e3
         if seen is None:
             return
-        if self._hands.instruments.clock.is_simulated:
-            self._hands.wait_until(self._hands.now_utc_ns() + _GLANCE_NS)
+        if self._instrument_controller.instruments.clock.is_simulated:
+            self._instrument_controller.wait_until(
+                self._instrument_controller.now_utc_ns() + _GLANCE_NS
+            )
         began_s = time.perf_counter()
         exposure = self._control.config.exposure
         for each in streaks_of(seen.detections, seen.solution, frame, exposure):
             after = updated(track, each.ends) if each.ends.is_whole else None
-            now_ns = self._hands.now_utc_ns()
+            now_ns = self._instrument_controller.now_utc_ns()
             pose = self._planner.pose(now_ns)
             if after is None or pose is None:
                 continue
@@ -207,7 +215,7 @@ class Leaping:
         return self.is_on and self._control.may_move
 
     def _order_early(self, found: Leap, *, waited_for_frame: bool) -> bool:
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         pose = self._planner.pose(now_ns)
         if pose is None or not isinstance(plan := self._order(found, pose, now_ns), Plan):
             return False  # the whole frame says how it goes on
@@ -226,7 +234,7 @@ class Leaping:
             return
         leap, self._leap = self._leap, None
         if self._early is None:
-            self.times.examined(self._hands.now_utc_ns())
+            self.times.examined(self._instrument_controller.now_utc_ns())
             if leap is not None:
                 self._log.took(leap, waited_for_frame=True)
         solution = reduction.solution
@@ -247,7 +255,7 @@ class Leaping:
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
-                self._chronicle.say("info", leap_words(after, each, leap))
+                self._session_log.say("info", leap_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
         if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
@@ -288,7 +296,7 @@ class Leaping:
             awaited = self._awaiting.awaited
             known = None if awaited is None else came(awaited, self._site, ends)
             if awaited is not None and known is None:
-                self._chronicle.say("info", f"a low satellite that is not {awaited.name}")
+                self._session_log.say("info", f"a low satellite that is not {awaited.name}")
                 continue
             ends = ends if known is None else known[1]
             track = begin(self._site, ends, timing, is_turned=known is not None)
@@ -302,7 +310,7 @@ class Leaping:
         self.track, name, words = first
         self._misses = 0
         self._log.begin(frame_id, name)
-        self._chronicle.say("info", words)
+        self._session_log.say("info", words)
 
     def _begins_again(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> bool:
         """Where one streak is all that is known, a later one that contradicts it is as good.
@@ -331,7 +339,7 @@ class Leaping:
     def _miss(self, why: str) -> None:
         self._misses += 1
         most = self._control.config.leap.most_misses
-        self._chronicle.say("info", f"leap missed ({self._misses} of {most}): {why}")
+        self._session_log.say("info", f"leap missed ({self._misses} of {most}): {why}")
         if self._misses >= most:
             self._end("given up")
 
@@ -350,7 +358,7 @@ class Leaping:
 
         Raises what ``Slews.order`` does.
         """
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         early, self._early = self._early, None
         pose = self._planner.pose(now_ns)
         if is_held or pose is None:

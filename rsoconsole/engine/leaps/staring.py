@@ -30,7 +30,11 @@ class Staring:
         awaiting: Awaiting,
     ) -> None:
         self._control = control
-        self._planner, self._slews, self._chronicle = parts.planner, parts.slews, parts.chronicle
+        self._planner, self._slews, self._session_log = (
+            parts.planner,
+            parts.slews,
+            parts.session_log,
+        )
         self._times, self._camera, self._awaiting = times, camera, awaiting
         self._site = control.config.site.to_site()
         self._stare: tuple[float, float] | None = None
@@ -56,7 +60,7 @@ class Staring:
             self._stare = self._where_to_stare(here, now_ns)
             readout_s = self._times.terms(self._camera.binning).readout_s
             share = duty(stare_s, exposure.start_latency_s, readout_s)
-            self._chronicle.say(
+            self._session_log.say(
                 "info", f"stares for low satellites: the shutter is open {100 * share:.0f} %"
             )
         there = icrs_of_hour_angle(self._site, *self._stare, now_ns)
@@ -65,7 +69,7 @@ class Staring:
         plan = self._planner.to_place(there, now_ns, "stare", now_ns)
         refused = self._slews.order(plan, t_until_utc_ns=self._planner.end_utc_ns(plan))
         if refused is not None:
-            self._chronicle.say("warning", f"stares where it stands: {text(refused)}")
+            self._session_log.say("warning", f"stares where it stands: {text(refused)}")
             self._stare = self._of_date(here, now_ns)
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)
@@ -88,7 +92,7 @@ class Staring:
         end_ns = max(self._planner.end_utc_ns(plan), stare.until_utc_ns)
         refused = self._slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
-            self._chronicle.say("warning", f"cannot wait where it comes: {text(refused)}")
+            self._session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
             self._awaiting.passed_over()
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)

@@ -6,13 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.control import Request
-from rsoconsole.engine.aim import Hands, Interrupted, LimitMet, Stopped, StoppedElsewhere
+from rsoconsole.engine.aim import (
+    InstrumentController,
+    Interrupted,
+    LimitMet,
+    Stopped,
+    StoppedElsewhere,
+)
 from rsoconsole.engine.operator import Control, Handlers
 from rsoconsole.engine.tasks import (
     Alarm,
-    Chronicle,
     CommandQueue,
     Faults,
+    SessionLog,
     action_record,
     alarm_words,
     dropped_by,
@@ -32,17 +38,21 @@ class CommandTurn:
     def __init__(
         self,
         control: Control,
-        hands: Hands,
+        instrument_controller: InstrumentController,
         queue: CommandQueue,
-        chronicle: Chronicle,
+        session_log: SessionLog,
         faults: Faults,
         *,
         handlers: Handlers,
         on_executed: Callable[[], None],
     ) -> None:
         """``on_executed`` is called behind commands that may have changed the next aim."""
-        self._control, self._hands, self._queue = control, hands, queue
-        self._chronicle, self._faults = chronicle, faults
+        self._control, self._instrument_controller, self._queue = (
+            control,
+            instrument_controller,
+            queue,
+        )
+        self._session_log, self._faults = session_log, faults
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
@@ -61,10 +71,10 @@ class CommandTurn:
                 raise
             except Exception as error:  # a fault of ours: it goes up, and no command with it
                 failed = CommandResult(kind="failed", detail=f"{type(error).__name__}: {error}")
-                self._chronicle.append(action_record(request, failed))
+                self._session_log.append(action_record(request, failed))
                 self._put_back(requests[number + 1 :])
                 raise
-            self._chronicle.append(action_record(request, outcome))
+            self._session_log.append(action_record(request, outcome))
         self._queue.finished()
         if requests:
             self._on_executed()
@@ -73,7 +83,7 @@ class CommandTurn:
         """Taken from the queue already: they wait again; what was undone there is undone here."""
         undone, result = self._queue.put_back(requests)
         for each in undone:
-            self._chronicle.append(action_record(each, result))
+            self._session_log.append(action_record(each, result))
 
     def _execute(self, request: Request) -> CommandResult:
         """One command, by its handler. Raises as the handler does."""
@@ -92,17 +102,17 @@ class CommandTurn:
             time.sleep(STOP_POLL_S)
             raise Interrupted
         # An order may have been on its way when the flag went up: stop the mount once more.
-        again = self._hands.instruments.mount.abort()
+        again = self._instrument_controller.instruments.mount.abort()
         for alarm in alarms:
             for request in alarm.dropped:
-                self._chronicle.append(action_record(request, dropped_by(alarm.trigger)))
+                self._session_log.append(action_record(request, dropped_by(alarm.trigger)))
             self._heed(alarm, again.stopped)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
         # The words first: what has to be done may fail.
         topic: Topic = "limit" if isinstance(alarm.trigger, LimitMet) else ""
         words = alarm_words(alarm, is_stopped_again, self._control.config)
-        self._chronicle.say("alarm", words, topic)
+        self._session_log.say("alarm", words, topic)
         trigger = alarm.trigger
         if not isinstance(trigger, Stopped):
             self._control.happen(trigger)
@@ -111,4 +121,4 @@ class CommandTurn:
         stopped = replace(trigger, is_confirmed=is_confirmed)
         self._control.happen(stopped)
         if not is_confirmed:
-            self._faults.expect_stop(stopped, words, self._hands.now_utc_ns())
+            self._faults.expect_stop(stopped, words, self._instrument_controller.now_utc_ns())

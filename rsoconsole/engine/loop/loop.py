@@ -18,7 +18,7 @@ from rsoconsole.engine.aim import (
     Failed,
     Followed,
     Guide,
-    Hands,
+    InstrumentController,
     Interrupted,
     LimitMet,
     Marked,
@@ -50,7 +50,6 @@ from rsoconsole.engine.operator import (
     joined,
 )
 from rsoconsole.engine.tasks import (
-    Chronicle,
     CommandQueue,
     Exposures,
     Faults,
@@ -58,6 +57,7 @@ from rsoconsole.engine.tasks import (
     NowhereError,
     Parking,
     Recorder,
+    SessionLog,
     Slews,
     Watch,
     action_record,
@@ -89,7 +89,7 @@ class Engine:
         self,
         *,
         config: Config,
-        hands: Hands,
+        instrument_controller: InstrumentController,
         reducer: FrameReducer,
         record: Recorder,
         queue: CommandQueue,
@@ -103,15 +103,19 @@ class Engine:
         """
         self.config = config
         self.authority = Authority()
-        self.hands = hands
+        self.instrument_controller = instrument_controller
         self.orbits = Orbits(config, past)
         self.guide = Guide(self.orbits.online, config)
         self.planner = Planner(config, self.guide)
-        self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)
-        self.watch = Watch(hands.instruments, config, queue, self.chronicle.append)
-        self._parking = Parking(hands, self.chronicle)
-        self.slews = Slews(hands, self.planner, self.watch, self.chronicle)
-        self._exposures = Exposures(hands, self.planner, self.watch, self.chronicle, queue, config)
+        self.session_log = SessionLog(record, instrument_controller.now_utc_ns, self.orbits.hear)
+        self.watch = Watch(
+            instrument_controller.instruments, config, queue, self.session_log.append
+        )
+        self._parking = Parking(instrument_controller, self.session_log)
+        self.slews = Slews(instrument_controller, self.planner, self.watch, self.session_log)
+        self._exposures = Exposures(
+            instrument_controller, self.planner, self.watch, self.session_log, queue, config
+        )
         self.cycle = Cycle(reducer, config)
         """What makes a track of frames, and knows the last ones."""
         self._queue = queue
@@ -122,16 +126,19 @@ class Engine:
         self._has_dawned = False
         """The night is over, and the mount has not been asked for since."""
         parts = Parts(
-            hands=hands,
+            instrument_controller=instrument_controller,
             planner=self.planner,
             slews=self.slews,
             watch=self.watch,
             guide=self.guide,
-            chronicle=self.chronicle,
+            session_log=self.session_log,
         )
         self.leaping = Leaping(self, parts, self.cycle.glance)
         """Stares and leaps, where that is configured."""
-        hands.on_opened, hands.on_closed = self.leaping.opened, self.leaping.closed
+        instrument_controller.on_opened, instrument_controller.on_closed = (
+            self.leaping.opened,
+            self.leaping.closed,
+        )
         self.by_hand = ByHand(self, parts)
         self.frames = FrameTurn(
             self,
@@ -146,13 +153,13 @@ class Engine:
             on_cycle=lambda reduction: on_cycle(self, reduction) if on_cycle else None,
         )
         """Each exposure's way through the loop."""
-        self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
-        self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
+        self.seeking = Seeking(self, instrument_controller, self.planner, self.slews, self.guide)
+        self.verdicts = Verdicts(self, self.cycle, self.session_log, pixels_of)
         self.handlers = joined(
             (
                 Modes(self).handlers,
                 self.by_hand.handlers,
-                Settings(self, self.frames.temporary, self.chronicle).handlers,
+                Settings(self, self.frames.temporary, self.session_log).handlers,
                 self.verdicts.handlers,
                 self.seeking.handlers,
             )
@@ -160,15 +167,15 @@ class Engine:
         """How each command of the operator is checked and done."""
         self.commands = CommandTurn(
             self,
-            hands,
+            instrument_controller,
             queue,
-            self.chronicle,
+            self.session_log,
             self._faults,
             handlers=self.handlers,
             on_executed=self.frames.look_ahead,
         )
         """What waits in the queue, and what cuts a wait short."""
-        hands.on_tick = self.watch.hear_loop
+        instrument_controller.on_tick = self.watch.hear_loop
         self.interruptions = Interruptions(
             self,
             parts,
@@ -178,7 +185,7 @@ class Engine:
             end_at_limit=self._exposures.end_at_limit,
         )
         """What nobody ordered: faults of the clock, slews ended by the mount's own process."""
-        hands.on_clock_fault = self.interruptions.hear
+        instrument_controller.on_clock_fault = self.interruptions.hear
         self._exposures.on_camera_set = self.interruptions.camera_set
 
     @property
@@ -208,8 +215,8 @@ class Engine:
 
     def status(self) -> Status:
         """A snapshot, from any thread."""
-        clock = self.hands.instruments.clock
-        authority, now_ns = self.authority, self.chronicle.last_utc_ns()
+        clock = self.instrument_controller.instruments.clock
+        authority, now_ns = self.authority, self.session_log.last_utc_ns()
         ahead = (
             self.frames.ahead if authority.is_autonomous and authority.following.tracks else None
         )
@@ -234,14 +241,14 @@ class Engine:
         )
 
     def _slew_left_s(self) -> float | None:
-        report, sent = self.watch.last_report, self.hands.sent
+        report, sent = self.watch.last_report, self.instrument_controller.sent
         if report is None or sent is None:
             return None
         return self.planner.slew_left_s(report, *sent)
 
     def wake(self) -> None:
         """Cut a wait short (any thread)."""
-        self.hands.instruments.clock.wake()
+        self.instrument_controller.instruments.clock.wake()
 
     def arm(self, by: str = "operator", lifted: frozenset[str] = frozenset()) -> None:
         """Hand the mount to autonomy: search from where the telescope points.
@@ -249,9 +256,9 @@ class Engine:
         ``lifted``: checks of the arming list that are overridden by name. Raises ValueError when
         it is armed already.
         """
-        report = self.hands.mount_report()
+        report = self.instrument_controller.mount_report()
         if report.is_parked:
-            self.hands.instruments.mount.unpark()
+            self.instrument_controller.instruments.mount.unpark()
         # Lifted before it is armed: the watch may look in between.
         before = self.watch.lifted
         self.watch.take_over(self.authority.is_responsible, lifted)
@@ -262,7 +269,7 @@ class Engine:
             raise
         self._faults.clear()
         if lifted:
-            self.chronicle.say(
+            self.session_log.say(
                 "warning", f"armed without these checks: {', '.join(sorted(lifted))}"
             )
 
@@ -273,7 +280,7 @@ class Engine:
         dome, weather or daylight would take it away again.
         """
         was_autonomous = self.authority.is_autonomous
-        report = self.hands.mount_report()
+        report = self.instrument_controller.mount_report()
         if report.is_parked and not was_autonomous:
             raise ValueError("the mount is parked: unpark it first")
         self.expect_night()
@@ -313,7 +320,7 @@ class Engine:
                     raise InstrumentError(f"the run ended {error}") from error
                 except NowhereError as error:
                     if self.planner.leave_spiral():
-                        self.chronicle.say("warning", f"nothing left to look at there: {error}")
+                        self.session_log.say("warning", f"nothing left to look at there: {error}")
                     elif error.is_dawn:
                         parks = self.config.mount.park_at_end
                         self.happen(NightEnded(words=f"{error}", parks=parks, is_dawn=True))
@@ -333,15 +340,17 @@ class Engine:
         return self.frame_id >= frames or (self._has_dawned and not self._parking.is_wanted)
 
     def _one_turn(self, *, is_bounded: bool) -> None:
-        if self._kept.is_over(self.hands.now_utc_ns()):
+        if self._kept.is_over(self.instrument_controller.now_utc_ns()):
             before = self.authority
             self._enter(without_kept(before), None)
             self._note_given_up(before)
         self.interruptions.look_at_mount()
         is_at_work = self.authority.is_autonomous or self.authority.state == "MANUAL"
-        if is_at_work and not self.hands.instruments.clock.is_steady:
+        if is_at_work and not self.instrument_controller.instruments.clock.is_steady:
             # What is measured now has no time.
-            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+            self.instrument_controller.wait_until(
+                self.instrument_controller.now_utc_ns() + IDLE_TICK_NS
+            )
         elif self.authority.is_autonomous:
             self.frames.one_exposure()
         elif self.authority.state == "MANUAL":
@@ -354,18 +363,20 @@ class Engine:
             self._see_whether_over()
             if is_bounded and self._gave_up is not None and not self._parking.is_wanted:
                 raise _RunFailed(f"early: {self._gave_up}")
-            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+            self.instrument_controller.wait_until(
+                self.instrument_controller.now_utc_ns() + IDLE_TICK_NS
+            )
 
     def _see_whether_over(self) -> None:
         """A fault whose cause was the mount's silence is over once the mount answers again."""
         stopped = self._faults.take_stop(self.watch)
         if stopped is not None:
             # Given once more: nobody knows what the mount has done meanwhile.
-            self.chronicle.say("info", "the mount answers again and stands: STOP is over")
+            self.session_log.say("info", "the mount answers again and stands: STOP is over")
             self.happen(replace(stopped, is_confirmed=True))
         elif self._faults.is_over(self.authority, self.watch):
             self._faults.clear()
-            self.chronicle.say("info", "the mount answers again: arming goes on")
+            self.session_log.say("info", "the mount answers again: arming goes on")
 
     def _not_where_left(self, words: str) -> None:
         """The mount's own process did that, or somebody else: autonomy waits for those."""
@@ -377,23 +388,27 @@ class Engine:
         except InstrumentError as error:
             self._on_failure(str(error))
             return
-        self.chronicle.say("alarm", f"{words}: somebody else did that, autonomy waits for 'resume'")
+        self.session_log.say(
+            "alarm", f"{words}: somebody else did that, autonomy waits for 'resume'"
+        )
         self.happen(Taken(by="somebody else"))
 
     def _end(self) -> None:
         if self._queue.is_shutdown:
-            result = self.hands.instruments.mount.abort()
+            result = self.instrument_controller.instruments.mount.abort()
             self.leaping.forget("the engine ends")
             with contextlib.suppress(Interrupted):
                 self.commands.heed_alarms()
             for request in self._queue.take_all():
                 is_done = request.command.survives_stop
-                self.chronicle.append(action_record(request, DONE if is_done else ENGINE_ENDS))
+                self.session_log.append(action_record(request, DONE if is_done else ENGINE_ENDS))
             if not result.stopped:
-                self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
+                self.session_log.say(
+                    "alarm", f"the mount did not confirm its stop: {result.detail}"
+                )
             self._enter(Authority(), Cause(kind="engine ended"))
             if result.stopped:
-                self.chronicle.say("info", "the engine ends, the mount stands", "engine ended")
+                self.session_log.say("info", "the engine ends, the mount stands", "engine ended")
 
     def happen(self, trigger: Trigger) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
@@ -406,7 +421,7 @@ class Engine:
             raise ValueError(result.refusal)
         if "abort" in result.actions:
             # Before all else: what follows may wait for a camera.
-            self.hands.instruments.mount.abort()
+            self.instrument_controller.instruments.mount.abort()
         self._enter(result.authority, result.reason)
         if not isinstance(trigger, Followed | Marked):
             self._forget_since(before)
@@ -457,7 +472,7 @@ class Engine:
         ):
             return
         words = f"{kept_name(given_up, self.orbits.names)} can no longer be followed again"
-        self.chronicle.say("info", words, "kept")
+        self.session_log.say("info", words, "kept")
 
     def _note_giving_up(self, trigger: Trigger) -> None:
         if self.authority.state != "IDLE":
@@ -470,7 +485,14 @@ class Engine:
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
         before, self.config = self.config, config
-        whole = (self.hands, self.cycle, self.planner, self.orbits, self.guide, self.watch)
+        whole = (
+            self.instrument_controller,
+            self.cycle,
+            self.planner,
+            self.orbits,
+            self.guide,
+            self.watch,
+        )
         for part in (*whole, self._exposures):
             part.configure(config)
         self.leaping.configure(before)
@@ -495,27 +517,27 @@ class Engine:
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
         if self.authority.state == "FAULT":
-            if self.hands.instruments.clock.is_simulated:
+            if self.instrument_controller.instruments.clock.is_simulated:
                 raise InstrumentError(words)
             time.sleep(1.0)  # whatever is broken passes no time by itself
             return
         if self._faults.add(words):  # said once, however often it fails
-            self.chronicle.say("alarm", words)
+            self.session_log.say("alarm", words)
         reason = Missed(kind="instrument", detail=words)
         tracks = [each.track.track_id for each in self.following.tracks]
         for track_id in tracks or (None,):
-            self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
+            self.session_log.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
         self.happen(Failed(words=words, is_final=is_final))
 
     def _enter(self, authority: Authority, reason: Cause | None) -> None:
         before, self.authority = self.authority.state, authority
         # What was overridden stands as long as the mount can be given back without a checklist.
         over = authority.state in ("IDLE", "FAULT") and not authority.is_resumable
-        self._kept.see(authority, self.config.filter, self.chronicle.last_utc_ns())
+        self._kept.see(authority, self.config.filter, self.session_log.last_utc_ns())
         self.watch.take_over(authority.is_responsible, frozenset() if over else None)
         # Without a reason it is the fold's own passage, which is on record already.
         if before != authority.state and reason is not None:
-            self.chronicle.append(
+            self.session_log.append(
                 StateChange(
                     frame_id=self.frame_id,
                     before=before,

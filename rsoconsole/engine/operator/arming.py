@@ -71,7 +71,7 @@ class ArmingFacts:
 
 
 def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
-    """Ask clock, mount, guard and disk; never raises, and quick while the mount answers."""
+    """Ask clock, mount, safety monitor and disk; never raises; quick while the mount answers."""
     mount = instruments.mount
     report, mount_fault = _ask(lambda: mount.report(timeout_s=MOUNT_ANSWER_S))
     site: SiteCheck | None = None
@@ -79,7 +79,9 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
     if not mount_fault:  # a dead mount is waited for once, not three times
         site, mount_fault = _ask(lambda: mount.check_site(config.site.to_site()))
         utc_offset_s, _ = _ask(mount.utc_offset_s)
-    sky, _ = (None, "") if instruments.guard is None else _ask(instruments.guard.look)
+    sky, _ = (
+        (None, "") if instruments.safety_monitor is None else _ask(instruments.safety_monitor.look)
+    )
     free_bytes, disk_fault = _ask(lambda: doctor_system.free_bytes(session_folder))
     write_fault, _ = _ask(lambda: doctor_system.write_fault(session_folder))
     clock, _ = _ask(doctor_system.read_clock)

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 
 from rsoconsole.control import Beside, Goto, MovePreview, Nudge, Preview, Track, Unpark
-from rsoconsole.engine.aim import NS, Guide, Hands, Planner, Taken
+from rsoconsole.engine.aim import NS, Guide, InstrumentController, Planner, Taken
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
-from rsoconsole.engine.tasks import LIFTS, Chronicle, Slews, Watch, changed
+from rsoconsole.engine.tasks import LIFTS, SessionLog, Slews, Watch, changed
 from rsoconsole.pipeline.aim import follow_direction, slew_to
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
@@ -32,12 +32,12 @@ class HandMove:
 class Parts:
     """What of the engine a move by hand needs."""
 
-    hands: Hands
+    instrument_controller: InstrumentController
     planner: Planner
     slews: Slews
     watch: Watch
     guide: Guide
-    chronicle: Chronicle
+    session_log: SessionLog
 
 
 class ByHand:
@@ -45,12 +45,12 @@ class ByHand:
 
     def __init__(self, control: Control, parts: Parts) -> None:
         self._control = control
-        self._hands = parts.hands
+        self._instrument_controller = parts.instrument_controller
         self._planner = parts.planner
         self._slews = parts.slews
         self._watch = parts.watch
         self._guide = parts.guide
-        self._chronicle = parts.chronicle
+        self._session_log = parts.session_log
         self.move: HandMove | None = None
         """Where the operator has sent the mount, until it is there."""
 
@@ -70,10 +70,10 @@ class ByHand:
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
         """
         direction = self._wanted(preview.move)
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         site = self._control.config.site.to_site()
         here = self._looks_at()
-        report = self._hands.mount_report()
+        report = self._instrument_controller.mount_report()
         alt_deg, az_deg = icrs_to_altaz(site, *direction, now_ns)
         ra_date_deg, dec_date_deg = icrs_to_jnow(*direction, now_ns)
         pose = Pose(
@@ -109,37 +109,37 @@ class ByHand:
         refused = self._refusal(direction, command.override)
         if refused is not None:
             raise ValueError(refused)
-        if self._hands.mount_report().is_slewing:
+        if self._instrument_controller.mount_report().is_slewing:
             # Some drivers take no new target while they move.
-            self._hands.instruments.mount.abort()
-            self._hands.wait_for_rest()
+            self._instrument_controller.instruments.mount.abort()
+            self._instrument_controller.wait_for_rest()
         told = self._command(direction)
-        self._hands.order_slew(*told)
+        self._instrument_controller.order_slew(*told)
         self._control.happen(Taken(by=by))
         self.move = HandMove(direction=direction, command=told)
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         reason = f"{command.verb} by {by}"
-        self._chronicle.append(slew_to(self._control.frame_id, direction, now_ns, reason))
+        self._session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))
         return done("on its way")
 
     def _expect_free(self, _command: Track, _by: str) -> None:
         if self._control.authority.is_autonomous:
             raise ValueError("autonomy has the mount: disarm it first")
-        if self._hands.mount_report().is_parked:
+        if self._instrument_controller.mount_report().is_parked:
             raise ValueError("the mount is parked: unpark it first")
 
     def _track(self, command: Track, by: str) -> CommandResult:
         """Sidereal tracking on or off."""
         self._expect_free(command, by)
-        self._hands.instruments.mount.set_tracking(command.is_on)
+        self._instrument_controller.instruments.mount.set_tracking(command.is_on)
         return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
 
     def _expect_parked(self, _command: Unpark, _by: str) -> None:
-        if not self._hands.mount_report().is_parked:
+        if not self._instrument_controller.mount_report().is_parked:
             raise ValueError("the mount is not parked")
 
     def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
-        self._hands.instruments.mount.unpark()
+        self._instrument_controller.instruments.mount.unpark()
         return done("the mount is not parked any more")
 
     def _wanted(self, move: Move | Beside) -> Direction:
@@ -161,15 +161,15 @@ class ByHand:
         config = self._control.config
         for name, value in move.settings().items():
             config = changed(config, name, value)
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         by_orbit = self._guide.of_track(now_ns, config.aim)
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:
         """Why this move cannot be: a parked mount, a limit; None when it can."""
-        if self._hands.mount_report().is_parked:
+        if self._instrument_controller.mount_report().is_parked:
             return "the mount is parked: unpark it first"
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         exposure = self._control.config.exposure
         until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)
         lifted = frozenset(LIFTS[name] for name in override if name in LIFTS)
@@ -181,8 +181,8 @@ class ByHand:
         move = self.move
         if move is not None:
             return move.direction
-        return self._planner.looking_at(self._hands.mount_report())
+        return self._planner.looking_at(self._instrument_controller.mount_report())
 
     def _command(self, direction: Direction) -> Direction:
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         return self._planner.command(slew_to(self._control.frame_id, direction, now_ns, "by hand"))

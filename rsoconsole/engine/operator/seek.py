@@ -1,7 +1,7 @@
 """Looking again for what was followed, where it must be by now: the operator's command."""
 
 from rsoconsole.control import Seek
-from rsoconsole.engine.aim import Guide, Hands, Planner, Sought
+from rsoconsole.engine.aim import Guide, InstrumentController, Planner, Sought
 from rsoconsole.engine.operator.handlers import Control, Handler, Handlers
 from rsoconsole.engine.tasks import Slews
 from rsoconsole.pipeline.cycle import direction_at
@@ -13,10 +13,15 @@ class Seeking:
     """Knows where what was followed must be, and has the search begin there."""
 
     def __init__(
-        self, control: Control, hands: Hands, planner: Planner, slews: Slews, guide: Guide
+        self,
+        control: Control,
+        instrument_controller: InstrumentController,
+        planner: Planner,
+        slews: Slews,
+        guide: Guide,
     ) -> None:
         self._control = control
-        self._hands = hands
+        self._instrument_controller = instrument_controller
         self._planner = planner
         self._slews = slews
         self._guide = guide
@@ -33,7 +38,7 @@ class Seeking:
         """Search in a widening spiral round where it must be."""
         direction = self.direction()
         self._control.happen(Sought(by=by))
-        self._planner.search_about(direction, self._hands.now_utc_ns())
+        self._planner.search_about(direction, self._instrument_controller.now_utc_ns())
         return done("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
@@ -48,7 +53,7 @@ class Seeking:
             raise ValueError("autonomy does not have the mount: arm or resume first")
         if authority.is_held:
             raise ValueError("the mount is held: resume first")
-        now_ns = self._hands.now_utc_ns()
+        now_ns = self._instrument_controller.now_utc_ns()
         # A line on the sky leads astray within the hour, an orbit does not.
         direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
         refused = self._slews.refuse_direction(direction, now_ns)

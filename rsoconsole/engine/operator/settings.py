@@ -2,17 +2,17 @@
 
 from rsoconsole.control import Set
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
-from rsoconsole.engine.tasks import Chronicle, Temporary, change_record, changed
+from rsoconsole.engine.tasks import SessionLog, Temporary, change_record, changed
 from rsoconsole.reasons import DONE, CommandResult
 
 
 class Settings:
     """What may be tuned while the loop runs."""
 
-    def __init__(self, control: Control, temporary: Temporary, chronicle: Chronicle) -> None:
+    def __init__(self, control: Control, temporary: Temporary, session_log: SessionLog) -> None:
         self._control = control
         self._temporary = temporary
-        self._chronicle = chronicle
+        self._session_log = session_log
 
     @property
     def handlers(self) -> Handlers:
@@ -30,6 +30,6 @@ class Settings:
             self._temporary.keep(command.name)
         else:
             self._temporary.lend(before, command.name, command.frames)
-        self._chronicle.append(change_record(before, after, command.name, by))
+        self._session_log.append(change_record(before, after, command.name, by))
         self._control.configure(after)
         return DONE

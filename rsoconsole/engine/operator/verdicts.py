@@ -38,7 +38,7 @@ from rsoconsole.engine.operator.hand_marks import (
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.operator.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
-from rsoconsole.engine.tasks import Chronicle
+from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.pipeline.cycle import Cycle, Shown
 from rsoconsole.pipeline.frame import refined_mark
 from rsoconsole.reason_text import text
@@ -93,12 +93,12 @@ class Verdicts:
         self,
         control: Control,
         cycle: Cycle,
-        chronicle: Chronicle,
+        session_log: SessionLog,
         pixels_of: PixelsOf = lambda _frame_id: None,
     ) -> None:
         self._control = control
         self._cycle = cycle
-        self._chronicle = chronicle
+        self._session_log = session_log
         self._pixels_of = pixels_of
         self._marked_pixels: Mapping[int, PixelArray] = {}
         """Of the frames in which somebody is marking, where the session would let them go."""
@@ -214,7 +214,7 @@ class Verdicts:
         others = {each.track.track_id for each in before.tracks[1:]}
         if ruling.taken is not None and after.track_id in others:
             result = CommandResult(kind="ruled", ruled="leads", frame_id=ruling.frame_id)
-        self._chronicle.append(ruling)
+        self._session_log.append(ruling)
         if after.state != before.state:
             # Before the first frame that is followed again: behind it stand the fold's own.
             change = StateChange(
@@ -223,9 +223,9 @@ class Verdicts:
                 after=after.state,
                 reason=Cause(kind="operator's word", detail=text(result)),
             )
-            self._chronicle.append(change)
+            self._session_log.append(change)
         for record in records[1:]:
-            self._chronicle.append(record)
+            self._session_log.append(record)
         self._control.happen(Followed(after=after))
         return result
 
@@ -236,7 +236,7 @@ class Verdicts:
             ruling, authority.kept, authority.following.last_track_id
         )
         for record in records:
-            self._chronicle.append(record)
+            self._session_log.append(record)
         self._control.happen(Marked(kept=kept))
         return by_hand_result(ruling, records)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rsoconsole.control import Looker, Machine
+from rsoconsole.control import Machine, Poller
 from rsoconsole.engine.machine import (
     MachineReading,
     Medium,
@@ -97,7 +97,7 @@ class Troubles:
         return said
 
 
-class MachineWatch(Looker):
+class MachineWatch(Poller):
     """Looks on a thread of its own; what it saw last can be read from any."""
 
     def __init__(self, folder: Path, say: Callable[[Level, str], None]) -> None:

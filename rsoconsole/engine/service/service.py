@@ -18,12 +18,12 @@ from typing import Any
 from rsoconsole.alerting import AlertProcess
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
-from rsoconsole.engine.aim import Hands
+from rsoconsole.engine.aim import InstrumentController
 from rsoconsole.engine.doctor import read_clock
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
 from rsoconsole.engine.operator import CHECKS, arming_checks, gather_facts, refusal_text
-from rsoconsole.engine.service.desk import Desk
+from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
@@ -109,7 +109,9 @@ def run_engine(
         stack.callback(writer.close)
         engine = Engine(
             config=config,
-            hands=Hands(instruments, config, lambda: queue.is_wanted),
+            instrument_controller=InstrumentController(
+                instruments, config, lambda: queue.is_wanted
+            ),
             reducer=reducer,
             record=writer,
             queue=queue,
@@ -117,17 +119,17 @@ def run_engine(
             pixels_of=partial(kept_pixels, folder),
             past=past,
         )
-        stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
+        stack.enter_context(warnings_on_record(engine.session_log, "rsoconsole.instruments"))
         if config.exposure.calibrated:
-            engine.chronicle.say("info", shutter_words(config.exposure, day_of(now_ns)))
+            engine.session_log.say("info", shutter_words(config.exposure, day_of(now_ns)))
         _say_faults(engine, _cut_off_words(cut_off), site_fault, past_fault, alerts.fault)
         _load_ahead(config)
         _say_outlook(engine, config, folder, now_ns)
-        machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))
+        machine = MachineWatch(folder, partial(engine.session_log.say, topic="machine"))
         stack.callback(machine.close)
         machine.start()
         if settings.listens:
-            desk = Desk(
+            command_handler = CommandHandler(
                 engine,
                 queue,
                 folder,
@@ -138,11 +140,11 @@ def run_engine(
             stack.enter_context(
                 ControlServer(
                     path,
-                    desk.handle,
+                    command_handler.handle,
                     lock=lock,
                     stamp=lambda: queue.stops,
                     locks=(mount_lock,),
-                    on_found=partial(engine.chronicle.say, "warning"),
+                    on_found=partial(engine.session_log.say, "warning"),
                 )
             )
         alerts.start(engine.watch.is_loop_alive)
@@ -182,7 +184,7 @@ def _cut_off_words(session: Path | None) -> str | None:
 def _say_faults(engine: Engine, *faults: str | None) -> None:
     for fault in faults:
         if fault is not None:
-            engine.chronicle.say("warning", fault)
+            engine.session_log.say("warning", fault)
 
 
 def _tell_service_manager(words: str) -> None:
@@ -202,7 +204,7 @@ def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
             f"no check is called {', '.join(sorted(unknown))}; there are {', '.join(CHECKS)}"
         )
     checks = arming_checks(
-        gather_facts(engine.hands.instruments, engine.config, folder), engine.config
+        gather_facts(engine.instrument_controller.instruments, engine.config, folder), engine.config
     )
     refused = refusal_text(checks, settings.lifted)
     if refused is None:
@@ -210,14 +212,14 @@ def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
     elif settings.frames is not None:
         raise InstrumentError(refused)
     else:
-        engine.chronicle.say("alarm", refused)
+        engine.session_log.say("alarm", refused)
 
 
 def _say_outlook(engine: Engine, config: Config, folder: Path, now_ns: int) -> None:
     with contextlib.suppress(OSError):
         outlook = disk_outlook(config, shutil.disk_usage(folder).free, now_ns)
         if outlook.warning is not None:
-            engine.chronicle.say("warning", outlook.warning)
+            engine.session_log.say("warning", outlook.warning)
 
 
 def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:

@@ -1,6 +1,3 @@
-from .chronicle import Chronicle as Chronicle
-from .chronicle import Recorder as Recorder
-from .chronicle import warnings_on_record as warnings_on_record
 from .command_queue import OVERTAKEN as OVERTAKEN
 from .command_queue import Alarm as Alarm
 from .command_queue import CommandQueue as CommandQueue
@@ -22,6 +19,9 @@ from .parking import Parking as Parking
 from .preview import PlacesOfInterest as PlacesOfInterest
 from .seats import Seats as Seats
 from .seats import seat_name as seat_name
+from .session_log import Recorder as Recorder
+from .session_log import SessionLog as SessionLog
+from .session_log import warnings_on_record as warnings_on_record
 from .slews import NowhereError as NowhereError
 from .slews import Slews as Slews
 from .temporary import Temporary as Temporary

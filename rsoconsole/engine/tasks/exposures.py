@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import NS, Hands, Interrupted, LimitMet, Plan, Planner
-from rsoconsole.engine.tasks.chronicle import Chronicle
+from rsoconsole.engine.aim import NS, InstrumentController, Interrupted, LimitMet, Plan, Planner
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.engine.tasks.frame_times import FrameTimes
+from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.camera import ARRIVED_KEY
@@ -21,10 +21,10 @@ class Exposures:
 
     def __init__(  # noqa: PLR0917 -- one call, each argument a part of the engine
         self,
-        hands: Hands,
+        instrument_controller: InstrumentController,
         planner: Planner,
         watch: Watch,
-        chronicle: Chronicle,
+        session_log: SessionLog,
         queue: CommandQueue,
         config: Config,
     ) -> None:
@@ -37,10 +37,10 @@ class Exposures:
         self.frame_times = FrameTimes()
         self.on_camera_set: Callable[[float], None] = lambda _step_s: None
         """Called when the camera's clock turns out to have been set, by so many seconds."""
-        self._hands = hands
+        self._instrument_controller = instrument_controller
         self._planner = planner
         self._watch = watch
-        self._chronicle = chronicle
+        self._session_log = session_log
         self._queue = queue
         self._config = config
 
@@ -56,29 +56,29 @@ class Exposures:
         frame comes.
         """
         self.next_start_utc_ns = plan.t_start_utc_ns
-        self._hands.wait_until(plan.t_start_utc_ns)
+        self._instrument_controller.wait_until(plan.t_start_utc_ns)
         exposure = self._config.exposure
-        opened_ns = self._hands.now_utc_ns()
+        opened_ns = self._instrument_controller.now_utc_ns()
         end_ns = opened_ns + round((exposure.start_latency_s + exposure.exposure_s) * NS)
         ahead = self._watch.limit_before(end_ns)
         if ahead is not None:
             self.end_at_limit(f"before the end of this exposure: {ahead.text}")
         self.frame_id += 1
-        self._chronicle.frame_id = self.frame_id
+        self._session_log.frame_id = self.frame_id
         self.open_until_utc_ns, self.next_start_utc_ns = end_ns, None
         try:
-            frame = self._hands.expose(opened_ns, self.frame_id)
+            frame = self._instrument_controller.expose(opened_ns, self.frame_id)
         finally:
             self.open_until_utc_ns = None
         self._expect_believable(frame, opened_ns)
         arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
-        self._chronicle.append(taken_record(frame, plan.blocked))
-        for text in self._hands.instruments.camera.take_messages():
-            self._chronicle.say("info", f"camera: {text}")
+        self._session_log.append(taken_record(frame, plan.blocked))
+        for text in self._instrument_controller.instruments.camera.take_messages():
+            self._session_log.say("info", f"camera: {text}")
         clocks_apart = self._planner.exposed(frame, opened_ns)
         if clocks_apart is not None:
-            self._chronicle.say("warning", clocks_apart)
+            self._session_log.say("warning", clocks_apart)
         return frame, read_ms
 
     def _expect_believable(self, frame: Frame, opened_ns: int) -> None:
@@ -90,7 +90,7 @@ class Exposures:
             self.on_camera_set(found.off_s)
         if not found.is_believed:
             words = f"frame {frame.frame_id} is not followed: by the camera's clock it began"
-            self._chronicle.say(
+            self._session_log.say(
                 "alarm", f"{words} {found.off_s:+.1f} s from when it was ordered", "clock"
             )
             raise Interrupted
@@ -107,8 +107,10 @@ class Exposures:
         self._pass(self._config.indi.simulated_latency_s)
 
     def _pass(self, pause_s: float) -> None:
-        if self._hands.instruments.clock.is_simulated:
-            self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
+        if self._instrument_controller.instruments.clock.is_simulated:
+            self._instrument_controller.wait_until(
+                self._instrument_controller.now_utc_ns() + round(pause_s * NS)
+            )
 
     def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
         """The frame's small pictures, and its pixels where the configuration wants them."""
@@ -116,7 +118,7 @@ class Exposures:
         is_wanted = wanted in {"all", "last"} or (
             wanted == "detected" and state in ("ACQUIRE", "TRACK")
         )
-        self._chronicle.keep(frame, is_wanted=is_wanted, place_px=place_px)
+        self._session_log.keep(frame, is_wanted=is_wanted, place_px=place_px)
 
     def end_at_limit(self, words: str) -> NoReturn:
         """End motion and tracking for a limit. Raises Interrupted: the loop is to hear of it."""
@@ -124,7 +126,7 @@ class Exposures:
         raise Interrupted
 
     def _end_tracking(self) -> StopResult:
-        mount = self._hands.instruments.mount
+        mount = self._instrument_controller.instruments.mount
         result = mount.abort()
         mount.set_tracking(False)
         return result

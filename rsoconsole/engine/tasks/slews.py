@@ -2,8 +2,15 @@
 
 from dataclasses import replace
 
-from rsoconsole.engine.aim import FAR_OFF_DEG, POLL_NS, Hands, Plan, Planner, StoppedElsewhere
-from rsoconsole.engine.tasks.chronicle import Chronicle
+from rsoconsole.engine.aim import (
+    FAR_OFF_DEG,
+    POLL_NS,
+    InstrumentController,
+    Plan,
+    Planner,
+    StoppedElsewhere,
+)
+from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import MountReport
@@ -26,13 +33,19 @@ class NowhereError(RsoconsoleError):
 
 
 class Slews:
-    """Knows the planner, the limits and the hands, so that the loop need not."""
+    """Knows the planner, the limits and the instrument controller, so that the loop need not."""
 
-    def __init__(self, hands: Hands, planner: Planner, watch: Watch, chronicle: Chronicle) -> None:
-        self._hands = hands
+    def __init__(
+        self,
+        instrument_controller: InstrumentController,
+        planner: Planner,
+        watch: Watch,
+        session_log: SessionLog,
+    ) -> None:
+        self._instrument_controller = instrument_controller
         self._planner = planner
         self._watch = watch
-        self._chronicle = chronicle
+        self._session_log = session_log
         self._told: tuple[SlewCommand, tuple[float, float]] | None = None
         """The slew ordered last, and what the mount was told for it."""
 
@@ -42,10 +55,12 @@ class Slews:
         Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
         has moved the mount, Interrupted instead of moving.
         """
-        self._expect_mount_where_left(self._hands.mount_report())
-        plan = self._planner.plan(following, self._hands.now_utc_ns(), self._refusal_of)
+        self._expect_mount_where_left(self._instrument_controller.mount_report())
+        plan = self._planner.plan(
+            following, self._instrument_controller.now_utc_ns(), self._refusal_of
+        )
         for _, why in plan.refused:
-            self._chronicle.say("warning", f"slew refused: {text(why)}")
+            self._session_log.say("warning", f"slew refused: {text(why)}")
         if plan.slew is None:
             if plan.refused and following.track is None:
                 # Twilight is everywhere at once; a wall may be in the way before it is asked for.
@@ -65,7 +80,7 @@ class Slews:
         """
         if plan.slew is None:
             return None
-        self._expect_mount_where_left(self._hands.mount_report())
+        self._expect_mount_where_left(self._instrument_controller.mount_report())
         refused = self._refusal_of(plan.slew, t_until_utc_ns)
         if refused is None:
             self._order(plan.slew)
@@ -74,9 +89,9 @@ class Slews:
     def _order(self, slew: SlewCommand) -> None:
         self._planner.last_report = None  # until it has arrived nobody knows where it is
         to = self._planner.command(slew)
-        self._hands.order_slew(*to)
+        self._instrument_controller.order_slew(*to)
         self._told = slew, to
-        self._chronicle.append(slew)
+        self._session_log.append(slew)
 
     def finish(
         self,
@@ -97,14 +112,16 @@ class Slews:
             # A frame that came since may have taught another pointing offset.
             slew, told = plan.slew, self._told
             to = told[1] if told is not None and told[0] == slew else self._planner.command(slew)
-            report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns, settle_s=settle_s)
+            report = self._instrument_controller.wait_for_arrival(
+                *to, poll_ns=poll_ns, settle_s=settle_s
+            )
             self._told = None
             return self._planner.arrived(slew, report, to)
-        report = self._hands.mount_report()
+        report = self._instrument_controller.mount_report()
         if report.is_slewing or self._told is not None:
             # A hold came while the loop's own slew was under way, or somebody set the clock. The
             # mount may have arrived since, in a place that was never taken over.
-            rested = self._hands.wait_for_rest() if report.is_slewing else report
+            rested = self._instrument_controller.wait_for_rest() if report.is_slewing else report
             if not is_held:
                 self._expect_mount_where_left(rested)
             self._told = None
@@ -138,10 +155,10 @@ class Slews:
         lifted: frozenset[LimitName] = frozenset(),
     ) -> SlewRefusal | None:
         """Why the mount must not go there; the same limits for the loop and for the operator."""
-        start = self._hands.mount_report()
+        start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
             Pose(
-                t_utc_ns=self._hands.now_utc_ns(),
+                t_utc_ns=self._instrument_controller.now_utc_ns(),
                 ra_icrs_deg=start.ra_icrs_deg,
                 dec_icrs_deg=start.dec_icrs_deg,
                 pier_side=start.pier_side,

@@ -186,8 +186,8 @@ class Watch:
 
     def night_end(self) -> NightEnd | None:
         """Why it is no night for telescopes at this moment; None where it is one."""
-        guard = self._instruments.guard
-        sky = None if guard is None else guard.look()
+        safety_monitor = self._instruments.safety_monitor
+        sky = None if safety_monitor is None else safety_monitor.look()
         now_ns = self._instruments.clock.now_utc_ns()
         return night_end(self._config, now_ns, sky, self._lifted)
 
@@ -261,8 +261,8 @@ class Watch:
         self._forecast_of = report
 
     def _look_at_the_sky(self, now_ns: int) -> None:
-        guard = self._instruments.guard
-        sky = None if guard is None else guard.look()
+        safety_monitor = self._instruments.safety_monitor
+        sky = None if safety_monitor is None else safety_monitor.look()
         if sky is not None and sky.weather == "warning" and "weather" not in self._lifted:
             self._tell_once("weather", "warning", f"the weather station warns: {sky.detail}")
         else:

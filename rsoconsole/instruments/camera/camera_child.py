@@ -19,7 +19,7 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import return_free_pages, return_what_is_freed
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames import frame_from_bytes, read_plain
-from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, open_client, run_child
+from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_client, run_child
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
@@ -31,8 +31,8 @@ _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
 class CameraChild:
     """Carries out the parent's orders on one INDI camera."""
 
-    def __init__(self, mouth: Mouth) -> None:
-        self._mouth = mouth
+    def __init__(self, writer: ReplyWriter) -> None:
+        self._writer = writer
         self._client: IndiClient | None = None
         self._ring: FrameRing | None = None
         self._frame_id = 0
@@ -49,7 +49,7 @@ class CameraChild:
             order["client"], order["device"], self._on_vector, self._on_message
         )
         self._answer_s = float(order["answer_s"])
-        client.open(order, (_EXPOSURE, _IMAGE), self._mouth)
+        client.open(order, (_EXPOSURE, _IMAGE), self._writer)
         client.take_blobs(_IMAGE)
         if client.get("UPLOAD_MODE") is not None:
             before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
@@ -121,7 +121,7 @@ class CameraChild:
         if vector.name == _IMAGE and _IMAGE in vector.blobs:
             self._receive(vector.blobs[_IMAGE], vector.arrived_monotonic_s)
         elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
-            self._mouth.say(
+            self._writer.say(
                 {
                     "event": "failed",
                     "frame_id": self._frame_id,
@@ -131,7 +131,7 @@ class CameraChild:
 
     def _on_message(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
-        self._mouth.say({"event": "message", "text": _STAMP.sub("", text)})
+        self._writer.say({"event": "message", "text": _STAMP.sub("", text)})
 
     def _receive(self, content: memoryview, arrived_s: float) -> None:
         frame_id, slot = self._frame_id, self._slot
@@ -164,9 +164,9 @@ class CameraChild:
             if frame_id == self._frame_id and not np.may_share_memory(pixels, frame.pixels):
                 pixels[...] = frame.pixels
         except Exception as error:
-            self._mouth.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+            self._writer.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
             return
-        self._mouth.say(
+        self._writer.say(
             {
                 "event": "frame",
                 "frame_id": frame_id,
@@ -204,11 +204,11 @@ def _own_binning(info: Vector | None, order: dict[str, Any]) -> int:
 def main() -> None:
     """Obey until the parent goes away."""
     return_what_is_freed()
-    mouth = Mouth()
-    child = CameraChild(mouth)
+    writer = ReplyWriter()
+    child = CameraChild(writer)
     try:
         run_child(
-            mouth,
+            writer,
             slow={"start": child.start, "expose": child.expose, "bin": child.bin},
             urgent={"abort": child.abort},
         )

@@ -35,7 +35,7 @@ class FrameDecoder:
     """The decoding process; one file at a time."""
 
     def __init__(self) -> None:
-        self._guard = threading.Lock()
+        self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
 
@@ -51,7 +51,7 @@ class FrameDecoder:
         return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
 
     def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
-        with self._guard:
+        with self._lock:
             try:
                 return self._ask(request, content)
             except (EOFError, OSError) as error:
@@ -118,7 +118,7 @@ class FrameDecoder:
 
     def close(self) -> None:
         """End the process."""
-        with self._guard:
+        with self._lock:
             self._end()
 
 

@@ -1,8 +1,7 @@
 from .client_choice import client_library as client_library
 from .client_choice import meant_libraries as meant_libraries
 from .client_choice import open_client as open_client
-from .guard import open_guard as open_guard
-from .indi_child import Mouth as Mouth
+from .indi_child import ReplyWriter as ReplyWriter
 from .indi_child import run_child as run_child
 from .indi_client import IndiClient as IndiClient
 from .indi_client import Vector as Vector
@@ -11,3 +10,4 @@ from .indi_wire import IndiVector as IndiVector
 from .indi_wire import IndiWire as IndiWire
 from .indi_wire import WatchedStop as WatchedStop
 from .indi_wire import stop_mount as stop_mount
+from .safety_monitor import open_safety_monitor as open_safety_monitor

@@ -100,7 +100,7 @@ class IndipyClient(IndiClient):
             ) from error
 
     def _take(self, event: Any) -> None:
-        self._guard(self._take_event, event)
+        self._run_safely(self._take_event, event)
 
     def _take_event(self, event: Any) -> None:
         arrived_s = time.monotonic()

@@ -43,19 +43,19 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
 
     def newProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property was defined."""
-        self._guard(self._take, prop, True)
+        self._run_safely(self._take, prop, True)
 
     def updateProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property changed."""
-        self._guard(self._take, prop, False)
+        self._run_safely(self._take, prop, False)
 
     def removeProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property went away."""
-        self._guard(lambda gone: self._forget(gone.getName()), prop)
+        self._run_safely(lambda gone: self._forget(gone.getName()), prop)
 
     def newMessage(self, device: Any, number: int) -> None:  # noqa: N802 - PyIndi's name
         """The driver said something."""
-        self._guard(self._read_message, device, number)
+        self._run_safely(self._read_message, device, number)
 
     def serverDisconnected(self, code: int) -> None:  # noqa: N802, ARG002 - PyIndi's name
         """The server died or hung up."""

@@ -20,7 +20,7 @@ from rsoconsole.instruments.indi.indi_process import END
 _UNREAD_LINES = 2000
 
 
-class Mouth:
+class ReplyWriter:
     """Writes JSON lines to the parent; keeps everybody else's prints off that pipe.
 
     A parent that hangs and reads nothing holds nobody up: the oldest lines are dropped.
@@ -31,7 +31,7 @@ class Mouth:
         os.dup2(2, 1)
         self._unsaid: deque[bytes] = deque(maxlen=_UNREAD_LINES)
         self._has_more = threading.Semaphore(0)
-        threading.Thread(target=self._write_all, daemon=True, name="mouth").start()
+        threading.Thread(target=self._write_all, daemon=True, name="reply writer").start()
 
     def say(self, message: Mapping[str, Any]) -> None:
         """One line, at once; a parent that is gone ends this process by its closed stdin."""
@@ -54,7 +54,7 @@ Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 def run_child(
-    mouth: Mouth,
+    writer: ReplyWriter,
     slow: Mapping[str, Handler],
     urgent: Mapping[str, Handler],
     on_order: Callable[[], None] = lambda: None,
@@ -71,12 +71,12 @@ def run_child(
 
     def obey(handler: Handler, order: dict[str, Any]) -> None:
         try:
-            mouth.say({"id": order["id"], **handler(order)})
+            writer.say({"id": order["id"], **handler(order)})
         except RsoconsoleError as error:
-            mouth.say({"id": order["id"], "error": str(error)})
+            writer.say({"id": order["id"], "error": str(error)})
         except Exception as error:
             traceback.print_exc()
-            mouth.say({"id": order["id"], "error": f"{type(error).__name__}: {error}"})
+            writer.say({"id": order["id"], "error": f"{type(error).__name__}: {error}"})
 
     def work() -> None:
         while True:
@@ -98,5 +98,5 @@ def run_child(
         elif order["verb"] in slow:
             waiting.put((slow[order["verb"]], order))
         else:
-            mouth.say({"id": order["id"], "error": f"nobody here knows '{order['verb']}'"})
+            writer.say({"id": order["id"], "error": f"nobody here knows '{order['verb']}'"})
     return False

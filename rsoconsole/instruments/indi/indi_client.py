@@ -17,7 +17,7 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 from rsoconsole.indi_port import indi_port_option
-from rsoconsole.instruments.indi.indi_child import Mouth
+from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.instruments.indi.indi_process import SERVER_LOST, WAITING
 
 _LOOK_S = 0.5
@@ -129,7 +129,7 @@ class IndiClient(ABC):
             os._exit(SERVER_LOST)
 
     @staticmethod
-    def _guard(work: Callable[..., Any], *arguments: Any) -> None:
+    def _run_safely(work: Callable[..., Any], *arguments: Any) -> None:
         try:
             work(*arguments)
         except Exception:
@@ -137,27 +137,27 @@ class IndiClient(ABC):
 
     # For the child's own threads.
 
-    def open(self, order: Mapping[str, Any], needed: tuple[str, ...], mouth: Mouth) -> None:
+    def open(self, order: Mapping[str, Any], needed: tuple[str, ...], writer: ReplyWriter) -> None:
         """Connect to the server and the device, and wait until ``needed`` are defined.
 
         ``order`` is the parent's: host, port, setting, and how long to wait.
         Raises InstrumentError.
         """
         host, port = order["host"], order["port"]
-        mouth.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
+        writer.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
         if not self._connect(host, port):
             raise InstrumentError(
                 f"no INDI server answers at {host}:{port}: start indiserver{indi_port_option(port)}"
             )
         self._ready = True
-        self._await_device(order, mouth)
+        self._await_device(order, writer)
         if not self._vectors["CONNECTION"].values.get("CONNECT"):
             self.has_connected_device = True
             self._connect_device()
         device_s = float(order["device_s"])
         deadline_s = time.monotonic() + device_s
         for name in needed:
-            mouth.say({"event": WAITING, "what": f"{self.device} to offer {name}"})
+            writer.say({"event": WAITING, "what": f"{self.device} to offer {name}"})
             left_s = max(0.1, deadline_s - time.monotonic())
             if self.wait(name, lambda _: True, left_s) is None:
                 raise InstrumentError(
@@ -165,10 +165,10 @@ class IndiClient(ABC):
                     f"is it connected and powered? {self.last_message}".rstrip()
                 )
 
-    def _await_device(self, order: Mapping[str, Any], mouth: Mouth) -> None:
+    def _await_device(self, order: Mapping[str, Any], writer: ReplyWriter) -> None:
         """Wait until the server announces the device. Raises InstrumentError."""
         words = f"{order['setting'].partition('.')[2]} '{self.device}'"
-        mouth.say({"event": WAITING, "what": words})
+        writer.say({"event": WAITING, "what": words})
         if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
             return
         # Only now: a process that starts in no time needs none of it.
@@ -182,7 +182,7 @@ class IndiClient(ABC):
                     told = there.others
                     has = ", ".join(told)
                     what = f"{words}; the INDI server has announced {has} until now"
-                    mouth.say({"event": WAITING, "what": what})
+                    writer.say({"event": WAITING, "what": what})
 
     def get(self, name: str) -> Vector | None:
         """A property as last heard of."""

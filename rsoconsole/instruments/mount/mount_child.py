@@ -12,7 +12,7 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import AfterStop
-from rsoconsole.instruments.indi import IndiClient, Mouth, Vector, open_client, run_child
+from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_client, run_child
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
     COORDINATES,
@@ -40,8 +40,8 @@ _SAME_SITE_DEG = 0.01
 class MountChild:
     """Carries out the parent's orders on one INDI mount."""
 
-    def __init__(self, mouth: Mouth) -> None:
-        self._mouth = mouth
+    def __init__(self, writer: ReplyWriter) -> None:
+        self._writer = writer
         self._is_simulated = False
         self._answer_s = 0.0
         self._after_stop: AfterStop = "track"
@@ -55,7 +55,7 @@ class MountChild:
         self._after_stop = order["after_stop"]
         client, library = open_client(order["client"], order["device"], self._on_vector)
         self._answer_s = float(order["answer_s"])
-        client.open(order, (COORDINATES, "ON_COORD_SET"), self._mouth)
+        client.open(order, (COORDINATES, "ON_COORD_SET"), self._writer)
         self._client, self._mirror = client, MountMirror(client, self._is_simulated)
         self._watch = MountWatch(
             lease=Lease(float(order["lease_s"])),
@@ -63,8 +63,8 @@ class MountChild:
             owner=MountOwner(order["host"], order["port"], order["device"]),
             stop=lambda: self._stop("track"),
             track=self._track,
-            say=lambda text: self._mouth.say({"event": "message", "text": text}),
-            tell_ended=lambda unwatched_s, lease_s: self._mouth.say(
+            say=lambda text: self._writer.say({"event": "message", "text": text}),
+            tell_ended=lambda unwatched_s, lease_s: self._writer.say(
                 {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
             ),
         )
@@ -129,7 +129,7 @@ class MountChild:
         return self._stop(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
-            tell=lambda what: self._mouth.say(
+            tell=lambda what: self._writer.say(
                 {"event": what, "number": order.get("number"), "at_s": time.monotonic()}
             ),
         )
@@ -228,7 +228,7 @@ class MountChild:
         if not self._watch.is_taken_over and not self._mirror.is_parking:
             self._stop("track")
         if not is_orderly:
-            self._watch.stand_guard()
+            self._watch.watch_unattended()
         self._watch.owner.release()
 
     def _stop(
@@ -311,7 +311,7 @@ class MountChild:
 
     def _tell(self, coordinates: Vector) -> None:
         assert self._mirror is not None
-        self._mouth.say(
+        self._writer.say(
             {
                 "event": "report",
                 "report": self._mirror.report(coordinates, self._mirror.now_utc_ns()),
@@ -354,12 +354,12 @@ class MountChild:
 
 def main() -> None:
     """Obey until the parent goes away."""
-    child = MountChild(Mouth())
+    child = MountChild(ReplyWriter())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
     orders += [child.set_site, child.site, child.utc_offset]
     try:
         is_orderly = run_child(
-            child._mouth,
+            child._writer,
             slow={order.__name__: order for order in orders},
             urgent={"abort": child.abort, "report": child.report, "keep": child.keep},
             on_order=child.on_order,

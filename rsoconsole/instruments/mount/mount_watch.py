@@ -46,7 +46,7 @@ class MountWatch:
         self._say_to_parent = say
         self._tell_ended = tell_ended
         self._wake, self._is_over = threading.Event(), threading.Event()
-        self._is_guarding = False
+        self._is_unattended = False
         self._is_moved_by_others = False
         self._try_again_s = 0.0
         self._thread = threading.Thread(target=self._run, daemon=True, name="watch")
@@ -85,7 +85,7 @@ class MountWatch:
 
     def look(self, *, is_moving: bool) -> None:
         """The mount has said something; returns at once."""
-        if self._is_guarding and is_moving:
+        if self._is_unattended and is_moving:
             self._is_moved_by_others = True
         self._wake.set()
 
@@ -95,13 +95,13 @@ class MountWatch:
         self._wake.set()
         self._thread.join()
 
-    def stand_guard(self) -> None:
+    def watch_unattended(self) -> None:
         """Nobody is left: stay until the limit, or until somebody else takes the mount."""
         limit_utc_ns = self.lease.open_limit_utc_ns()
         if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
             return
         self._say(f"nobody watches: tracking ends at {utc_ns_to_iso(limit_utc_ns, 0)}")
-        self._is_guarding = True
+        self._is_unattended = True
         while self.lease.open_limit_utc_ns() is not None:
             self._wake.wait(_LOOK_EVERY_S)
             self._wake.clear()

@@ -1,4 +1,4 @@
-"""Clock, mount, camera and guard of one observatory, connected."""
+"""Clock, mount, camera and safety monitor of one observatory, connected."""
 
 from lazy_loader import attach_stub
 

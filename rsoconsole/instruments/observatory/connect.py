@@ -1,4 +1,4 @@
-"""Clock, mount, camera and guard of one observatory, connected and surely released."""
+"""Clock, mount, camera and safety monitor of one observatory, connected and surely released."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +9,7 @@ import platformdirs
 
 from rsoconsole.config import APP, Config
 from rsoconsole.instruments import Clock, Instruments
-from rsoconsole.instruments.indi import open_guard
+from rsoconsole.instruments.indi import open_safety_monitor
 from rsoconsole.instruments.observatory.clock import SimulatedClock, SystemClock
 from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
 
@@ -20,7 +20,7 @@ def connect_instruments(
 ) -> Iterator[Instruments]:
     """Connect the configured mount and camera, each in a process of its own, and a clock.
 
-    Where a weather station or a dome is configured, a guard watches them.
+    Where a weather station or a dome is configured, a safety monitor watches them.
 
     The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
     unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
@@ -46,7 +46,7 @@ def connect_instruments(
             )
             release.callback(own.close)
             clock = own
-        guard = open_guard(config.indi, release, config.waits)
+        safety_monitor = open_safety_monitor(config.indi, release, config.waits)
         yield Instruments(
             clock=clock,
             mount=mount,
@@ -55,7 +55,7 @@ def connect_instruments(
             port=config.indi.port,
             mount_name=_named(config.instruments.mount, config.indi.mount),
             camera_name=_named(config.instruments.camera, config.indi.camera),
-            guard=guard,
+            safety_monitor=safety_monitor,
         )
 
 

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from rsoconsole.control import AskStatus, Looker, Status, Wire, printable, read_status
+from rsoconsole.control import AskStatus, Poller, Status, Wire, printable, read_status
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.notebook.panel.live_night import LiveNight
 from rsoconsole.notebook.panel.panel_view import night_view, status_view
@@ -18,7 +18,7 @@ EVERY_S = 0.5
 ANSWER_S = 1.0
 
 
-class Link(Looker):
+class Link(Poller):
     """Hands over what it sees; ``status`` at every turn, the rest where it has changed."""
 
     def __init__(

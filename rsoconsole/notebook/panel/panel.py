@@ -59,7 +59,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         client = wire or ControlClient(path, sender=Sender.console(self._seat))
         self._seen_s = time.monotonic()
         self._ticks = 0
-        self._guard = threading.RLock()
+        self._lock = threading.RLock()
         self._answering: Context | None = None
         """That of the page's last message; None before it has spoken."""
         self._untold: dict[str, Any] = {}
@@ -99,7 +99,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     def _hear(self, _widget: Any, content: Any, _buffers: Any) -> None:
         if not isinstance(content, dict):
             return
-        with self._guard:
+        with self._lock:
             # What is told from now on answers this message: its subshell, not the main shell,
             # then goes on hearing the page, also while a cell runs.
             self._answering = copy_context()
@@ -131,7 +131,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 
         Before it has spoken nothing is told: ipykernel would have the main shell hear its answer.
         """
-        with self._guard:
+        with self._lock:
             if self._answering is None:
                 self._untold[name] = value
             else:

@@ -4,8 +4,8 @@ from .batch import process_files as process_files
 from .batch_nights import Night as Night
 from .batch_nights import NightOutcome as NightOutcome
 from .batch_nights import nights_in as nights_in
-from .batch_pool import Crew as Crew
-from .batch_pool import crew_for as crew_for
+from .batch_pool import WorkerPool as WorkerPool
+from .batch_pool import pool_for as pool_for
 from .batch_pool import share_out as share_out
 from .batch_what_if import Answer as Answer
 from .batch_what_if import Question as Question

@@ -21,7 +21,7 @@ from rsoconsole import __version__
 from rsoconsole.config import Config
 from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.batch.batch import Processed, process_files
-from rsoconsole.pipeline.batch.batch_pool import Crew, share_out
+from rsoconsole.pipeline.batch.batch_pool import WorkerPool, share_out
 from rsoconsole.pipeline.frame import open_reducer
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
 from rsoconsole.session.files import put_in_place
@@ -99,13 +99,13 @@ def nights_in(
 
 def process_nights(
     nights: Sequence[Night],
-    crew_of: Callable[[int], Crew],
+    pool_of: Callable[[int], WorkerPool],
     *,
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[NightOutcome]:
     """What becomes of each night, in order; those that are done already need nobody.
 
-    ``crew_of``: who does the work, by the number of nights that are left to do. Raises BatchError
+    ``pool_of``: who does the work, by the number of nights that are left to do. Raises BatchError
     where there is nobody.
     """
     done = [_already_done(night) for night in nights]
@@ -117,7 +117,7 @@ def process_nights(
     outcomes = share_out(
         process_night,
         todo,
-        crew_of(len(todo)),
+        pool_of(len(todo)),
         failed=failed_night,
         paths=paths,
         on_done=on_done,

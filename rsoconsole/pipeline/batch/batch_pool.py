@@ -28,7 +28,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Crew:
+class WorkerPool:
     """Who does the work."""
 
     kind: Kind
@@ -37,14 +37,14 @@ class Crew:
     """Address of a Dask scheduler; None for a cluster of this machine's own."""
 
 
-def crew_for(
+def pool_for(
     tasks: int,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
     is_serial: bool = False,
     is_dask_wanted: bool = True,
-) -> Crew:
+) -> WorkerPool:
     """Who is to do so many tasks: Dask where it is installed, else processes; alone for one task.
 
     Raises BatchError where a scheduler is named and Dask is not installed.
@@ -53,17 +53,17 @@ def crew_for(
     if scheduler is not None:
         if not has_dask:
             raise BatchError("--scheduler needs Dask: pip install 'rsoconsole[dask]'")
-        return Crew(kind="dask", workers=workers or tasks, scheduler=scheduler)
+        return WorkerPool(kind="dask", workers=workers or tasks, scheduler=scheduler)
     count = min(workers or available_cores(), tasks)
     if is_serial or tasks <= 1 or (workers is None and count <= 1):
-        return Crew(kind="serial", workers=1)
-    return Crew(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
+        return WorkerPool(kind="serial", workers=1)
+    return WorkerPool(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
 
 
 def share_out(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
-    crew: Crew,
+    pool: WorkerPool,
     *,
     failed: Callable[[Task, str], Result],
     paths: Sequence[Path] = (),
@@ -76,13 +76,13 @@ def share_out(
     reach, asked for where they may run on other machines. ``on_done`` is called once a task.
     Raises BatchError where there is nobody to do the work.
     """
-    if crew.kind == "serial":
+    if pool.kind == "serial":
         for task in tasks:
             result = work(task)
             on_done()
             yield result
-    elif crew.kind == "processes":
-        yield from _by_processes(work, tasks, crew.workers, failed, on_done)
+    elif pool.kind == "processes":
+        yield from _by_processes(work, tasks, pool.workers, failed, on_done)
     else:
         from rsoconsole.pipeline.batch.batch_dask import by_dask
 
@@ -90,8 +90,8 @@ def share_out(
             yield from by_dask(
                 work,
                 tasks,
-                workers=crew.workers,
-                scheduler=crew.scheduler,
+                workers=pool.workers,
+                scheduler=pool.scheduler,
                 failed=failed,
                 paths=paths,
                 on_done=on_done,

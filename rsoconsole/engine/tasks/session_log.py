@@ -33,7 +33,7 @@ class Recorder(Protocol):
         """A uint8 picture of a piece at full resolution."""
 
 
-class Chronicle:
+class SessionLog:
     """Writes records, frames and words; safe to use from any thread, never raises for a disk."""
 
     def __init__(
@@ -100,13 +100,13 @@ class Chronicle:
 
 
 @contextlib.contextmanager
-def warnings_on_record(chronicle: Chronicle, logger: str) -> Iterator[None]:
+def warnings_on_record(session_log: SessionLog, logger: str) -> Iterator[None]:
     """Put every warning of a logger and of those below it on record, while this lasts.
 
     What happens beside the loop (a process that died and was replaced before anybody missed it)
     has no other way there.
     """
-    handler = _OnRecord(chronicle)
+    handler = _OnRecord(session_log)
     logging.getLogger(logger).addHandler(handler)
     try:
         yield
@@ -115,11 +115,11 @@ def warnings_on_record(chronicle: Chronicle, logger: str) -> Iterator[None]:
 
 
 class _OnRecord(logging.Handler):
-    """Writes what it is handed into a chronicle."""
+    """Writes what it is handed into the session log."""
 
-    def __init__(self, chronicle: Chronicle) -> None:
+    def __init__(self, session_log: SessionLog) -> None:
         super().__init__(logging.WARNING)
-        self._chronicle = chronicle
+        self._session_log = session_log
 
     def emit(self, record: logging.LogRecord) -> None:
         """One line, from any thread."""
@@ -127,5 +127,5 @@ class _OnRecord(logging.Handler):
             "alarm" if record.levelno >= logging.ERROR else "warning"
         )
         # Into the session alone: the log has it already.
-        text, frame_id = record.getMessage(), self._chronicle.frame_id
-        self._chronicle.append(Event(level=level, text=text, frame_id=frame_id))
+        text, frame_id = record.getMessage(), self._session_log.frame_id
+        self._session_log.append(Event(level=level, text=text, frame_id=frame_id))

@@ -27,7 +27,7 @@ class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not 
     """The mount is not where this program sent it: somebody else stopped or moved it."""
 
 
-class Hands:
+class InstrumentController:
     """The loop's way to the instruments; gives no order once somebody wants the loop."""
 
     def __init__(

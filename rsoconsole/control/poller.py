@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 CLOSING_S = 0.5
 
 
-class Looker(ABC):
+class Poller(ABC):
     """Looks every so often, and at once when it is woken."""
 
     def __init__(self, name: str, every_s: float) -> None:

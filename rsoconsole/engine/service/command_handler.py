@@ -59,7 +59,7 @@ FLUSH_S = 3.0
 """So long an answer waits for the disk, which takes milliseconds where all is well."""
 
 
-class Desk:
+class CommandHandler:
     """Handles requests on the wire's threads; the loop is never waited for."""
 
     def __init__(
@@ -77,7 +77,7 @@ class Desk:
         ``machine``: what was last seen of the machine itself.
         """
         self._engine = engine
-        self._instruments = engine.hands.instruments
+        self._instruments = engine.instrument_controller.instruments
         self._queue = queue
         self._session = session
         self._record_faults = record_faults
@@ -131,11 +131,11 @@ class Desk:
                 handler.expect(command, by)
             accepted = handler.check(command, by)
         except (ValueError, RsoconsoleError) as error:
-            self._engine.chronicle.append(action_record(request, CommandResult.refused(error)))
+            self._engine.session_log.append(action_record(request, CommandResult.refused(error)))
             data = error.data if isinstance(error, RefusedError) else {}
             raise RefusedError(str(error), {**data, ON_RECORD: True}) from error
         request = dataclasses.replace(request, command=accepted.command or command)
-        append = self._engine.chronicle.append
+        append = self._engine.session_log.append
         try:
             # On record before the loop may put down what came of it.
             self._queue.put(request, lambda: append(action_record(request, ACCEPTED)))
@@ -179,7 +179,7 @@ class Desk:
 
     def _stop(self, command: Stop, sender: Sender) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        given = LastStop(by=sender.words, t_utc_ns=self._engine.chronicle.last_utc_ns())
+        given = LastStop(by=sender.words, t_utc_ns=self._engine.session_log.last_utc_ns())
 
         def known(result: StopResult) -> None:
             self._last_stop = stop_status(given, result)
@@ -190,11 +190,11 @@ class Desk:
                 outcome=stop_outcome(result),
                 by=sender.words,
             )
-            self._engine.chronicle.append(action)
+            self._engine.session_log.append(action)
 
         def late(result: StopResult) -> None:
             self._last_stop = stop_status(given, result)
-            self._engine.chronicle.say("alarm", f"STOP {result.detail}: {REMEDY}")
+            self._engine.session_log.say("alarm", f"STOP {result.detail}: {REMEDY}")
 
         result = stop_now(
             self._queue, self._instruments.mount, sender.words, on_known=known, on_late=late
@@ -262,7 +262,7 @@ class Desk:
     def _note(self, command: Note, sender: Sender) -> Outcome:
         """The operator's remark, on record at once."""
         said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
-        self._engine.chronicle.append(
+        self._engine.session_log.append(
             action_record(Request(command=said, sender=sender), done("noted"))
         )
         if not self._flush(FLUSH_S):
@@ -273,6 +273,6 @@ class Desk:
         """A frame is kept to be marked in; on record, because a replay keeps it, too."""
         frame_id = self._engine.verdicts.begin_mark(command)
         begun = dataclasses.replace(command, frame_id=frame_id)
-        self._engine.chronicle.append(action_record(Request(command=begun, sender=sender), DONE))
+        self._engine.session_log.append(action_record(Request(command=begun, sender=sender), DONE))
         what = f"frame {frame_id} is kept" if command.is_on else f"frame {frame_id} is let go"
         return Outcome(ok=True, message=what, data={"frame": frame_id, "frames": HELD})

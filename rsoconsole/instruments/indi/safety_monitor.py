@@ -22,7 +22,7 @@ _LOOK_S = 0.5
 _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
-class IndiGuard:
+class IndiSafetyMonitor:
     """What watches weather station and dome, as far as they are configured.
 
     A device counts as silent when it has never said how things stand, when it has gone, and when
@@ -46,7 +46,7 @@ class IndiGuard:
         self._changed = threading.Condition()
         self._is_over = threading.Event()
         self._devices = tuple(name for name in (config.weather, config.dome) if name)
-        self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
+        self._thread = threading.Thread(target=self._run, daemon=True, name="safety monitor")
 
     def start(self) -> None:
         """Begin to watch; waits a while for a first word of every device."""
@@ -180,13 +180,13 @@ class IndiGuard:
             self._trouble = trouble
 
 
-def open_guard(
+def open_safety_monitor(
     config: IndiConfig, release: contextlib.ExitStack, waits: WaitsConfig
-) -> IndiGuard | None:
-    """A guard at work, closed with ``release``; None where nothing is configured to watch."""
+) -> IndiSafetyMonitor | None:
+    """One at work, closed with ``release``; None where nothing is configured to watch."""
     if not (config.weather or config.dome):
         return None
-    guard = IndiGuard(config, first_word_s=waits.quiet_s)
-    release.callback(guard.close)
-    guard.start()
-    return guard
+    safety_monitor = IndiSafetyMonitor(config, first_word_s=waits.quiet_s)
+    release.callback(safety_monitor.close)
+    safety_monitor.start()
+    return safety_monitor
