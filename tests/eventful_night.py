@@ -45,7 +45,7 @@ def go_on(writer: SessionWriter, frames: range) -> None:
     missed = missed_in(frames)
     for n in frames:
         night.add_one(writer, n, missed)
-        for kind in (_refusal, _note, _change, _ruling, _loss, _alarm):
+        for kind in (_refusal, _note, _change, _decision, _loss, _alarm):
             kind(writer, n)
         if n % 250 == 0:
             assert writer.flush()
@@ -78,7 +78,7 @@ def _change(writer: SessionWriter, n: int) -> None:
         writer.append(action, night.t_of(n) + 6 * 10**9)
 
 
-def _ruling(writer: SessionWriter, n: int) -> None:
+def _decision(writer: SessionWriter, n: int) -> None:
     """The frame before the last was something else: it and the next ones are followed again."""
     if n % RULINGS or n < 10:
         return

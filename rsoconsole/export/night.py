@@ -151,7 +151,7 @@ class _FrameStory:
     taken: FrameTaken
     seen: list[Measurement] = field(default_factory=list)
     """By the detector; the operator's own belong to what his word led to."""
-    ruling: Ruling | None = None
+    decision: Ruling | None = None
     told: list[_Followed] = field(default_factory=lambda: [_Followed()])
 
     @property
@@ -160,10 +160,10 @@ class _FrameStory:
 
     def measured_again(self) -> list[Measurement]:
         """What there is to follow by the operator's word."""
-        if self.ruling is None:
+        if self.decision is None:
             return list(self.seen)
-        left = [m for m in self.seen if m not in self.ruling.refused]
-        own = self.ruling.taken
+        left = [m for m in self.seen if m not in self.decision.refused]
+        own = self.decision.taken
         return left if own is None or own in left else [*left, own]
 
 
@@ -237,7 +237,7 @@ def _hear(story: _FrameStory, record: OfFrame) -> None:
                 story.seen.append(record)
                 story.last.measured.append(record)
         case Ruling():
-            story.ruling = record
+            story.decision = record
         case FollowedAgain():
             story.told.append(_Followed(measured=story.measured_again()))
         case NotFollowed():
@@ -297,8 +297,8 @@ def _reason(
     """Why it does not count, or why no track took it."""
     if is_taken:
         return None
-    if story.ruling is not None and measurement in story.ruling.refused:
-        return f"refused by {story.ruling.by}"
+    if story.decision is not None and measurement in story.decision.refused:
+        return f"refused by {story.decision.by}"
     if (of := story.last.shared.get(measurement.measurement_id)) is not None:
         return f"one streak of tracks {' and '.join(map(str, sorted(of)))}"
     return None if refusal is None else text(refusal.reason)

@@ -25,7 +25,7 @@ from rsoconsole.tracking.association import (
     of_track,
 )
 from rsoconsole.tracking.association import pattern as patterns
-from rsoconsole.tracking.gates import CANNOT_TELL, all_updated_with, nis_of, refusals
+from rsoconsole.tracking.gates import INDISTINGUISHABLE, all_updated_with, nis_of, refusals
 from rsoconsole.tracking.initiation import REFUSED, acquire, chains
 from rsoconsole.tracking.joint import Weighed, assigned
 from rsoconsole.tracking.one_track import (
@@ -224,7 +224,7 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
             reasons={m: why for m, why in each.reasons.items() if m not in of_others},
         )
         if unsure:
-            unclear = dict.fromkeys(own.fitting, CANNOT_TELL)
+            unclear = dict.fromkeys(own.fitting, INDISTINGUISHABLE)
             own = replace(own, reasons={**own.reasons, **unclear})
         step = stepped_track(own, taken, track, replace(seen, measurements=left), settings)
         steps.append(

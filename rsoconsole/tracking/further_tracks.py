@@ -230,7 +230,7 @@ def _is_same(m: Measurement, taken: Measurement) -> bool:
     return motion_between(m.ra_icrs_deg, m.dec_icrs_deg, *to).length_arcsec < _SAME_STREAK_ARCSEC
 
 
-def without_verdicts_on(
+def without_refusals_of(
     records: tuple[FoldRecord, ...], tracks: tuple[Tracked, ...]
 ) -> tuple[FoldRecord, ...]:
     """What has begun a track is no longer refused by others."""
@@ -253,7 +253,7 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
     if chains.is_wide(settings):
         before = _with_given_back(before, steps)
     found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
-    told = without_verdicts_on(records, found)
+    told = without_refusals_of(records, found)
     return replace(
         after,
         candidates=tuple(m for m in free if m not in used),

@@ -33,7 +33,7 @@ from rsoconsole.tracking.filters import (
 )
 from rsoconsole.tracking.initiation import chains
 
-CANNOT_TELL = NotTaken(kind="cannot be told apart")
+INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
 
 
 def updated_with(
@@ -122,7 +122,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     )
     # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
     if settings.filter.preset != "paper" and match.margin < LEAST_MARGIN:
-        return dict.fromkeys(alike, CANNOT_TELL)
+        return dict.fromkeys(alike, INDISTINGUISHABLE)
     others = (m for m in alike if m is not match.measurement)
     return dict.fromkeys(others, NotTaken(kind="neighbour"))
 
@@ -143,7 +143,7 @@ def _too_far_for_clipped(
     return NotTaken.clipped_and_far(away, allowed)
 
 
-def verdicts(
+def rejections(
     reasons: dict[Measurement, NotTaken], updated: dict[Measurement, Update]
 ) -> tuple[NotFollowed, ...]:
     return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())

@@ -14,7 +14,7 @@ from rsoconsole.tracking.association import (
 )
 from rsoconsole.tracking.blended import Shared
 from rsoconsole.tracking.filters import estimator
-from rsoconsole.tracking.gates import CANNOT_TELL, off_nis, updated_with, verdicts
+from rsoconsole.tracking.gates import INDISTINGUISHABLE, off_nis, rejections, updated_with
 from rsoconsole.tracking.initiation import NOT_CHOSEN, beside, excesses_with, first_state
 from rsoconsole.tracking.joint import Weighed
 from rsoconsole.tracking.takeover import Step, is_in_field, with_rivals
@@ -47,16 +47,16 @@ def stepped_track(
         told: tuple[FoldRecord, ...] = (
             predicted,
             state,
-            *verdicts({**reasons, **others}, updated),
+            *rejections({**reasons, **others}, updated),
         )
         return _measured(state, before, chosen, seen, told)
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
-    if isinstance(reason, Missed) and is_nothing_fitting and CANNOT_TELL in reasons.values():
+    if isinstance(reason, Missed) and is_nothing_fitting and INDISTINGUISHABLE in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
-    records: tuple[FoldRecord, ...] = (predicted, *verdicts(reasons, updated))
+    records: tuple[FoldRecord, ...] = (predicted, *rejections(reasons, updated))
     step = _coast(before, predicted, seen, settings, records, reason)
     if settings.filter.preset != "adaptive" or step.after is None:
         return step
@@ -72,7 +72,7 @@ def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> 
     told: tuple[FoldRecord, ...] = (
         weighed.predicted,
         own.updated,
-        *verdicts({**reasons, **others}, weighed.updated),
+        *rejections({**reasons, **others}, weighed.updated),
     )
     return _measured(own.updated, before, own.taken, seen, told)
 

@@ -12,7 +12,7 @@ from rsoconsole.cli.demo.bench_frame import draw_fits
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor import bench
 from rsoconsole.engine.doctor.bench import STAGES, BenchResult, BenchStage, measure
-from rsoconsole.engine.doctor.bench_verdict import BenchVerdict, judge, verdict_lines
+from rsoconsole.engine.doctor.bench_summary import BenchSummary, judge, summary_lines
 from rsoconsole.engine.machine.machine_name import identity
 from rsoconsole.errors import SessionError
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
@@ -135,7 +135,7 @@ def told(**ms: float) -> BenchResult:
     )
 
 
-def verdict(result: BenchResult, **sections: dict[str, object]) -> BenchVerdict:
+def verdict(result: BenchResult, **sections: dict[str, object]) -> BenchSummary:
     return judge(Config.model_validate(sections), result, PLENTY, NOW)
 
 
@@ -150,19 +150,19 @@ def test_a_cycle_is_the_sum_of_its_parts() -> None:
     assert found.is_enough
     assert found.disk_mb_s == pytest.approx(20.0)
     assert found.frame_mb == pytest.approx(10.0)
-    assert "held" in verdict_lines(found)[0]
-    assert "NOT" not in " ".join(verdict_lines(found))
+    assert "held" in summary_lines(found)[0]
+    assert "NOT" not in " ".join(summary_lines(found))
 
 
 def test_a_machine_too_slow_for_the_cadence_is_told_which_it_holds() -> None:
     found = verdict(told(total=25_000.0))
     assert not found.is_held
-    assert "NOT held" in verdict_lines(found)[0]
-    assert f"at least {found.shortest_cadence_s:.1f}" in verdict_lines(found)[0]
+    assert "NOT held" in summary_lines(found)[0]
+    assert f"at least {found.shortest_cadence_s:.1f}" in summary_lines(found)[0]
     slower = {"cadence_s": found.shortest_cadence_s + 0.1}
     assert verdict(told(total=25_000.0), exposure=slower).is_held
     hopeless = verdict(told(total=40_000.0))
-    assert "no time to expose" in verdict_lines(hopeless)[1]
+    assert "no time to expose" in summary_lines(hopeless)[1]
 
 
 def test_following_may_be_the_slower_way() -> None:
@@ -172,7 +172,7 @@ def test_following_may_be_the_slower_way() -> None:
 def test_a_disk_too_slow_for_the_cadence_is_told() -> None:
     found = verdict(told(disk=30_000.0))
     assert (found.is_held, found.is_recorded, found.is_enough) == (True, False, False)
-    assert "NOT kept up" in verdict_lines(found)[-1]
+    assert "NOT kept up" in summary_lines(found)[-1]
     none_kept = verdict(told(disk=30_000.0), session={"keep_frames": "none"})
     assert none_kept.is_enough
 

@@ -62,7 +62,7 @@ class DeskWire:
         return outcome
 
 
-def rulings(r: Rig) -> list[Ruling]:
+def decisions(r: Rig) -> list[Ruling]:
     return r.memory.of(Ruling)
 
 
@@ -117,16 +117,16 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
         ["twice:a", "done:disarm", "u"],
         lambda r: is_done(r, "resume") and r.engine.authority.state == "COAST",
     ),
-    "follow_next": (["twice:d"], lambda r: rulings(r)[-1].taken is not None),
-    "accept": (["y"], lambda r: rulings(r)[-1].taken.source == "operator"),
-    "reject": (["j", "asked", "1"], lambda r: len(rulings(r)[-1].refused) == 1),
+    "follow_next": (["twice:d"], lambda r: decisions(r)[-1].taken is not None),
+    "accept": (["y"], lambda r: decisions(r)[-1].taken.source == "operator"),
+    "reject": (["j", "asked", "1"], lambda r: len(decisions(r)[-1].refused) == 1),
     "mark": (
         ["m", "enter", *["right"] * 6, "enter", "asked", "enter"],
-        lambda r: rulings(r)[-1].taken is not None,
+        lambda r: decisions(r)[-1].taken is not None,
     ),
     "take_back": (
         ["y", "ruled", "backspace"],
-        lambda r: rulings(r)[-1].taken is None and not rulings(r)[-1].refused,
+        lambda r: decisions(r)[-1].taken is None and not decisions(r)[-1].refused,
     ),
     "seek": (["twice:s"], lambda r: r.engine.planner._search.is_spiral),
     "tune": (["t", "right", "enter"], lambda r: setting(r, "detector.tau") == 0.125),
@@ -185,7 +185,7 @@ async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
         assert isinstance(app.focused, Input)
         app.focused.value = key.removeprefix("text:")
     elif key == "ruled":
-        await until(pilot, lambda: bool(rulings(r)))
+        await until(pilot, lambda: bool(decisions(r)))
     elif key == "asked":
         await until(pilot, lambda: app.screen is not app.live)
         if isinstance(app.screen, Dialog):

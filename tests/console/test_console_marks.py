@@ -8,8 +8,8 @@ from textual.pilot import Pilot
 from textual.widgets import Static
 
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs.candidates import CandidatesDialog, candidate_lines, fate
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.dialogs.verdicts import VerdictsDialog, fate, verdict_lines
 from rsoconsole.console.frame.sheet_marks import faint_ends
 from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.panes.panes import FramePane
@@ -103,7 +103,7 @@ def test_the_details_after_a_mark_are_those_of_its_frame(wire: FakeWire, writer:
         newest = f"streaks of frame {FRAMES + 1:04d}"
         for first, second in ((marked, newest), (newest, marked), (newest, marked)):
             await pilot.press("v")
-            await until(pilot, lambda: isinstance(app.screen, VerdictsDialog))
+            await until(pilot, lambda: isinstance(app.screen, CandidatesDialog))
             box = app.screen.query_one(Static).parent
             assert box.border_title == first
             await pilot.press("tab")
@@ -131,7 +131,7 @@ def test_a_mark_that_is_not_taken_or_is_old_changes_nothing_of_the_details(
         night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
         await until(pilot, lambda: app.live.picture.frame_id == FRAMES + 1)
         await pilot.press("v")
-        await until(pilot, lambda: isinstance(app.screen, VerdictsDialog))
+        await until(pilot, lambda: isinstance(app.screen, CandidatesDialog))
         assert title(app) == f"streaks of frame {FRAMES + 1:04d}"
         await pilot.press("escape")
         app.live.mark.see_taken(
@@ -141,7 +141,7 @@ def test_a_mark_that_is_not_taken_or_is_old_changes_nothing_of_the_details(
         later_s = app.live.now_s() + 61.0
         monkeypatch.setattr(app.live, "now_s", lambda: later_s)
         await pilot.press("v")
-        await until(pilot, lambda: isinstance(app.screen, VerdictsDialog))
+        await until(pilot, lambda: isinstance(app.screen, CandidatesDialog))
         assert title(app) == f"streaks of frame {FRAMES + 1:04d}"
 
     play(wire, scene, LARGE)
@@ -164,11 +164,11 @@ def test_the_automatic_streak_of_a_marked_frame_is_set_aside_not_followed():
         automatic, measurement_id=mark_id_of(4, 0), source="operator", x_px=automatic.x_px + 0.3
     )
     detail = FrameDetail(detections=found, measurements=(automatic,))
-    marked = dataclasses.replace(detail, ruling=Ruling(frame_id=4, taken=by_hand))
+    marked = dataclasses.replace(detail, decision=Ruling(frame_id=4, taken=by_hand))
     assert fate(streak, marked)[0] == "set aside"
     assert fate(other, marked)[0] == "not measured"
-    assert any("by your hand" in line for line in verdict_lines(marked, 0.1))
-    chosen = dataclasses.replace(detail, ruling=Ruling(frame_id=4, taken=automatic))
+    assert any("by your hand" in line for line in candidate_lines(marked, 0.1))
+    chosen = dataclasses.replace(detail, decision=Ruling(frame_id=4, taken=automatic))
     assert fate(streak, chosen)[0] == "followed"
 
 

@@ -28,7 +28,7 @@ from rsoconsole.console.picture.sheet_view import STEPS
 from rsoconsole.console.watches.sheet_worker import Opened
 from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.pipeline.cycle.rulings import KEPT as KEPT_FRAMES
+from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.replay import reprocess
 from rsoconsole.pipeline.replay.reprocess import Reprocessor, recorded_frame

@@ -11,9 +11,9 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.commands.command import BOTH
 from rsoconsole.console.commands.commands import commands_in
+from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
-from rsoconsole.console.dialogs.verdicts import VerdictsDialog
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.panes.timeline_pane import MomentField
 from rsoconsole.console.screens.compare import CompareDialog
@@ -395,7 +395,7 @@ def test_help_verdicts_zoom_stretch_and_the_frame_work_as_in_the_seat(eventful: 
         assert isinstance(pilot.app.screen, HelpDialog)
         await pilot.press("escape", "v")
         await pilot.pause()
-        assert isinstance(pilot.app.screen, VerdictsDialog)
+        assert isinstance(pilot.app.screen, CandidatesDialog)
         await pilot.press("escape", "z")
         assert "picture: close-up" in text_of(review, "keys")
         await pilot.press("f")

@@ -228,8 +228,8 @@ def test_what_is_dropped_leaves_the_list_at_once_and_comes_back_as_it_was(tmp_pa
     writer = of_eight(tmp_path)
     wire = FakeWire(tmp_path / "eight")
 
-    def say(ruling: Ruling, **more) -> None:
-        writer.append(ruling, t_of(FRAMES))
+    def say(decision: Ruling, **more) -> None:
+        writer.append(decision, t_of(FRAMES))
         writer.append(FollowedAgain(frame_id=FRAMES), t_of(FRAMES))
         for record in eight.frame(FRAMES, missed=(3,), **more):
             if isinstance(record, TrackState | Miss):

@@ -84,7 +84,7 @@ def test_a_track_is_started_by_hand_and_handed_over(tmp_path: Path, house: dict[
         time.sleep(0.3)
         seat.press("s")
         wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
-    marks = [ruling.taken for ruling in records(Ruling)]
+    marks = [decision.taken for decision in records(Ruling)]
     assert [each.source for each in marks] == ["operator", "operator"]
     # Refined: as good as the detector's own measurements, not as a hand's.
     assert all(max(each.cov_sky_arcsec2) < 4.0 for each in marks)

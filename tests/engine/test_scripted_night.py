@@ -98,8 +98,8 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         for _ in range(10):
             seat.press("\x1b[C")
         seat.press("\r")
-        ruling = wait_for(lambda: records(Ruling), "the operator's mark")[0]
-        assert ruling.taken.source == "operator"
+        decision = wait_for(lambda: records(Ruling), "the operator's mark")[0]
+        assert decision.taken.source == "operator"
         assert any(m.source == "operator" for m in records(Measurement))
         # Tune R, with its effect shown first.
         seat.press("t")

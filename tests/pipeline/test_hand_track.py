@@ -11,8 +11,8 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.engine.operator.hand_marks import automatic_of, with_figures
+from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.kept_until import KEPT_S
-from rsoconsole.pipeline.cycle.rulings import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
@@ -458,13 +458,13 @@ def test_the_pixels_of_a_frame_are_kept_while_somebody_marks_in_it(lit: np.ndarr
     r.engine.configure(with_setting(r.engine.config, "session.keep_frames", "last"))
     r.engine.run(frames=3)
     there = {3: lit}
-    r.engine.verdicts._pixels_of = there.get
+    r.engine.decisions._pixels_of = there.get
     assert say(r, "begin_mark", frame=3).ok
     there.clear()  # the session keeps those of the last frames alone
     xa, ya, xb, yb = STREAK
     outcome = say(r, "mark", frame=3, x_a=xa - 20, y_a=ya + 15, x_b=xb + 20, y_b=yb, sigma_px=50.0)
     assert "refined on the light beneath it" in outcome.message
-    assert not r.engine.verdicts._marked_pixels
+    assert not r.engine.decisions._marked_pixels
 
 
 def test_what_came_of_a_mark_says_how_good_it_is_and_how_far_from_the_automatic_one():

@@ -11,7 +11,7 @@ from rsoconsole.console.night.night import Night
 from rsoconsole.control import Outcome
 from rsoconsole.judge.summary import summarise
 from rsoconsole.notebook.night.night import read_night
-from rsoconsole.pipeline.cycle.rulings import KEPT
+from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
@@ -147,8 +147,8 @@ def test_a_word_on_an_earlier_frame_follows_all_later_ones_again():
     for each in (r, plain):
         each.engine.run(frames=10)
     seventh = r.engine.cycle.folds.shown(7).measurements[0]
-    ruling = Ruling(frame_id=7, refused=(seventh,))
-    after, records = r.engine.cycle.rule(ruling)
+    decision = Ruling(frame_id=7, refused=(seventh,))
+    after, records = r.engine.cycle.rule(decision)
     assert after.track.x == plain.engine.following.track.x
     assert after.track.P == plain.engine.following.track.P
     assert [f.frame_id for f in records if isinstance(f, FollowedAgain)] == [7, 8, 9, 10]
@@ -247,9 +247,9 @@ def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_m
     assert command_handler_of(r).handle(asked("reject", arguments={"frame": 8})).ok
     r.engine.run(frames=9)
     r.engine.commands.execute_waiting()
-    (ruling,) = r.memory.of(Ruling)
-    assert ruling.frame_id == 8
-    assert [m.frame_id for m in ruling.refused] == [8]
+    (decision,) = r.memory.of(Ruling)
+    assert decision.frame_id == 8
+    assert [m.frame_id for m in decision.refused] == [8]
     assert r.engine.following.taken.frame_id == 9
 
 
@@ -257,8 +257,8 @@ def test_accept_takes_what_was_not_taken():
     r = night(set(range(1, 14)))
     r.engine.run(frames=8)
     assert say(r, "accept").ok
-    (ruling,) = r.memory.of(Ruling)
-    assert (ruling.taken.x_px, ruling.taken.source) == (2.0, "operator")
+    (decision,) = r.memory.of(Ruling)
+    assert (decision.taken.x_px, decision.taken.source) == (2.0, "operator")
 
 
 def test_accept_never_takes_what_was_rejected():
@@ -266,9 +266,9 @@ def test_accept_never_takes_what_was_rejected():
     r.engine.run(frames=8)
     assert say(r, "reject").ok
     assert say(r, "accept").ok
-    ruling = r.memory.of(Ruling)[-1]
-    assert [m.frame_id for m in ruling.refused] == [8]
-    assert (ruling.taken.x_px, ruling.taken.y_px) == (2.0, 1.0)
+    decision = r.memory.of(Ruling)[-1]
+    assert [m.frame_id for m in decision.refused] == [8]
+    assert (decision.taken.x_px, decision.taken.y_px) == (2.0, 1.0)
     assert "no candidate" in say(r, "accept").message
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.console.night.track_fold import TAKEN_BACK_FRAMES
-from rsoconsole.pipeline.cycle.rulings import KEPT
+from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
 from rsoconsole.reason_text import text
@@ -218,7 +218,7 @@ def test_both_dropped_it_searches_and_a_replay_agrees():
     assert r.engine.authority.state == "SEARCH"
     r.engine.run(frames=r.engine.frame_id + 4)
     assert not r.engine.following.tracks
-    assert [ruling.dropped for ruling in r.memory.of(Ruling)] == [(1,), (1, 2)]
+    assert [decision.dropped for decision in r.memory.of(Ruling)] == [(1,), (1, 2)]
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
     frames = list(replay(records, SEVERAL))
     assert all(frame.is_as_recorded for frame in frames)

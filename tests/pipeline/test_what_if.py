@@ -285,7 +285,7 @@ def test_the_operators_word_has_its_frames_followed_again_in_the_retold_night(se
 
 def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list[tuple[int, Any]]:
     """The log to two frames after one, and the operator's refusal of that one."""
-    from rsoconsole.pipeline.cycle.rulings import on_record_again
+    from rsoconsole.pipeline.cycle.decisions import on_record_again
     from rsoconsole.pipeline.replay.refold import Walk
 
     until = next(
@@ -298,10 +298,10 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
         if isinstance(record, Measurement) and record.frame_id == frame_id:
             taken = record
     assert taken is not None
-    ruling = Ruling(frame_id=frame_id, refused=(taken,))
-    again = walk.folds.rule(ruling)
+    decision = Ruling(frame_id=frame_id, refused=(taken,))
+    again = walk.folds.rule(decision)
     t_utc_ns = log[until - 1][0]
-    return [*log[:until], *((t_utc_ns, r) for r in on_record_again(ruling, again))]
+    return [*log[:until], *((t_utc_ns, r) for r in on_record_again(decision, again))]
 
 
 # -- branches ---------------------------------------------------------------------------------

@@ -99,7 +99,7 @@ def test_what_the_operator_marks_has_an_id_of_its_own_each_time() -> None:
         assert say(r, verb, frame=9, **arguments).ok
     made = [r.measurement_id for r in r.memory.of(Measurement)]
     assert len(set(made)) == len(made)
-    taken_ = [ruling.taken.measurement_id for ruling in r.memory.of(Ruling)]
+    taken_ = [decision.taken.measurement_id for decision in r.memory.of(Ruling)]
     assert taken_ == ["9-m0", "9-0", "9-m2"]
     assert all(frame.is_as_recorded for frame in replayed(r))
 

@@ -124,9 +124,9 @@ def test_clouds_hide_some_frames_and_the_operator_does_a_little_of_everything(
     changed = {r.name for r in records if isinstance(r, ParameterChange)}
     assert changed == {"detector.tau", "filter.q_multiplier", "filter.r_multiplier"}
     assert "MANUAL" in {r.after for r in records if isinstance(r, StateChange)}
-    rulings = [r for r in records if isinstance(r, Ruling)]
-    assert [r.frame_id for r in rulings] == [11, 20, 35]
-    assert [bool(r.refused) for r in rulings] == [False, True, False]
+    decisions = [r for r in records if isinstance(r, Ruling)]
+    assert [r.frame_id for r in decisions] == [11, 20, 35]
+    assert [bool(r.refused) for r in decisions] == [False, True, False]
     again = [r.frame_id for r in records if isinstance(r, FollowedAgain)]
     assert again == [11, 12, 20, 35]
 

@@ -21,7 +21,7 @@ from rsoconsole.tracking.association.neighbours import (
 )
 from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
 from rsoconsole.tracking.frame_by_frame import follow
-from rsoconsole.tracking.gates import CANNOT_TELL
+from rsoconsole.tracking.gates import INDISTINGUISHABLE
 from tests.makers import T0_UTC_NS, geo_measurement
 from tests.tracking.test_follow import SETTINGS as EVERY_DAY
 from tests.tracking.test_follow import locked, seen
@@ -109,7 +109,11 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
     """Bounds of 130 arcsec hold two objects 216 apart: without a margin it was a coin's toss."""
     shown = {"target": who == "target", "neighbour": who == "neighbour"}
     after, told, missed = after_a_coast(shift_deg, **shown)
-    assert (after.state, told, missed) == ("COAST", text(CANNOT_TELL), text(CANNOT_TELL))
+    assert (after.state, told, missed) == (
+        "COAST",
+        text(INDISTINGUISHABLE),
+        text(INDISTINGUISHABLE),
+    )
 
     monkeypatch.setattr("rsoconsole.tracking.gates.LEAST_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
@@ -140,7 +144,7 @@ def test_what_a_miss_without_a_known_identity_is_put_down_to():
         following, dataclasses.replace(seen(LONG, sight), absence=absence), SETTINGS
     )
     (miss,) = [r for r in records if isinstance(r, Miss)]
-    assert text(miss.reason) == f"cloud: the stars are 0.9 mag fainter; {text(CANNOT_TELL)}"
+    assert text(miss.reason) == f"cloud: the stars are 0.9 mag fainter; {text(INDISTINGUISHABLE)}"
 
 
 def test_without_that_memory_the_neighbour_would_be_taken():

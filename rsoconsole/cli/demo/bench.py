@@ -15,7 +15,7 @@ BUSY_SHARE = 0.5
 def run_bench(config: Config, *, json_: bool) -> None:
     """Measure, print, and exit 1 where what is configured is not held."""
     from rsoconsole.cli.demo.bench_frame import draw_fits
-    from rsoconsole.engine.doctor import STAGES, free_bytes, judge, measure, verdict_lines
+    from rsoconsole.engine.doctor import STAGES, free_bytes, judge, measure, summary_lines
     from rsoconsole.engine.machine import identity, load_share, medium_of, read_machine, troubles_of
     from rsoconsole.instruments.observatory import utc_now_ns
 
@@ -25,7 +25,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
     fits = draw_fits(config)
     result = measure(config, fits, tell=output.complain)
     after = read_machine()
-    verdict = judge(config, result, free_bytes(config.session.root), utc_now_ns())
+    summary = judge(config, result, free_bytes(config.session.root), utc_now_ns())
     notes = list(result.notes)
     if busy > BUSY_SHARE:
         notes.append(f"other programs had {busy:.0%} of the cores when it began: repeat it alone")
@@ -45,7 +45,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
         output.emit_json({"kind": "machine", **machine})
         for stage in result.stages:
             output.emit_json({"kind": "stage", **asdict(stage)})
-        output.emit_json({"kind": "verdict", **asdict(verdict), "ok": verdict.is_enough})
+        output.emit_json({"kind": "verdict", **asdict(summary), "ok": summary.is_enough})
     else:
         output.say(here.words)
         output.say(
@@ -62,9 +62,9 @@ def run_bench(config: Config, *, json_: bool) -> None:
                 f"{stage.largest_ms:9.1f}  {STAGES[stage.stage]}"
             )
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
-        for line in [*verdict_lines(verdict), *(f"note: {note}" for note in notes)]:
+        for line in [*summary_lines(summary), *(f"note: {note}" for note in notes)]:
             output.say(line)
-    if not verdict.is_enough:
+    if not summary.is_enough:
         output.complain("rsoconsole: this machine does not hold what is configured")
         raise typer.Exit(1)
 

@@ -41,7 +41,7 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
             f"  mover {each['mover']}: in {len(each['places'])} frames,"
             f' {each["rate_arcsec_s"]:.2f}"/s towards {each["position_angle_deg"]:.1f} deg'
         )
-        yield f"{head}; {_verdict(each)}"
+        yield f"{head}; {_identified_as(each)}"
         yield from _matches(each)
         for place in each["places"]:
             clock = place["t_utc"][11:23]
@@ -55,12 +55,12 @@ def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
     about += ", below tau" if each["below_tau"] else ""
     yield (
         f"  streak {each['streak']} at ({each['x']:.0f}, {each['y']:.0f}),"
-        f" {each['length']:.0f} px{about}: {_verdict(each)}"
+        f" {each['length']:.0f} px{about}: {_identified_as(each)}"
     )
     yield from _matches(each)
 
 
-def _verdict(each: dict[str, Any]) -> str:
+def _identified_as(each: dict[str, Any]) -> str:
     if each["verdict"] == "unknown":
         return "in no catalogue"
     if each["verdict"] == "ambiguous":

@@ -96,9 +96,9 @@ def verification_json(found: "Verification") -> dict[str, Any]:
 def say_verification(found: "Verification") -> None:
     """What was found in a session; of many alike only the first are told."""
     digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
-    verdict = "sound" if found.is_sound else "DAMAGED"
+    state = "sound" if found.is_sound else "DAMAGED"
     output.say(
-        f"{found.session}: {verdict}, {found.state}; {found.records} records, "
+        f"{found.session}: {state}, {found.state}; {found.records} records, "
         f"{digest[found.digest]}; {found.files} files, {size_words(found.bytes)} read"
     )
     alike: Counter[tuple[str, str]] = Counter()

@@ -4,6 +4,9 @@ from .ask import GotoDialog as GotoDialog
 from .ask import LineDialog as LineDialog
 from .ask import MoveDialog as MoveDialog
 from .ask import SettingsDialog as SettingsDialog
+from .candidates import MARKED as MARKED
+from .candidates import CandidatesDialog as CandidatesDialog
+from .candidates import fate as fate
 from .dialogs import ArmDialog as ArmDialog
 from .dialogs import ConfirmDialog as ConfirmDialog
 from .dialogs import Dialog as Dialog
@@ -17,6 +20,3 @@ from .tour import TourDialog as TourDialog
 from .tour import TourMemory as TourMemory
 from .tour import intro_text as intro_text
 from .up_list import UpListDialog as UpListDialog
-from .verdicts import MARKED as MARKED
-from .verdicts import VerdictsDialog as VerdictsDialog
-from .verdicts import fate as fate

@@ -10,7 +10,7 @@ from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture import SHOWN_REJECTED, Mark, mark_of, marks_of
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import Compared, Verdict
+    from rsoconsole.pipeline.replay import Compared, Judged
 
 FAINT_FROM_PX = 3.0
 """In larger squares a streak that is to be marked has its ends pointed at."""
@@ -43,8 +43,8 @@ def sheet_marks(
     return (*_boxes(detail), *(_making_room(mark, now) for mark in then), *now)
 
 
-def _mark_now(verdict: "Verdict", is_as_recorded: bool) -> Mark:
-    mark = mark_of(verdict.detection, "now" if verdict.is_taken else "now_rejected")
+def _mark_now(judged: "Judged", is_as_recorded: bool) -> Mark:
+    mark = mark_of(judged.detection, "now" if judged.is_taken else "now_rejected")
     return replace(mark, is_outer=True, label="=" if is_as_recorded else mark.label)
 
 

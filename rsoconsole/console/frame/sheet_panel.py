@@ -135,14 +135,14 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
     ]
     lines: list[Line] = [line]
     lines += [[(f"   {part}", "")] for part in textwrap.wrap(_size(place), max(width - 4, 1))]
-    for text, ink in _verdicts(sheet, pair):
+    for text, ink in _outcomes(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]
     return lines
 
 
 def _confidence(pair: "Compared", when: str) -> str:
-    verdict = pair.was if when == "was" else pair.now
-    return "-" if verdict is None else short(verdict.detection.confidence)
+    judged = pair.was if when == "was" else pair.now
+    return "-" if judged is None else short(judged.detection.confidence)
 
 
 def _size(streak: Detection) -> str:
@@ -153,7 +153,7 @@ def _size(streak: Detection) -> str:
     return ", ".join(words)
 
 
-def _verdicts(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:
+def _outcomes(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:
     """What was said of it then, and what now; once where that is the same."""
     was = "not a candidate"
     if pair.was is not None:

@@ -74,7 +74,7 @@ class FrameDetail:
     not_followed: tuple[NotFollowed, ...] = ()
     closeup: Closeup | None = None
     """Where the piece at full resolution lies."""
-    ruling: Ruling | None = None
+    decision: Ruling | None = None
     """The operator's last word on it."""
     tracks: tuple[FrameTrack, ...] = ()
     """What it made of each track."""
@@ -82,7 +82,7 @@ class FrameDetail:
     @property
     def all_measured(self) -> tuple[Measurement, ...]:
         """All that was measured in it, by the operator's word too."""
-        taken = None if self.ruling is None else self.ruling.taken
+        taken = None if self.decision is None else self.decision.taken
         return self.measurements if taken is None else (*self.measurements, taken)
 
     def track_of(self, measured: Measurement) -> FrameTrack | None:
@@ -100,7 +100,7 @@ class FrameDetail:
     @property
     def followed(self) -> Measurement | None:
         """The measurement the track took."""
-        if self.ruling is not None and self.ruling.taken is not None:
-            return self.ruling.taken
+        if self.decision is not None and self.decision.taken is not None:
+            return self.decision.taken
         named = None if self.updated is None else self.updated.measurement_id
         return next((m for m in self.measurements if m.measurement_id == named), None)

@@ -201,7 +201,7 @@ class Night:
             case NotFollowed():
                 self._not_followed(record, t_utc_ns)
             case Ruling():
-                self._ruling(record, t_utc_ns)
+                self._decision(record, t_utc_ns)
             case FollowedAgain():
                 self._followed_again(record, t_utc_ns)
             case Closeup():
@@ -295,12 +295,12 @@ class Night:
             before = self._frames.details[record.frame_id].not_followed
             self._frames.change_detail(record.frame_id, not_followed=(*before, record))
 
-    def _ruling(self, record: Ruling, _t_utc_ns: int) -> None:
+    def _decision(self, record: Ruling, _t_utc_ns: int) -> None:
         if record.frame_id in self._frames.details:
             # Marks before this one count no more.
             found = self._frames.details[record.frame_id].measurements
             kept = tuple(m for m in found if m.source != "operator")
-            self._frames.change_detail(record.frame_id, ruling=record, measurements=kept)
+            self._frames.change_detail(record.frame_id, decision=record, measurements=kept)
 
     def _followed_again(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}

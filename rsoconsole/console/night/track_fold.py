@@ -28,7 +28,7 @@ SAME_PLACE_PX = 1.0
 PAIRS_KEPT_NS = 3_600_000_000_000
 """A pair that was not looked at for longer is of tracks that have ended."""
 TAKEN_BACK_FRAMES = 12
-"""Frames within which the engine takes a word back (``pipeline.rulings``)."""
+"""Frames within which the engine takes a word back (``pipeline.cycle.decisions``)."""
 _FOLLOWED = {"TRACK", "COAST"}
 
 

@@ -42,7 +42,7 @@ LEAST_LINES = 8
 """Of a terminal in which a notice has rows of its own."""
 MOST_NOTICE_ROWS = 3
 MARKABLE = 12
-"""The last frames in which a mark can be begun (``rulings.KEPT``)."""
+"""The last frames in which a mark can be begun (``decisions.KEPT``)."""
 MARK_HELP = (
     f"a streak's two ends. A mark can be begun in the last {MARKABLE} frames; its frame can be"
     f" marked from then on, while {HELD} more frames come"

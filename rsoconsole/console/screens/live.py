@@ -18,7 +18,7 @@ from rsoconsole.console.actions import (
     too_late_to_mark,
 )
 from rsoconsole.console.commands import bindings, first_key
-from rsoconsole.console.dialogs import MARKED, LeaveDialog, LineDialog, VerdictsDialog, intro_text
+from rsoconsole.console.dialogs import MARKED, CandidatesDialog, LeaveDialog, LineDialog, intro_text
 from rsoconsole.console.frame import MarkTo
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import Key, Mode, keys_for
@@ -324,7 +324,7 @@ class LiveScreen(NightScreen):
             return
         pages = [(shown.detail, ""), (marked, MARKED)]
         ordered = pages[::-1] if is_first else pages
-        self.app.push_screen(VerdictsDialog(ordered, self.night.tau, self.keymap))
+        self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
 
     def _is_shown(self, frame_id: int) -> bool:
         return self.picture is not None and self.picture.frame_id == frame_id

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rsoconsole.console.actions import LookingSeat
-from rsoconsole.console.dialogs import Dialog, VerdictsDialog
+from rsoconsole.console.dialogs import CandidatesDialog, Dialog
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.frame import FrameSheet, MarkTo
 from rsoconsole.console.picture import Picture
@@ -96,4 +96,4 @@ class OpeningActions:
         if seat.picture is None:
             seat.say("no frame has been shown yet", "warn")
             return
-        seat.ask(VerdictsDialog([(seat.picture.detail, "")], seat.night.tau, seat.keymap))
+        seat.ask(CandidatesDialog([(seat.picture.detail, "")], seat.night.tau, seat.keymap))

@@ -52,7 +52,7 @@ def tune_lines(
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
         figures = _figures(now, then_now, frames, is_tried=bool(tuning.tried))
-        cautions = _verdict(tuning, now, then_now, words.of_present, width)
+        cautions = _comparison(tuning, now, then_now, words.of_present, width)
         cautions += _cautions(now, then_now, words.of_present)
         figures += cautions[: max(height - 2 - len(figures) - LEAST_BESIDE, 0)]
         keys: Line = [(f" {words.keys}", "dim")]
@@ -130,7 +130,7 @@ def _figures(
     return lines
 
 
-def _verdict(
+def _comparison(
     tuning: Tuning,
     now: "TrackFigures | None",
     then: "TrackFigures | None",
@@ -147,14 +147,14 @@ def _verdict(
         return []
     more = then.log_likelihood_mean - now.log_likelihood_mean
     total = more * now.updates
-    verdict: tuple[str, Ink] = ("no difference", "")
+    comparison: tuple[str, Ink] = ("no difference", "")
     if abs(total) >= ALIKE_LOG_L:
-        verdict = ("better", "good") if total > 0.0 else ("worse", "warn")
+        comparison = ("better", "good") if total > 0.0 else ("worse", "warn")
     what = tuning.against_words
     if of_present is not None and of_present < now.frames:
         what = f"{what.partition(' against ')[0]} against as it was"
-    said = f"{what}: {verdict[0]} (Δ log L {more:+.2f} over {now.frames} frames)"
-    return [[(f" {line[0][0].strip()}", verdict[1])] for line in wrapped(said, width - 1, 2)]
+    said = f"{what}: {comparison[0]} (Δ log L {more:+.2f} over {now.frames} frames)"
+    return [[(f" {line[0][0].strip()}", comparison[1])] for line in wrapped(said, width - 1, 2)]
 
 
 def _cautions(

@@ -2,8 +2,8 @@ from . import doctor as doctor
 from . import doctor_system as doctor_system
 from .bench import STAGES as STAGES
 from .bench import measure as measure
-from .bench_verdict import judge as judge
-from .bench_verdict import verdict_lines as verdict_lines
+from .bench_summary import judge as judge
+from .bench_summary import summary_lines as summary_lines
 from .doctor import run_checks as run_checks
 from .doctor_check import Check as Check
 from .doctor_system import ClockReading as ClockReading

@@ -40,13 +40,13 @@ from rsoconsole.engine.loop.interruptions import Interruptions
 from rsoconsole.engine.loop.status import status_of
 from rsoconsole.engine.operator import (
     ByHand,
+    Decisions,
     HandMove,
     Modes,
     Parts,
     PixelsOf,
     Seeking,
     Settings,
-    Verdicts,
     joined,
 )
 from rsoconsole.engine.tasks import (
@@ -154,13 +154,13 @@ class Engine:
         )
         """Each exposure's way through the loop."""
         self.seeking = Seeking(self, instrument_controller, self.planner, self.slews, self.guide)
-        self.verdicts = Verdicts(self, self.cycle, self.session_log, pixels_of)
+        self.decisions = Decisions(self, self.cycle, self.session_log, pixels_of)
         self.handlers = joined(
             (
                 Modes(self).handlers,
                 self.by_hand.handlers,
                 Settings(self, self.frames.temporary, self.session_log).handlers,
-                self.verdicts.handlers,
+                self.decisions.handlers,
                 self.seeking.handlers,
             )
         )
@@ -231,7 +231,7 @@ class Engine:
             names=self.orbits.names,
             kept_until_utc_ns=self._kept.until_utc_ns,
             slew_left_s=self._slew_left_s(),
-            markable_frames=self.verdicts.frame_ids,
+            markable_frames=self.decisions.frame_ids,
             simulated_speed=clock.speed if clock.is_simulated else None,
             tracks=tracks_now(
                 authority.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead

@@ -6,6 +6,8 @@ from .arming import refusal_text as refusal_text
 from .by_hand import ByHand as ByHand
 from .by_hand import HandMove as HandMove
 from .by_hand import Parts as Parts
+from .decisions import Decisions as Decisions
+from .decisions import PixelsOf as PixelsOf
 from .handlers import Accepted as Accepted
 from .handlers import Control as Control
 from .handlers import Handler as Handler
@@ -15,5 +17,3 @@ from .handlers import joined as joined
 from .modes import Modes as Modes
 from .seek import Seeking as Seeking
 from .settings import Settings as Settings
-from .verdicts import PixelsOf as PixelsOf
-from .verdicts import Verdicts as Verdicts

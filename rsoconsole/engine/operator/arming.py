@@ -96,8 +96,8 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
         sky=sky,
         free_bytes=free_bytes,
         disk_fault=disk_fault or write_fault or "",
-        network=_verdict(doctor.check_network, config),
-        index=_verdict(doctor.check_index_files, config),
+        network=_checked(doctor.check_network, config),
+        index=_checked(doctor.check_index_files, config),
     )
 
 
@@ -317,6 +317,6 @@ def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
         return None, f"{type(error).__name__}: {error}"
 
 
-def _verdict(check: Callable[[Config], Check], config: Config) -> Check:
+def _checked(check: Callable[[Config], Check], config: Config) -> Check:
     found, fault = _ask(lambda: check(config))
     return found or Check(check="", ok=None, detail=fault, remedy="reinstall rsoconsole")

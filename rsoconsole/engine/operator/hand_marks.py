@@ -1,4 +1,4 @@
-"""A streak that the operator marks by hand: the ruling that it makes, and what came of it."""
+"""A streak that the operator marks by hand: the decision that it makes, and what came of it."""
 
 import math
 from dataclasses import replace
@@ -30,7 +30,7 @@ SAME_STREAK_ARCSEC = 30.0
 """An automatic measurement farther from the mark is of something else, if the mark is sure."""
 
 
-def marked_ruling(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
+def marked_decision(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
     """A streak between two ends that the operator has pointed at."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     taken = shown.taken
@@ -48,7 +48,7 @@ def marked_ruling(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ru
     for sigma_px in (detection.sigma_along_px, detection.sigma_across_px):
         if not 0.0 < sigma_px <= WIDEST_MARK_PX:
             raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
-    made = measured(detection, mark_id_of(taken.frame_id, shown.rulings), shown, config)
+    made = measured(detection, mark_id_of(taken.frame_id, shown.decisions), shown, config)
     return Ruling(frame_id=taken.frame_id, taken=made, by=by)
 
 
@@ -167,27 +167,27 @@ def with_figures(
     )
 
 
-def by_hand_result(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
+def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """What a word on a frame came to that nobody followed."""
-    states = [r for r in records if isinstance(r, TrackState) and r.frame_id == ruling.frame_id]
+    states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     ruled: RuledKind = "first of a track"
-    if ruling.taken is None:
-        ruled = "rejected" if ruling.refused else "taken back"
+    if decision.taken is None:
+        ruled = "rejected" if decision.refused else "taken back"
     elif any(each.kind == "initial" for each in states):
         ruled = "second of a track"
     elif any(each.kind == "updated" for each in states):
-        ruled = "taken by hand" if ruling.taken.source == "operator" else "taken"
-    return CommandResult(kind="ruled", ruled=ruled, frame_id=ruling.frame_id)
+        ruled = "taken by hand" if decision.taken.source == "operator" else "taken"
+    return CommandResult(kind="ruled", ruled=ruled, frame_id=decision.frame_id)
 
 
-def result_of(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a ruling came to."""
-    if ruling.taken is None:
-        back: RuledKind = "rejected" if ruling.refused else "taken back"
-        return CommandResult(kind="ruled", ruled=back, frame_id=ruling.frame_id)
+def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
+    """What a decision came to."""
+    if decision.taken is None:
+        back: RuledKind = "rejected" if decision.refused else "taken back"
+        return CommandResult(kind="ruled", ruled=back, frame_id=decision.frame_id)
     return CommandResult(
         kind="ruled",
-        ruled="taken by hand" if ruling.taken.source == "operator" else "taken",
-        frame_id=ruling.frame_id,
+        ruled="taken by hand" if decision.taken.source == "operator" else "taken",
+        frame_id=decision.frame_id,
         left_alone=sum(isinstance(record, NotFollowed) for record in records),
     )

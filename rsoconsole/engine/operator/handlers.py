@@ -1,7 +1,7 @@
 """What the engine has for a command: a check on the wire's threads, the doing on the loop's.
 
 Each part of the engine brings the handlers of its own commands (``modes.py``, ``by_hand.py``,
-``settings.py``, ``verdicts.py``, ``seek.py``); the loop and the command handler only look them up.
+``settings.py``, ``decisions.py``, ``seek.py``); the loop and the command handler only look them up.
 """
 
 from collections.abc import Callable, Iterable, Mapping

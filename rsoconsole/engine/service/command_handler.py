@@ -271,7 +271,7 @@ class CommandHandler:
 
     def _begin_mark(self, command: BeginMark, sender: Sender) -> Outcome:
         """A frame is kept to be marked in; on record, because a replay keeps it, too."""
-        frame_id = self._engine.verdicts.begin_mark(command)
+        frame_id = self._engine.decisions.begin_mark(command)
         begun = dataclasses.replace(command, frame_id=frame_id)
         self._engine.session_log.append(action_record(Request(command=begun, sender=sender), DONE))
         what = f"frame {frame_id} is kept" if command.is_on else f"frame {frame_id} is let go"

@@ -89,7 +89,7 @@ def render_report(session: Path) -> Report:
             entries=course.entries[:MOST_ENTRIES],
             entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
             figures=figures,
-            verdict=_verdict(night, figures, tracks, said),
+            verdict=_conclusion(night, figures, tracks, said),
             key_figures=_key_figures(night, figures, course),
             tracks=tracks,
             pairs=field.pairs[:MOST_PAIRS],
@@ -165,7 +165,9 @@ def _about(exported: ExportedNight) -> dict[str, Any]:
     }
 
 
-def _verdict(night: Night, figures: TrackFigures, tracks: tuple[TrackFacts, ...], said: str) -> str:
+def _conclusion(
+    night: Night, figures: TrackFigures, tracks: tuple[TrackFacts, ...], said: str
+) -> str:
     """The night in a sentence or three."""
     exposures = _many(len(night.frames), "exposure")
     if not tracks:

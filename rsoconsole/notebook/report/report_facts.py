@@ -139,14 +139,14 @@ def filter_words(night: Night) -> str:
     states = [f.corrected for f in night.frames if _innovation(f) is not None]
     nis = [s.nis for s in states if s is not None and s.nis is not None]
     residuals = [s.innovation_arcsec for s in states if s is not None and s.innovation_arcsec]
-    verdict = consistency(nis, residuals)
+    judged = consistency(nis, residuals)
     words = {
         "sound": "the filter's errors are as large as it says",
         "too few": "too few updates to judge the filter",
-        "over-confident": f"the filter trusts itself too much: {verdict.words}",
-        "under-confident": f"the filter trusts itself too little: {verdict.words}",
+        "over-confident": f"the filter trusts itself too much: {judged.words}",
+        "under-confident": f"the filter trusts itself too little: {judged.words}",
     }
-    return words[verdict.verdict]
+    return words[judged.verdict]
 
 
 def track_facts(
@@ -214,7 +214,7 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
                 words = "one streak taken" if record.taken is not None else "nothing taken"
                 words += f", {refused} refused" if refused else ""
                 words += _of_tracks(record)
-                actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"ruling: {words}"))
+                actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"decision: {words}"))
             case (
                 FrameTaken()
                 | Detections()
@@ -253,9 +253,9 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
     )
 
 
-def _of_tracks(ruling: Ruling) -> str:
-    """What a ruling says of whole tracks."""
-    said = (("dropped", ruling.dropped), ("kept", ruling.kept), ("released", ruling.released))
+def _of_tracks(decision: Ruling) -> str:
+    """What a decision says of whole tracks."""
+    said = (("dropped", decision.dropped), ("kept", decision.kept), ("released", decision.released))
     return "".join(f", track {n} {what}" for what, numbers in said for n in numbers)
 
 

@@ -8,6 +8,8 @@ from .better_predictor import Score as Score
 from .better_predictor import may_guide as may_guide
 from .cycle import Cycle as Cycle
 from .cycle import taken_record as taken_record
+from .decisions import Fold as Fold
+from .decisions import Folds as Folds
 from .frame_fold import Shown as Shown
 from .frame_fold import fold as fold
 from .frame_fold import looked_at as looked_at
@@ -17,8 +19,6 @@ from .kept_until import kept_until_utc_ns as kept_until_utc_ns
 from .pointed_at import is_without_detection as is_without_detection
 from .pointed_at import looked_elsewhere as looked_elsewhere
 from .pointed_at import was_pointed_at as was_pointed_at
-from .rulings import Fold as Fold
-from .rulings import Folds as Folds
 from .tracks_taken import Track as Track
 from .tracks_taken import TracksTaken as TracksTaken
 from .untaken import Untaken as Untaken

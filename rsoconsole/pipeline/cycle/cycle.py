@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.absence import StarHistory, cloud_before, stars_of
+from rsoconsole.pipeline.cycle.decisions import Fold, Folds, on_record_again
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.cycle.hand_track import HandTrack
-from rsoconsole.pipeline.cycle.rulings import Fold, Folds, on_record_again
 from rsoconsole.pipeline.frame import FrameReducer, Glance, Reduction
 from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
@@ -86,24 +86,24 @@ class Cycle:
         return self._hand
 
     def rule_by_hand(
-        self, ruling: Ruling, kept: Following | None, last_track_id: int
+        self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, tuple[Record, ...]]:
         """The operator's word on a frame that nobody followed.
 
         The track that is kept then, and what belongs on the record. Raises ValueError where
         nothing can be said on the frame any more.
         """
-        after, again = self._hand.rule(ruling, kept, last_track_id)
-        return after, on_record_again(ruling, again)
+        after, again = self._hand.rule(decision, kept, last_track_id)
+        return after, on_record_again(decision, again)
 
-    def rule(self, ruling: Ruling) -> tuple[Following, tuple[Record, ...]]:
+    def rule(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
         """Follow a frame and those after it again by the operator's word.
 
         What is followed then, and what belongs on the record. Raises ValueError where nothing
         can be said on the frame any more.
         """
-        again = self._folds.rule(ruling)
-        return again[-1].folded.following, on_record_again(ruling, again)
+        again = self._folds.rule(decision)
+        return again[-1].folded.following, on_record_again(decision, again)
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
         """A frame's middle, so many pixels about its centre, before the frame is run."""

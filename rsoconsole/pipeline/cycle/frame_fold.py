@@ -51,9 +51,9 @@ class Shown:
     detections: Detections
     solution: Solution | NotSolved | None
     measurements: tuple[Measurement, ...]
-    ruling: Ruling | None = None
+    decision: Ruling | None = None
     """The operator's word on them."""
-    rulings: int = 0
+    decisions: int = 0
     """How many words have been said on them."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
     """The last orbit of each track on record when the frame came, by track id."""
@@ -90,11 +90,11 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         t_utc_ns=t_mid_ns,
         blocked=taken.blocked,
     )
-    ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
+    decision = shown.decision or Ruling(frame_id=taken.frame_id)
     shutter = shutter_time(taken, config.exposure)
-    refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in ruling.refused)
-    chosen = ruling.taken and at_its_row(ruling.taken, t_mid_ns, shutter)
-    # The ruling's own instant is the recorded one: another where its latency is tried.
+    refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in decision.refused)
+    chosen = decision.taken and at_its_row(decision.taken, t_mid_ns, shutter)
+    # The decision's own instant is the recorded one: another where its latency is tried.
     measurements = tuple(m for m in shown.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:
         measurements = (*measurements, chosen)
@@ -108,9 +108,9 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         star_width_arcsec=_star_width_arcsec(shown),
         chosen=chosen,
         refused=refused,
-        dropped=ruling.dropped,
-        kept=ruling.kept,
-        released=ruling.released,
+        dropped=decision.dropped,
+        kept=decision.kept,
+        released=decision.released,
         by_orbit=_asks_orbit(before, shown.orbits, config, t_mid_ns),
     )
     after, records = follow(before, seen, follow_settings(config, taken))

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.absence import StarHistory
+from rsoconsole.pipeline.cycle.decisions import KEPT, Fold
 from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
-from rsoconsole.pipeline.cycle.rulings import KEPT, Fold
 from rsoconsole.pipeline.frame import HELD, HeldFrames, shutter_mid_utc_ns
 from rsoconsole.records import Measurement, Ruling, StateChange
 from rsoconsole.tracking.association import Following
@@ -46,7 +46,7 @@ class HandTrack:
     def add(self, shown: Shown, config: Config) -> None:
         """One more frame; one without a time can be no part of a track."""
         if shutter_mid_utc_ns(shown.taken, config.exposure) is not None:
-            plain = replace(shown, orbits={}, ruling=None, rulings=0)
+            plain = replace(shown, orbits={}, decision=None, decisions=0)
             with self._lock:
                 self._held.count()
                 looked = (*self._looked, _Looked(shown=plain, config=config))
@@ -65,7 +65,7 @@ class HandTrack:
         """It need not be kept any more (any thread)."""
         with self._lock:
             known = [each.shown for each in self._looked if each.shown.taken.frame_id == frame_id]
-            is_ruled = any(shown.ruling is not None for shown in known)
+            is_ruled = any(shown.decision is not None for shown in known)
             (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
 
     def forget(self) -> None:
@@ -74,7 +74,7 @@ class HandTrack:
         with self._lock:
             self._held.forget()
             self._looked = tuple(
-                replace(each, shown=replace(each.shown, ruling=None)) for each in self._looked
+                replace(each, shown=replace(each.shown, decision=None)) for each in self._looked
             )[-KEPT:]
 
     def shown(self, frame_id: int) -> Shown:
@@ -90,7 +90,9 @@ class HandTrack:
 
     def said_last(self) -> int | None:
         """The newest frame that a word was said on; None where there is none."""
-        said = [each.shown.taken.frame_id for each in self._looked if each.shown.ruling is not None]
+        said = [
+            each.shown.taken.frame_id for each in self._looked if each.shown.decision is not None
+        ]
         return said[-1] if said else None
 
     def frame_ids(self) -> tuple[int, ...]:
@@ -99,32 +101,32 @@ class HandTrack:
 
     def taken(self, frame_id: int) -> Measurement | None:
         """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
-        ruling = self.shown(frame_id).ruling
-        return None if ruling is None else ruling.taken
+        decision = self.shown(frame_id).decision
+        return None if decision is None else decision.taken
 
     def rule(
-        self, ruling: Ruling, kept: Following | None, last_track_id: int
+        self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, tuple[Fold, ...]]:
         """The operator's word on a frame: (the track that is kept now, frames followed by it).
 
         ``kept``: what was kept before the first word; ``last_track_id``: of the session. Raises
         ValueError as ``shown`` does.
         """
-        place = self._place(ruling.frame_id)
+        place = self._place(decision.frame_id)
         old = self._looked[place]
-        shown = replace(old.shown, ruling=ruling, rulings=old.shown.rulings + 1)
+        shown = replace(old.shown, decision=decision, decisions=old.shown.decisions + 1)
         self._looked = (
             *self._looked[:place],
             replace(old, shown=shown),
             *self._looked[place + 1 :],
         )
         with self._lock:
-            self._held.ruled(ruling.frame_id)
+            self._held.ruled(decision.frame_id)
         if self._base is None:
             self._base = _Made(kept=kept, last_track_id=last_track_id)
         made, again = self._base, list[Fold]()
         for number, looked in enumerate(self._looked):
-            if looked.shown.ruling is None:
+            if looked.shown.decision is None:
                 continue
             before = made
             made, folded = _with(made, looked)
@@ -143,9 +145,9 @@ class HandTrack:
 
 def _with(made: _Made, looked: _Looked) -> tuple[_Made, Folded]:
     """One marked frame more: the second of a track, one of a track that is kept, or a first."""
-    ruling = looked.shown.ruling
+    decision = looked.shown.decision
     nothing = Folded(following=Following(state="MANUAL"), stars=StarHistory(), records=())
-    if ruling is None or ruling.taken is None:
+    if decision is None or decision.taken is None:
         return made, nothing
     if made.candidates:
         folded = _folded(_waiting(made), looked)

@@ -112,11 +112,11 @@ def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
 
     Those that were never compared with a catalogue are left out. Raises SessionError.
     """
-    verdicts: dict[int, Identified] = {}
+    identified: dict[int, Identified] = {}
     for _, _, record in SessionReader(folder).records(kinds=(Identified,)):
         if isinstance(record, Identified):
-            verdicts[record.track_id] = record
-    unknown = {n for n, each in verdicts.items() if each.verdict == "unknown"}
+            identified[record.track_id] = record
+    unknown = {n for n, each in identified.items() if each.verdict == "unknown"}
     if not unknown:
         return KeptSession()
     tracks = [each for each in read_observed(folder) if each.track_id in unknown]

@@ -5,10 +5,10 @@ from .branches import save_branch as save_branch
 from .refold import ReplayedFrame as ReplayedFrame
 from .refold import replay as replay
 from .reprocess import Compared as Compared
+from .reprocess import Judged as Judged
 from .reprocess import RecordedFrame as RecordedFrame
 from .reprocess import Reprocessed as Reprocessed
 from .reprocess import Reprocessor as Reprocessor
-from .reprocess import Verdict as Verdict
 from .reprocess import compare as compare
 from .reprocess import read_pixels as read_pixels
 from .reprocess import recorded_frame as recorded_frame

@@ -86,9 +86,9 @@ class _Walk:
     taken: FrameTaken | None = None
     open: _Open | None = None
     followed: dict[int, _Open] = field(default_factory=dict)
-    """Frames without anything from outside after them, which a ruling may have followed again."""
+    """Frames without anything from outside after them, which a decision may have followed again."""
     is_ruled: bool = False
-    """A ruling has come, and none of the frames that it has followed again."""
+    """A decision has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
     def hear(self, record: Record) -> Iterator[RecordedFold]:
@@ -162,7 +162,7 @@ class _Walk:
         self.open = _Open(taken=old.taken, before=before, solution=old.solution)
 
     def _is_loops_own(self, record: Record) -> bool:
-        """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
+        """An instrument that failed, or what a decision came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
             return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled

@@ -183,13 +183,13 @@ class Walk:
     folds: Folds = field(default_factory=Folds)
     hand: HandTrack = field(default_factory=HandTrack)
     is_by_hand: bool = False
-    """The last ruling was on a frame that nobody followed."""
+    """The last decision was on a frame that nobody followed."""
     again: dict[int, Fold] = field(default_factory=dict)
-    """Frames that a ruling has had followed again, by number."""
+    """Frames that a decision has had followed again, by number."""
     open_again: tuple[Fold, list[Record]] | None = None
     """One of them whose records still come in."""
     is_ruled: bool = False
-    """A ruling has come, and none of the frames that it has followed again."""
+    """A decision has come, and none of the frames that it has followed again."""
     part: Part = "other"
     """What the record heard last is to the fold."""
 
@@ -222,7 +222,7 @@ class Walk:
             case Ruling() | FollowedAgain():
                 yield from self.close()
                 self.is_ruled = isinstance(record, Ruling)
-                self._hear_ruling(record)
+                self._receive_decision(record)
             case ParameterChange():
                 yield from self.close()
                 if record.name not in self.held:
@@ -258,7 +258,7 @@ class Walk:
                 assert_never(record)
 
     def _hold(self, begun: OperatorAction) -> None:
-        """A frame is kept to be marked in, or no longer, where nobody can know it by a ruling."""
+        """A frame is kept to be marked in, or no longer, where nobody can know it by a decision."""
         frame_id = begun.arguments.get("frame")
         if begun.outcome.kind != "done" or not isinstance(frame_id, int):
             return
@@ -292,7 +292,7 @@ class Walk:
         return "input"
 
     def _is_loops_own(self, record: Record) -> bool:
-        """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
+        """An instrument that failed, or what a decision came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
             return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled
@@ -342,7 +342,7 @@ class Walk:
             self.is_another_night, self.orbits = True, orbits
         return frame
 
-    def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:
+    def _receive_decision(self, record: Ruling | FollowedAgain) -> None:
         """The operator's word: what is followed is what it leads to."""
         if isinstance(record, FollowedAgain):
             done = self.again.pop(record.frame_id, None)

@@ -78,7 +78,7 @@ class RecordedFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Judged:
     """A candidate and what the detector said of it."""
 
     detection: Detection
@@ -91,15 +91,15 @@ class Verdict:
 class Compared:
     """One candidate then and now; one of them is missing where only the other saw it."""
 
-    was: Verdict | None
-    now: Verdict | None
+    was: Judged | None
+    now: Judged | None
 
     @property
     def shown(self) -> Detection:
         """Where it is: as seen now, or then where it is not seen any more."""
-        verdict = self.now or self.was
-        assert verdict is not None
-        return verdict.detection
+        judged = self.now or self.was
+        assert judged is not None
+        return judged.detection
 
     @property
     def is_as_recorded(self) -> bool:
@@ -311,29 +311,29 @@ def _on_record(solution: Solution | NotSolved | None) -> Plate:
 
 def compare(was: Detections | None, now: Detections | None) -> tuple[Compared, ...]:
     """Candidates then and now, those of one streak side by side, most confident first."""
-    left = list(verdicts(was))
+    left = list(judged_candidates(was))
     pairs: list[Compared] = []
-    for verdict in verdicts(now):
-        same = [other for other in left if is_same_streak(verdict.detection, other.detection)]
-        nearest = min(same, key=lambda other: _away_px(verdict, other), default=None)
+    for judged in judged_candidates(now):
+        same = [other for other in left if is_same_streak(judged.detection, other.detection)]
+        nearest = min(same, key=lambda other: _away_px(judged, other), default=None)
         if nearest is not None:
             left.remove(nearest)
-        pairs.append(Compared(was=nearest, now=verdict))
-    pairs += [Compared(was=verdict, now=None) for verdict in left]
+        pairs.append(Compared(was=nearest, now=judged))
+    pairs += [Compared(was=judged, now=None) for judged in left]
     return tuple(sorted(pairs, key=lambda pair: -_highest(pair)))
 
 
-def verdicts(found: Detections | None) -> Iterable[Verdict]:
+def judged_candidates(found: Detections | None) -> Iterable[Judged]:
     """All that the detector held possible in a frame, and what it said of each."""
     if found is None:
         return
     for each in found.detections:
-        yield Verdict(detection=each, is_taken=True, reason="")
+        yield Judged(detection=each, is_taken=True, reason="")
     for one in found.rejected:
-        yield Verdict(detection=one.detection, is_taken=False, reason=text(one.reason))
+        yield Judged(detection=one.detection, is_taken=False, reason=text(one.reason))
 
 
-def _away_px(one: Verdict, other: Verdict) -> float:
+def _away_px(one: Judged, other: Judged) -> float:
     a, b = one.detection, other.detection
     return max(abs(a.x_px - b.x_px), abs(a.y_px - b.y_px))
 

@@ -112,7 +112,7 @@ class Telling:
         self._is_void = False
         """Behind a frame that is not followed again here: what that had led to is left out."""
         self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
-        """A ruling whose change of state has not been told, and the states before and after."""
+        """A decision whose change of state has not been told, and the states before and after."""
 
     def hear(self, t_utc_ns: int, record: Record) -> None:
         """One record more."""
@@ -193,16 +193,16 @@ class Telling:
             self._tell(t_utc_ns, record)
 
     def _tell_ruled(self, recorded: StateChange | None = None) -> None:
-        """The change of state that a ruling leads to, if it does."""
+        """The change of state that a decision leads to, if it does."""
         if self._ruled is None:
             return
-        t_utc_ns, ruling, before, after = self._ruled
+        t_utc_ns, decision, before, after = self._ruled
         self._ruled = None
         if before == after:
             return
         again = Cause(kind="operator's word", detail="followed again by the operator's word")
         reason = again if recorded is None else recorded.reason
-        change = StateChange(frame_id=ruling.frame_id, before=before, after=after, reason=reason)
+        change = StateChange(frame_id=decision.frame_id, before=before, after=after, reason=reason)
         self._tell(t_utc_ns, change)
 
     def _at_instant(self, measurement: Measurement) -> Measurement:

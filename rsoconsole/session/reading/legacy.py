@@ -179,7 +179,7 @@ def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a
             measurement = _named(record.measurement, ids.measurements[0])
             return replace(record, measurement=measurement, track_id=ids.track_id)
         case Ruling():
-            return _ruling(record, ids.measurements)
+            return _decision(record, ids.measurements)
         case TrackState():
             is_initial = record.kind == "initial" and len(ids.measurements) > 1
             return replace(
@@ -218,7 +218,7 @@ def in_columns(row: dict[str, Any], ids: Ids) -> dict[str, Any]:
     return row | {column: value for column, value in told.items() if column in row}
 
 
-def _ruling(record: Ruling, ids: tuple[str, ...]) -> Ruling:
+def _decision(record: Ruling, ids: tuple[str, ...]) -> Ruling:
     taken, refused = record.taken, ids
     if taken is not None:
         taken, refused = _named(taken, ids[0]), ids[1:]
@@ -238,14 +238,14 @@ class _Frame:
     """How many tracks had begun before it."""
     measured: list[Measurement] = field(default_factory=list)
     """Under their ids."""
-    rulings: int = 0
-    ruling: Ruling | None = None
+    decisions: int = 0
+    decision: Ruling | None = None
     predicted: TrackState | None = None
 
     def id_of(self, measurement: Measurement) -> str:
         """The id that it has, or gets: new is only what an operator has marked."""
         known = (m.measurement_id for m in self.measured if _named(m, "") == measurement)
-        marked = mark_id_of(measurement.frame_id, self.rulings - 1)
+        marked = mark_id_of(measurement.frame_id, self.decisions - 1)
         return next(known, marked)
 
 
@@ -259,7 +259,7 @@ class IdGiver:
         self._track_id: int | None = None
         """Of the frame whose records come in."""
         self._is_ruled = False
-        """A ruling has come, and none of the frames that it has followed again."""
+        """A decision has come, and none of the frames that it has followed again."""
         self._alarms: set[str] = set()
         """Said since the last frame came."""
 
@@ -325,11 +325,11 @@ class IdGiver:
 
     def _ruled(self, record: Ruling) -> Ids:
         frame = self._frame(record.frame_id)
-        frame.rulings += 1
+        frame.decisions += 1
         self._is_ruled = True
         spoken_of = (() if record.taken is None else (record.taken,)) + record.refused
         names = tuple(frame.id_of(each) for each in spoken_of)
-        frame.ruling = _ruling(record, names)
+        frame.decision = _decision(record, names)
         return Ids(measurements=names)
 
     def _begin_again(self, record: FollowedAgain) -> None:
@@ -370,10 +370,10 @@ class IdGiver:
 
 def _taken(frame: _Frame, corrected: TrackState) -> Measurement | None:
     """The one that the innovation speaks of; what the operator chose where there was a choice."""
-    ruling = frame.ruling
-    if ruling is not None and ruling.taken is not None:
-        return ruling.taken
-    refused = () if ruling is None else ruling.refused
+    decision = frame.decision
+    if decision is not None and decision.taken is not None:
+        return decision.taken
+    refused = () if decision is None else decision.refused
     candidates: Iterable[Measurement] = [m for m in frame.measured if m not in refused]
     predicted = None if corrected.kind == "initial" else frame.predicted
     place = measured_direction_deg(corrected, predicted)

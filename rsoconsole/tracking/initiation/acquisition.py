@@ -49,8 +49,8 @@ def acquire(
 
     The most confident one that has a partner leads; of those as good as certain, the one whose
     place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
-    no satellite, starts none unless the operator chose it. Every measurement hears its verdict
-    once: a candidate that waits for a second frame hears it with that frame.
+    no satellite, starts none unless the operator chose it. The reason why a measurement is not
+    taken is recorded once: of a candidate that waits for a second frame, with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
     usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)

@@ -29,7 +29,7 @@ from rsoconsole.engine.operator.hand_marks import (
     by_hand_result,
     detection_of,
     figure,
-    marked_ruling,
+    marked_decision,
     measured,
     refined_as,
     result_of,
@@ -37,7 +37,7 @@ from rsoconsole.engine.operator.hand_marks import (
     with_figures,
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
-from rsoconsole.engine.operator.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
+from rsoconsole.engine.operator.track_decisions import frame_of, on_track, ruled_of, with_tracks_of
 from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.pipeline.cycle import Cycle, Shown
 from rsoconsole.pipeline.frame import refined_mark
@@ -86,7 +86,7 @@ class Frames(Protocol):
         """It need not be kept any more."""
 
 
-class Verdicts:
+class Decisions:
     """Takes the operator's word on a frame, and has what it changes followed again."""
 
     def __init__(
@@ -108,8 +108,8 @@ class Verdicts:
         """Its commands."""
         handler = Handler(check=self._check, execute=self._rule)
         mark = Handler(check=self._check_mark, execute=self._rule)
-        verdicts = (Choose, Accept, Reject, TakeBack, Drop, Keep)
-        return {MarkByHand: mark, **dict.fromkeys(verdicts, handler)}
+        commands = (Choose, Accept, Reject, TakeBack, Drop, Keep)
+        return {MarkByHand: mark, **dict.fromkeys(commands, handler)}
 
     @property
     def frame_ids(self) -> tuple[int, ...]:
@@ -147,11 +147,11 @@ class Verdicts:
             self._marked_pixels = dict(kept) if pixels is None else {**dict(kept), frame_id: pixels}
         return frame_id
 
-    def _check(self, decision: Decision, by: str) -> Accepted:
+    def _check(self, command: Decision, by: str) -> Accepted:
         """Refused at once where it can be seen that it must be."""
-        ruling = self._ruling(decision, by)
+        decision = self._decision(command, by)
         # The frame it was said of: another may be there before the loop comes to it.
-        pinned = replace(decision, frame_id=ruling.frame_id)
+        pinned = replace(command, frame_id=decision.frame_id)
         return Accepted(message="taken up with the next frame", command=pinned)
 
     def _check_mark(self, mark: MarkByHand, by: str) -> Accepted:
@@ -159,12 +159,12 @@ class Verdicts:
 
         Raises RefusedError, which a console may answer with the same mark that ``replaces``.
         """
-        ruling = self._ruling(mark, by)
-        shown = self._frames.shown(ruling.frame_id)
-        pinned, how = replace(mark, frame_id=ruling.frame_id), "no light stands out beneath it"
-        marked = self._marked_pixels.get(ruling.frame_id)
-        pixels = self._pixels_of(ruling.frame_id) if marked is None else marked
-        rough = detection_of(pinned, ruling.frame_id)
+        decision = self._decision(mark, by)
+        shown = self._frames.shown(decision.frame_id)
+        pinned, how = replace(mark, frame_id=decision.frame_id), "no light stands out beneath it"
+        marked = self._marked_pixels.get(decision.frame_id)
+        pixels = self._pixels_of(decision.frame_id) if marked is None else marked
+        rough = detection_of(pinned, decision.frame_id)
         if pixels is None:
             how = "the frame's pixels are not kept: it stays as you made it"
         else:
@@ -172,13 +172,13 @@ class Verdicts:
             found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
             if found is not None:
                 pinned, how = refined_as(pinned, found), "refined on the light beneath it"
-        ruling = self._ruling(pinned, by)
-        assert ruling.taken is not None
-        sigma = sigma_arcsec(ruling.taken)
-        better = better_known(ruling.taken, shown, self._frames.taken(ruling.frame_id))
+        decision = self._decision(pinned, by)
+        assert decision.taken is not None
+        sigma = sigma_arcsec(decision.taken)
+        better = better_known(decision.taken, shown, self._frames.taken(decision.frame_id))
         if better is not None and not mark.replaces:
             raise RefusedError(
-                f"yours is good to ±{figure(sigma)}″ ({how}); frame {ruling.frame_id} has it to"
+                f"yours is good to ±{figure(sigma)}″ ({how}); frame {decision.frame_id} has it to"
                 f" ±{figure(sigma_arcsec(better))}″: mark it as replacing that",
                 {
                     "asks": "replaces",
@@ -190,35 +190,35 @@ class Verdicts:
         message = f"taken up with the next frame: ±{figure(sigma)}″, {how}"
         return Accepted(message=message, command=pinned)
 
-    def _rule(self, decision: Decision, by: str) -> CommandResult:
+    def _rule(self, command: Decision, by: str) -> CommandResult:
         """In force for the order after the next frame. Gives what came of it."""
-        ruling = self._ruling(decision, by)
-        if not isinstance(decision, MarkByHand):
-            return self._follow_again(decision, ruling)
-        frame_id, mark = ruling.frame_id, ruling.taken
+        decision = self._decision(command, by)
+        if not isinstance(command, MarkByHand):
+            return self._follow_again(command, decision)
+        frame_id, mark = decision.frame_id, decision.taken
         self._marked_pixels = {n: p for n, p in self._marked_pixels.items() if n != frame_id}
         assert mark is not None
         shown, taken = self._frames.shown(frame_id), self._frames.taken(frame_id)
-        result = self._follow_again(decision, ruling)
+        result = self._follow_again(command, decision)
         return with_figures(result, mark, automatic_of(mark, shown, taken))
 
-    def _follow_again(self, decision: Decision, ruling: Ruling) -> CommandResult:
-        """By a ruling, in whatever state this is."""
+    def _follow_again(self, command: Decision, decision: Ruling) -> CommandResult:
+        """By a decision, in whatever state this is."""
         before = self._control.following
         if not self._control.authority.is_autonomous:
-            return self._rule_by_hand(ruling)
-        after, records = self._cycle.rule(ruling)
-        result = result_of(ruling, records)
-        if isinstance(decision, Drop | Keep):
-            result = replace(result, ruled=ruled_of(decision), left_alone=0)
+            return self._rule_by_hand(decision)
+        after, records = self._cycle.rule(decision)
+        result = result_of(decision, records)
+        if isinstance(command, Drop | Keep):
+            result = replace(result, ruled=ruled_of(command), left_alone=0)
         others = {each.track.track_id for each in before.tracks[1:]}
-        if ruling.taken is not None and after.track_id in others:
-            result = CommandResult(kind="ruled", ruled="leads", frame_id=ruling.frame_id)
-        self._session_log.append(ruling)
+        if decision.taken is not None and after.track_id in others:
+            result = CommandResult(kind="ruled", ruled="leads", frame_id=decision.frame_id)
+        self._session_log.append(decision)
         if after.state != before.state:
             # Before the first frame that is followed again: behind it stand the fold's own.
             change = StateChange(
-                frame_id=ruling.frame_id,
+                frame_id=decision.frame_id,
                 before=before.state,
                 after=after.state,
                 reason=Cause(kind="operator's word", detail=text(result)),
@@ -229,26 +229,26 @@ class Verdicts:
         self._control.happen(Followed(after=after))
         return result
 
-    def _rule_by_hand(self, ruling: Ruling) -> CommandResult:
+    def _rule_by_hand(self, decision: Ruling) -> CommandResult:
         """Of a frame that nobody followed: what is kept is what the marks make of it."""
         authority = self._control.authority
         kept, records = self._cycle.rule_by_hand(
-            ruling, authority.kept, authority.following.last_track_id
+            decision, authority.kept, authority.following.last_track_id
         )
         for record in records:
             self._session_log.append(record)
         self._control.happen(Marked(kept=kept))
-        return by_hand_result(ruling, records)
+        return by_hand_result(decision, records)
 
-    def _ruling(self, decision: Decision, by: str) -> Ruling:
+    def _decision(self, command: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
-        if isinstance(decision, Drop | Keep) and not self._control.authority.is_autonomous:
+        if isinstance(command, Drop | Keep) and not self._control.authority.is_autonomous:
             raise ValueError("nothing is followed: autonomy does not have the mount")
-        if isinstance(decision, Drop | Keep):
-            of = frame_of(decision, self._cycle.folds.rulings())
-            decision = replace(decision, frame_id=of)
-        return ruling_of(
-            decision,
+        if isinstance(command, Drop | Keep):
+            of = frame_of(command, self._cycle.folds.decisions())
+            command = replace(command, frame_id=of)
+        return decision_of(
+            command,
             by=by,
             folds=self._frames,
             following=self._control.following,
@@ -256,46 +256,46 @@ class Verdicts:
         )
 
 
-def ruling_of(
-    decision: Decision, *, by: str, folds: Frames, following: Following, config: Config
+def decision_of(
+    command: Decision, *, by: str, folds: Frames, following: Following, config: Config
 ) -> Ruling:
-    """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
-    match decision:
+    """The operator's word as a decision. Raises ValueError where it cannot be one."""
+    match command:
         case Drop() | Keep():
-            return on_track(decision, _frame(decision, folds), following, by, config)
+            return on_track(command, _frame(command, folds), following, by, config)
         case TakeBack():
-            return _take_back(decision, folds, by)
-    made = _on_streaks(decision, by, folds, following, config)
-    return with_tracks_of(made, folds.shown(made.frame_id).ruling)
+            return _take_back(command, folds, by)
+    made = _on_streaks(command, by, folds, following, config)
+    return with_tracks_of(made, folds.shown(made.frame_id).decision)
 
 
 def _on_streaks(
-    decision: Decision, by: str, folds: Frames, following: Following, config: Config
+    command: Decision, by: str, folds: Frames, following: Following, config: Config
 ) -> Ruling:
-    match decision:
+    match command:
         case Choose():
-            return _choose(_frame(decision, folds), decision, by, config)
+            return _choose(_frame(command, folds), command, by, config)
         case Accept():
-            return _accept(_frame(decision, folds), folds, by, config)
+            return _accept(_frame(command, folds), folds, by, config)
         case Reject():
-            return _reject(decision, folds, following, by)
+            return _reject(command, folds, following, by)
         case MarkByHand():
-            return marked_ruling(_frame(decision, folds), decision, by, config)
-    raise TypeError(f"{decision.verb} is no word on a frame")
+            return marked_decision(_frame(command, folds), command, by, config)
+    raise TypeError(f"{command.verb} is no word on a frame")
 
 
-def _take_back(decision: TakeBack, folds: Frames, by: str) -> Ruling:
+def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
     """What the detector saw alone counts for a frame again."""
-    frame_id = folds.said_last() if decision.frame_id is None else decision.frame_id
+    frame_id = folds.said_last() if command.frame_id is None else command.frame_id
     if frame_id is None:
         raise ValueError("nothing has been said of the last frames that could be taken back")
-    if folds.shown(frame_id).ruling is None:
+    if folds.shown(frame_id).decision is None:
         raise ValueError(f"nothing was said of frame {frame_id} that could be taken back")
     return Ruling(frame_id=frame_id, by=by)
 
 
-def _frame(decision: Decision, folds: Frames) -> Shown:
-    return folds.newest() if decision.frame_id is None else folds.shown(decision.frame_id)
+def _frame(command: Decision, folds: Frames) -> Shown:
+    return folds.newest() if command.frame_id is None else folds.shown(command.frame_id)
 
 
 def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
@@ -314,7 +314,7 @@ def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
 
 def _accept(shown: Shown, folds: Frames, by: str, config: Config) -> Ruling:
     """The likeliest streak that was not taken is taken."""
-    refused = shown.ruling.refused if shown.ruling is not None else ()
+    refused = shown.decision.refused if shown.decision is not None else ()
     already = folds.taken(shown.taken.frame_id)
     out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
     measured = [m for m in shown.measurements if (m.x_px, m.y_px) not in out]
@@ -351,7 +351,7 @@ def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> 
     if taken is None:
         raise ValueError("nothing has been taken that could be rejected")
     shown = folds.shown(taken.frame_id)
-    before = shown.ruling.refused if shown.ruling is not None else ()
+    before = shown.decision.refused if shown.decision is not None else ()
     return Ruling(frame_id=taken.frame_id, refused=(*before, taken), by=by)
 
 

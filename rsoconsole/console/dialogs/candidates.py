@@ -26,7 +26,7 @@ MOST_REJECTED = 12
 """The likeliest ones: of the others nobody will ask."""
 
 
-class VerdictsDialog(Dialog[None]):
+class CandidatesDialog(Dialog[None]):
     """The streaks of one frame, the likeliest first; of two frames, one after the other."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -71,10 +71,10 @@ class VerdictsDialog(Dialog[None]):
             "Back on the screen, in the newest frame: {} follows the next one,"
             " {} takes the likeliest, {} rejects.".format(*self._keys)
         )
-        self.query_one(Static).update("\n".join([*verdict_lines(detail, self._tau), "", help_]))
+        self.query_one(Static).update("\n".join([*candidate_lines(detail, self._tau), "", help_]))
 
 
-def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
+def candidate_lines(detail: FrameDetail, tau: float) -> list[str]:
     """One line a streak and one for the reason."""
     found = detail.detections
     if found is None:

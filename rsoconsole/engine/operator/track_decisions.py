@@ -1,4 +1,4 @@
-"""The operator's word on one of the tracks: a ruling on the frame that it is said of. Pure."""
+"""The operator's word on one of the tracks: a decision on the frame that it is said of. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ def on_track(
     Raises ValueError where the track is none that is followed.
     """
     frame_id = shown.taken.frame_id
-    before = shown.ruling or Ruling(frame_id=frame_id)
+    before = shown.decision or Ruling(frame_id=frame_id)
     number = word.track
     if isinstance(word, Drop) and word.off:
         left = tuple(each for each in before.dropped if each != number)
@@ -46,14 +46,14 @@ def on_track(
     return replace(before, kept=(*kept, number), released=released, by=by)
 
 
-def frame_of(word: Drop | Keep, rulings: Sequence[Ruling]) -> int | None:
+def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
     """The frame on which a word is, where it takes back another; None: where it says.
 
     Raises ValueError where there is nothing to take back.
     """
     if not (isinstance(word, Drop) and word.off):
         return word.frame_id
-    found = [each.frame_id for each in rulings if word.track in each.dropped]
+    found = [each.frame_id for each in decisions if word.track in each.dropped]
     if not found:
         raise ValueError(
             f"track {word.track} has not been dropped in the last frames:"
@@ -62,11 +62,11 @@ def frame_of(word: Drop | Keep, rulings: Sequence[Ruling]) -> int | None:
     return found[-1]
 
 
-def with_tracks_of(ruling: Ruling, before: Ruling | None) -> Ruling:
+def with_tracks_of(decision: Ruling, before: Ruling | None) -> Ruling:
     """A word on a frame's streaks; what was said of tracks in that frame stands."""
     if before is None:
-        return ruling
-    return replace(ruling, dropped=before.dropped, kept=before.kept, released=before.released)
+        return decision
+    return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
 def ruled_of(word: Drop | Keep) -> RuledKind:

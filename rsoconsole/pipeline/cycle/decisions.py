@@ -31,11 +31,11 @@ class Fold:
     folded: Folded
 
 
-def on_record_again(ruling: Ruling, again: tuple[Fold, ...]) -> tuple[Record, ...]:
-    """A ruling and all that it leads to, in the order of the record."""
-    records: list[Record] = [ruling]
-    if ruling.taken is not None and ruling.taken.source == "operator":
-        records.append(ruling.taken)
+def on_record_again(decision: Ruling, again: tuple[Fold, ...]) -> tuple[Record, ...]:
+    """A decision and all that it leads to, in the order of the record."""
+    records: list[Record] = [decision]
+    if decision.taken is not None and decision.taken.source == "operator":
+        records.append(decision.taken)
     for each in again:
         records.append(FollowedAgain(frame_id=each.shown.taken.frame_id))
         records.extend(each.folded.records)
@@ -74,7 +74,7 @@ class Folds:
     def let_go(self, frame_id: int) -> None:
         """It need not be kept any more (any thread)."""
         with self._lock:
-            is_ruled = any(r.frame_id == frame_id for r in self.rulings())
+            is_ruled = any(r.frame_id == frame_id for r in self.decisions())
             (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
 
     def forget(self) -> None:
@@ -94,12 +94,12 @@ class Folds:
 
     def said_last(self) -> int | None:
         """The newest frame that a word was said on; None where there is none."""
-        said = [f.shown.taken.frame_id for f in self._open() if f.shown.ruling is not None]
+        said = [f.shown.taken.frame_id for f in self._open() if f.shown.decision is not None]
         return said[-1] if said else None
 
-    def rulings(self) -> tuple[Ruling, ...]:
+    def decisions(self) -> tuple[Ruling, ...]:
         """The operator's words on these frames, oldest first."""
-        return tuple(f.shown.ruling for f in self._open() if f.shown.ruling is not None)
+        return tuple(f.shown.decision for f in self._open() if f.shown.decision is not None)
 
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""
@@ -122,21 +122,21 @@ class Folds:
             if n >= first or each.shown.taken.frame_id in self._held
         )
 
-    def rule(self, ruling: Ruling) -> tuple[Fold, ...]:
+    def rule(self, decision: Ruling) -> tuple[Fold, ...]:
         """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
-        place = _place(self._folds, ruling.frame_id)
+        place = _place(self._folds, decision.frame_id)
         before = self._folds[place].before
         again: list[Fold] = []
         for old in self._folds[place:]:
             shown = old.shown
             if not again:
-                shown = replace(shown, ruling=ruling, rulings=shown.rulings + 1)
+                shown = replace(shown, decision=decision, decisions=shown.decisions + 1)
             folded = fold(before, old.stars_before, shown, old.config)
             again.append(replace(old, before=before, shown=shown, folded=folded))
             before = folded.following
         self._folds = (*self._folds[:place], *again)
         with self._lock:
-            self._held.ruled(ruling.frame_id)
+            self._held.ruled(decision.frame_id)
         return tuple(again)
 
     def _fold(self, frame_id: int) -> Fold:

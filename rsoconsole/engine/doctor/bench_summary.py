@@ -12,7 +12,7 @@ SIDEREAL_DEG_S = 15.041 / 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchVerdict:
+class BenchSummary:
     """One configured cycle, added up with what was measured."""
 
     exposure_s: float
@@ -40,7 +40,7 @@ class BenchVerdict:
         return self.is_held and self.is_recorded
 
 
-def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int) -> BenchVerdict:
+def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int) -> BenchSummary:
     """Add a cycle up: shutter, exposure, read-out, processing, slew.
 
     The recording runs beside the loop, but it shares the processor: it counts as kept up only
@@ -60,7 +60,7 @@ def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int)
         recording_s = (disk_ms + compress_ms) / 1e3
     cycle_s = max(exposure.cadence_s, shortest_s)
     outlook = disk_outlook(config, free_bytes, now_utc_ns, float(result.compressed_bytes))
-    return BenchVerdict(
+    return BenchSummary(
         exposure_s=exposure.exposure_s,
         cadence_s=exposure.cadence_s,
         processing_s=processing_s,
@@ -76,36 +76,36 @@ def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int)
     )
 
 
-def verdict_lines(verdict: BenchVerdict) -> list[str]:
+def summary_lines(summary: BenchSummary) -> list[str]:
     """For a person to read, with what to do where it is not enough."""
     sum_words = (
-        f"exposure {verdict.exposure_s:g} s + processing {verdict.processing_s:.2f} s + slew "
-        f"{verdict.slew_s:.1f} s + shutter and read-out = {verdict.shortest_cadence_s:.1f} s"
+        f"exposure {summary.exposure_s:g} s + processing {summary.processing_s:.2f} s + slew "
+        f"{summary.slew_s:.1f} s + shutter and read-out = {summary.shortest_cadence_s:.1f} s"
     )
-    what = f"exposures of {verdict.exposure_s:g} s every {verdict.cadence_s:g} s"
-    if verdict.is_held:
-        spare_s = verdict.cadence_s - verdict.shortest_cadence_s
+    what = f"exposures of {summary.exposure_s:g} s every {summary.cadence_s:g} s"
+    if summary.is_held:
+        spare_s = summary.cadence_s - summary.shortest_cadence_s
         lines = [f"{what}: held, {spare_s:.1f} s to spare ({sum_words})"]
     else:
         lines = [
             f"{what}: NOT held ({sum_words}): set exposure.cadence_s to at least "
-            f"{verdict.shortest_cadence_s:.1f}, or exposures shorter"
+            f"{summary.shortest_cadence_s:.1f}, or exposures shorter"
         ]
-    longest = f"longest exposure at this cadence {verdict.longest_exposure_s:.1f} s"
-    if verdict.longest_exposure_s <= 0.0:
+    longest = f"longest exposure at this cadence {summary.longest_exposure_s:.1f} s"
+    if summary.longest_exposure_s <= 0.0:
         longest = "at this cadence there is no time to expose"
-    lines.append(f"shortest cadence at this exposure {verdict.shortest_cadence_s:.1f} s, {longest}")
-    lines.append(_recording_line(verdict))
+    lines.append(f"shortest cadence at this exposure {summary.shortest_cadence_s:.1f} s, {longest}")
+    lines.append(_recording_line(summary))
     return lines
 
 
-def _recording_line(verdict: BenchVerdict) -> str:
-    night = f"up to {verdict.night_mb:.0f} MB a night, {verdict.frame_mb:.1f} MB a frame"
-    if verdict.recording_s is None:
+def _recording_line(summary: BenchSummary) -> str:
+    night = f"up to {summary.night_mb:.0f} MB a night, {summary.frame_mb:.1f} MB a frame"
+    if summary.recording_s is None:
         return f"recording: {night}; not measured, or no frames are kept"
-    rate = "" if verdict.disk_mb_s is None else f"; the disk takes {verdict.disk_mb_s:.0f} MB/s"
-    words = f"{night}{rate}; {verdict.recording_s:.2f} s to compress and write a frame"
-    if verdict.is_recorded:
+    rate = "" if summary.disk_mb_s is None else f"; the disk takes {summary.disk_mb_s:.0f} MB/s"
+    words = f"{night}{rate}; {summary.recording_s:.2f} s to compress and write a frame"
+    if summary.is_recorded:
         return f"recording: kept up, {words}"
     return (
         f"recording: NOT kept up, {words}: frames would be given up; set session.root to a faster "
