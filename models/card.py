@@ -121,14 +121,14 @@ def _lost(lost: Any) -> str:
 
 
 def _confidence(figures: Any, card: Any) -> str:
-    told = figures["reliability"]
-    if told is None:
+    reliability = figures["reliability"]
+    if reliability is None:
         return "The card states no population."
     shares = card["measured_confidence"]["population"]["shares_of_frames"]
     mix = ", ".join(f"{share:.0%} {name}" for name, share in shares.items())
     text = (
         f"In a population of frames ({mix}) of which one clear or cloudy frame in "
-        f"{told['one_frame_with_satellites_in']} holds one to three satellites:"
+        f"{reliability['one_frame_with_satellites_in']} holds one to three satellites:"
     )
     lines = [
         [
@@ -137,7 +137,7 @@ def _confidence(figures: Any, card: Any) -> str:
             f"{each['share']:.3f}",
             f"{each['true']} of {each['candidates']}",
         ]
-        for each in told["bins"]
+        for each in reliability["bins"]
     ]
     head = ["confidence", "mean said", "share true (weighed)", "true of candidates (as drawn)"]
     return f"{text}\n\n{_table(head, lines)}"
@@ -187,21 +187,21 @@ def _times(times: Any, network: str) -> str:
 
 
 def _peers(peers: Any, network: str) -> str:
-    told = (peers or {}).get("drawn", {})
-    if told.get("network") != network:
+    drawn = (peers or {}).get("drawn", {})
+    if drawn.get("network") != network:
         return "Not measured with this network yet: `python -m tests.bench.bench_peers`."
-    low, high = told["lengths_px"]
+    low, high = drawn["lengths_px"]
     text = (
         f"On one set of frames, streaks of {low:g} to {high:g} px, as many in each range of "
         "signal to noise, aircraft among them; average precision / recall at one false detection "
         "in ten frames. Every peer at the settings that served it best on "
-        f"{told['tuned_on']} frames of other seeds; the slow ones looked at the first "
-        f"{told['first_frames']}, too few for a recall."
+        f"{drawn['tuned_on']} frames of other seeds; the slow ones looked at the first "
+        f"{drawn['first_frames']}, too few for a recall."
     )
-    peers_told = told["peers"]
-    ranges = [key for key in next(iter(peers_told.values()))["all"] if key != "all"]
+    by_peer = drawn["peers"]
+    ranges = [key for key in next(iter(by_peer.values()))["all"] if key != "all"]
     lines = []
-    for name, each in peers_told.items():
+    for name, each in by_peer.items():
         every, failed = each["all"]["all"], len(each["failed"])
         is_short = every["frames"] < _FEWEST_FOR_RECALL
         cells = (each["all"][key] for key in ranges)
@@ -224,8 +224,8 @@ def _two(value: float | None, digits: int = 2) -> str:
 
 
 def _training(card: Any) -> str:
-    told = {**card.get("training", {}), **card.get("calibration", {})}
-    return "; ".join(f"{name} {value}" for name, value in told.items()) or "Not told."
+    facts = {**card.get("training", {}), **card.get("calibration", {})}
+    return "; ".join(f"{name} {value}" for name, value in facts.items()) or "Not stated."
 
 
 def read_json(path: Path) -> Any:

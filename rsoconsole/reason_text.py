@@ -18,8 +18,8 @@ from rsoconsole.reasons import (
     RuledKind,
     SlewRefusal,
     SlewRefusalKind,
-    Told,
     TrackLost,
+    Unclassified,
 )
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
@@ -130,7 +130,7 @@ _MISSED: dict[MissKind, str] = {
 def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
     """The sentence."""
     match reason:
-        case Told():
+        case Unclassified():
             return reason.words
         case BelowTau():
             return f"confidence {reason.confidence:.2f} below tau {reason.tau:.2f}"
@@ -287,13 +287,13 @@ def _hidden_by(hidden: HiddenBy) -> str:
 
 def _slew_refused(refusal: SlewRefusal) -> str:
     by = 0.0 if refusal.by_deg is None else refusal.by_deg
-    told_by = f"{by:.1f}" if by >= 0.1 else f"{by:.3f}"
+    by_text = f"{by:.1f}" if by >= 0.1 else f"{by:.3f}"
     later = "" if refusal.later_s is None else f", {refusal.later_s:.0f} s from now"
     return _SLEW_REFUSED[refusal.kind].format(
         # An angle of -0.0 keeps its sign.
         value=0.0 if refusal.value_deg is None else refusal.value_deg,
         bound=0.0 if refusal.bound_deg is None else refusal.bound_deg,
-        by="less than 0.001" if by < 0.001 else told_by,
+        by="less than 0.001" if by < 0.001 else by_text,
         azimuth=0.0 if refusal.azimuth_deg is None else refusal.azimuth_deg,
         side=refusal.side,
         later=later,

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class Unclassified:
     """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
 
     words: str
@@ -205,7 +205,7 @@ class SlewRefusal:
             kind=kind,
             value_deg=_tenths(value_deg),
             bound_deg=_tenths(bound_deg),
-            by_deg=_as_told(abs(value_deg - bound_deg)),
+            by_deg=_rounded(abs(value_deg - bound_deg)),
             azimuth_deg=None if azimuth_deg is None else _whole(azimuth_deg),
             side=side,
             later_s=_whole(later_s) if later_s >= 1.0 else None,
@@ -226,7 +226,7 @@ class SlewRefusal:
         return cls(kind=kind, ahead_h=_tenths(ahead_s / 3600.0))
 
 
-def _as_told(distance_deg: float) -> float:
+def _rounded(distance_deg: float) -> float:
     """A distance from a bound with as many digits as it takes to show it."""
     if distance_deg < 0.001:
         return 0.0
@@ -248,7 +248,7 @@ class HiddenBy:
     kind: HiddenKind
     """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
     before, "few stars"; eclipse is "shadow" and "penumbra"."""
-    refusal: SlewRefusal | Told | None = None
+    refusal: SlewRefusal | Unclassified | None = None
     """Of "slew refused": why the slew to the track was."""
     stars: int | None = None
     """Of "fewer stars" and "few stars"."""
@@ -322,9 +322,9 @@ class Missed:
     """"instrument": it failed, and there was nothing to fold."""
     detail: str = ""
     """Of kinds "not solved" and "instrument": what was said, for people."""
-    hidden_by: tuple[HiddenBy | Told, ...] = ()
+    hidden_by: tuple[HiddenBy | Unclassified, ...] = ()
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
-    lost: TrackLost | Told | None = None
+    lost: TrackLost | Unclassified | None = None
     """Why the track ends with it; None where it goes on."""
 
 
@@ -364,7 +364,7 @@ class Cause:
     """By how much the clock was set."""
     detections: int | None = None
     """How many wait for a second frame."""
-    missed: Missed | Told | None = None
+    missed: Missed | Unclassified | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
@@ -442,5 +442,5 @@ Reason: TypeAlias = (
     | TrackLost
     | Cause
     | CommandResult
-    | Told
+    | Unclassified
 )

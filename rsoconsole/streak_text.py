@@ -54,12 +54,12 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
 
 def remarkable(streaks: Iterable[Detection]) -> str:
     """Those that no track begins with, in one line; empty where there are none."""
-    told = [
+    parts = [
         name_of(each)
         for each in streaks
         if each.kind == "crossing" or each.train or each.object_class not in PLAIN
     ]
     return "; ".join(
-        f"{told.count(words)} x {words}" if told.count(words) > 1 else words
-        for words in dict.fromkeys(told)
+        f"{parts.count(words)} x {words}" if parts.count(words) > 1 else words
+        for words in dict.fromkeys(parts)
     )

@@ -1,7 +1,7 @@
 """Says what is waited for while something takes its time: a process, a device, a server.
 
 What waits makes a ``LongWait`` and looks at it now and then; what starts the program listens
-with ``told_to``. Everything said is in the log, too.
+with ``waits_reported_to``. Everything said is in the log, too.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ class LongWait:
 
 
 @contextlib.contextmanager
-def told_to(listener: Callable[[str], None]) -> Iterator[None]:
+def waits_reported_to(listener: Callable[[str], None]) -> Iterator[None]:
     """``listener`` gets every line that is said about waits, on the thread that waits."""
     handler = _Listening(listener)
     level = log.level

@@ -28,7 +28,7 @@ def main(host: str, port: int, device: str, library: str) -> None:
     has_come = threading.Event()
     seen: dict[str, Any] = {}
 
-    def hear(vector: Vector) -> None:
+    def receive(vector: Vector) -> None:
         if vector.blobs and "content" not in seen:
             content = vector.blobs["CCD1"]
             seen["content"] = content if library == "pyindi" else weakref.ref(content)
@@ -36,7 +36,7 @@ def main(host: str, port: int, device: str, library: str) -> None:
             seen["middle"] = sum(content[len(content) // 2 : len(content) // 2 + 100])
             has_come.set()
 
-    client, _ = open_client(library, device, hear)
+    client, _ = open_client(library, device, receive)
     order = {
         "host": host,
         "port": port,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from rsoconsole.reasons import DONE, CommandResult, Told, done
+from rsoconsole.reasons import DONE, CommandResult, Unclassified, done
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -56,7 +56,10 @@ def _refusal(writer: SessionWriter, n: int) -> None:
     if n % REFUSALS == 0:
         seen = geo_measurement(n, cadence_s=night.CADENCE_S, confidence=0.62)
         refused = NotFollowed(
-            frame_id=n, measurement=seen, reason=Told(words="NIS 31 above the gate"), nis=31.0
+            frame_id=n,
+            measurement=seen,
+            reason=Unclassified(words="NIS 31 above the gate"),
+            nis=31.0,
         )
         writer.append(refused, night.t_of(n))
 
@@ -96,7 +99,9 @@ def _decision(writer: SessionWriter, n: int) -> None:
         writer.append(FollowedAgain(frame_id=again), ns)
         writer.append(night.state_of(again, ra, dec, "predicted"), ns)
         if again == ruled:
-            writer.append(Miss(frame_id=again, reason=Told(words="rejected by the operator")), ns)
+            writer.append(
+                Miss(frame_id=again, reason=Unclassified(words="rejected by the operator")), ns
+            )
         else:
             named = geo_measurement(again, cadence_s=night.CADENCE_S).measurement_id
             writer.append(night.state_of(again, ra, dec, "updated", named), ns)
@@ -108,7 +113,10 @@ def _loss(writer: SessionWriter, n: int) -> None:
         ns = night.t_of(n) + 8 * 10**9
         for before, after in (("TRACK", "LOST"), ("LOST", "SEARCH"), ("SEARCH", "TRACK")):
             change = StateChange(
-                frame_id=n, before=before, after=after, reason=Told(words="3 sigma of 40\u2032")
+                frame_id=n,
+                before=before,
+                after=after,
+                reason=Unclassified(words="3 sigma of 40\u2032"),
             )  # type: ignore[arg-type]
             writer.append(change, ns)
             ns += 60 * 10**9 // 10

@@ -112,7 +112,7 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
     is_old = seen is None and bool(settings.get("is_again"))
     gone_s: float | None = None
 
-    def tell(alert: Alert) -> None:
+    def send(alert: Alert) -> None:
         passed = limiter.passed(alert, time.monotonic())
         if passed is not None:
             sender.add(
@@ -133,15 +133,15 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
             for place, t_utc_ns, record in reader.records(seq, KINDS):
                 seq, alerts = place, news.take(t_utc_ns, record)
                 for alert in alerts if not is_old and seq > (seen or 0) else ():
-                    tell(alert)
+                    send(alert)
             is_old = False
         if is_closed:
-            tell(news.done(time.time_ns()))
+            send(news.done(time.time_ns()))
             return
         if gone_s is not None:
             if time.monotonic() - gone_s > float(settings.get("closing_s", CLOSING_S)):
                 words = f"the engine has ended without closing its session {folder.name}"
-                tell(Alert(kind="fault", text=words, t_utc_ns=time.time_ns()))
+                send(Alert(kind="fault", text=words, t_utc_ns=time.time_ns()))
                 return
             time.sleep(look_s)
 

@@ -126,8 +126,8 @@ class AlertProcess:
             assert self._child.stdin is not None
             # A child that hangs must not hold up even this thread.
             os.set_blocking(self._child.stdin.fileno(), False)
-            told = {**(self._settings or {}), "is_again": is_again}
-            self._say(json.dumps(told).encode() + b"\n")
+            message = {**(self._settings or {}), "is_again": is_again}
+            self._say(json.dumps(message).encode() + b"\n")
         except OSError as error:
             log.warning("the process that sends alerts cannot be started: %s", error.strerror)
 

@@ -188,13 +188,13 @@ class Spool:
     def _write(self) -> None:
         if self._owns is None:
             return
-        told = {
+        fields_ = {
             "format": 2,
             "seen": list(self._seen.items()),
             "waiting": [asdict(each) for each in self._waiting],
         }
         try:
-            write_durably(self._path, json.dumps(told).encode(), mode=0o600)
+            write_durably(self._path, json.dumps(fields_).encode(), mode=0o600)
             self.fault = None
         except OSError as error:
             self.fault = f"{self._path} cannot be written ({error.strerror})"
@@ -205,14 +205,14 @@ def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
     found: list[Waiting] = []
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
-        told: dict[str, Any] = json_of(read_foreign(path))
-        for row in told["waiting"][-MOST:]:
+        fields_: dict[str, Any] = json_of(read_foreign(path))
+        for row in fields_["waiting"][-MOST:]:
             waiting = Waiting(**row)
             texts = (waiting.kind, waiting.title, waiting.body, *waiting.pending)
             numbers = (waiting.number, waiting.t_utc_ns)
             if all(isinstance(t, str) for t in texts) and all(isinstance(n, int) for n in numbers):
                 found.append(waiting)
         # Format 1 knew of one session alone.
-        pairs = told["seen"] if told.get("format") != 1 else [told["seen"]]
+        pairs = fields_["seen"] if fields_.get("format") != 1 else [fields_["seen"]]
         seen = {str(session): int(seq) for session, seq in pairs}
     return found, seen

@@ -50,20 +50,20 @@ def shown(text: str) -> str:
 
 
 def _expect_sound(kind: SourceKind, what: str) -> None:
-    told = shown(f"{kind}:{what}")
+    label = shown(f"{kind}:{what}")
     if kind == "url":
         expect_url(what)
     elif kind in {"celestrak", "supgp"} and not _WORD.fullmatch(what):
         raise ValueError(
-            f"{told!r} is no group: write a name such as {kind}:geo, or {kind}:CATNR=25544"
+            f"{label!r} is no group: write a name such as {kind}:geo, or {kind}:CATNR=25544"
         )
     elif kind == "space-track" and not _QUERY.fullmatch(what):
         raise ValueError(
-            f"{told!r} is no query: write space-track:all, space-track:geo, or what follows"
+            f"{label!r} is no query: write space-track:all, space-track:geo, or what follows"
             " .../query/ in an address of Space-Track"
         )
     elif kind == "file" and not home_path(what).is_absolute():
-        raise ValueError(f"{told} is not from the root: write file:/... with the whole path")
+        raise ValueError(f"{label} is not from the root: write file:/... with the whole path")
 
 
 def home_path(path: str | Path) -> Path:

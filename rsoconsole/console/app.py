@@ -339,7 +339,7 @@ class ConsoleApp(App[str]):
                 self._driver.write(notification(words))
 
     def _known(self, night: NightView, engine: EngineView) -> None:
-        self._outlook_watch.tell(night, engine)
+        self._outlook_watch.update(night, engine)
         self.take_notice(night, engine)
 
     def _outlook_seen(self, outlook: "Outlook") -> None:

@@ -118,8 +118,8 @@ def _no_engine(path: Path) -> str:
     others = running_engines()
     if not others:
         return "no engine is running: 'rsoconsole engine' starts one"
-    told = ", ".join(f"process {each.pid} at {each.socket}" for each in others)
-    return f"no engine listens at {path}; one is running as {told}: '--socket' reaches it"
+    places = ", ".join(f"process {each.pid} at {each.socket}" for each in others)
+    return f"no engine listens at {path}; one is running as {places}: '--socket' reaches it"
 
 
 def _connect(wire: socket.socket, address: str, deadline: float) -> None:

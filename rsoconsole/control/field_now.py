@@ -55,8 +55,8 @@ class UnseenNow:
 
 def pairs_now(pairs: Iterable[PairMotion]) -> tuple[PairNow, ...]:
     """The nearest first."""
-    told = [PairNow(**_members(PairNow, each)) for each in pairs]
-    return tuple(sorted(told, key=lambda each: each.separation_arcsec or 0.0))
+    read = [PairNow(**_members(PairNow, each)) for each in pairs]
+    return tuple(sorted(read, key=lambda each: each.separation_arcsec or 0.0))
 
 
 def unseen_now(expected: ExpectedMembers | None) -> tuple[UnseenNow, ...]:

@@ -21,11 +21,11 @@ def as_json(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def read_fields(record: type, told: Mapping[str, Any]) -> dict[str, Any]:
+def read_fields(record: type, data: Mapping[str, Any]) -> dict[str, Any]:
     """What an answer says of a record's fields; what is missing or odd in it counts as not said."""
     hints = _hints(record)
     found = {
-        each.name: read_value(hints[each.name], told.get(each.name)) for each in fields(record)
+        each.name: read_value(hints[each.name], data.get(each.name)) for each in fields(record)
     }
     return {name: value for name, value in found.items() if value is not None}
 
@@ -64,8 +64,8 @@ def _rows(kind: Any, value: Any) -> tuple[Any, ...] | None:
 def _pair(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...] | None:
     if not isinstance(value, list | tuple) or len(value) != len(kinds):
         return None
-    told = tuple(read_value(kind, each) for kind, each in zip(kinds, value, strict=True))
-    return None if None in told else told
+    data = tuple(read_value(kind, each) for kind, each in zip(kinds, value, strict=True))
+    return None if None in data else data
 
 
 def _number(value: Any) -> float | None:

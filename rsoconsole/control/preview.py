@@ -33,11 +33,11 @@ class MovePreview:
 
 def preview_json(preview: MovePreview) -> dict[str, Any]:
     """As JSON carries it."""
-    told: dict[str, Any] = as_json(preview)
-    return told
+    data: dict[str, Any] = as_json(preview)
+    return data
 
 
-def read_preview(told: Mapping[str, Any]) -> MovePreview | None:
+def read_preview(data: Mapping[str, Any]) -> MovePreview | None:
     """The preview in an engine's answer; None where that is none."""
-    preview: MovePreview | None = read_value(MovePreview, told)
+    preview: MovePreview | None = read_value(MovePreview, data)
     return preview

@@ -216,17 +216,17 @@ class Status:
 
 def status_json(status: Status) -> dict[str, Any]:
     """A status as JSON carries it: every field by its name, and by the name it had first."""
-    told: dict[str, Any] = {"schema": SCHEMA}
+    data: dict[str, Any] = {"schema": SCHEMA}
     for name, value in as_json(status).items():
-        told[name] = value
+        data[name] = value
         if name in FIRST_NAMES:
-            told[FIRST_NAMES[name]] = value
-    return told
+            data[FIRST_NAMES[name]] = value
+    return data
 
 
-def read_status(told: Mapping[str, Any]) -> Status:
+def read_status(data: Mapping[str, Any]) -> Status:
     """The status in an engine's answer; what is missing or odd in it counts as not said."""
-    first = {name: told[key] for name, key in FIRST_NAMES.items() if key in told}
-    values = read_fields(Status, {**first, **told})
+    first = {name: data[key] for name, key in FIRST_NAMES.items() if key in data}
+    values = read_fields(Status, {**first, **data})
     values.setdefault("now_utc_ns", values.get("t_utc_ns"))
     return Status(**values)

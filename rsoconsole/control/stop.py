@@ -110,7 +110,7 @@ class Stopping:
             self._failed(str(error) or type(error).__name__)
             return
         path = outcome.data.get("path")
-        self._hear_order(outcome.data)
+        self._note_order_time(outcome.data)
         if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
             self._stopped(STOP_PATHS.get(path, "the engine"), path)
         else:
@@ -147,7 +147,7 @@ class Stopping:
         else:
             self._failed(words, is_past=True)
 
-    def _hear_order(self, data: Mapping[str, Any]) -> None:
+    def _note_order_time(self, data: Mapping[str, Any]) -> None:
         """When the engine had ordered it; its own clock began when it heard of the STOP."""
         ordered, ms = data.get("ordered_ms"), data.get("ms")
         if isinstance(ordered, int | float) and isinstance(ms, int | float):
@@ -169,10 +169,10 @@ class Stopping:
             reasons = "; ".join(self._reasons)
         if is_last:
             ordered = self._ordered_ms
-            told = "" if ordered is None else f"ordered in {ordered:.0f} ms, "
+            ordered_text = "" if ordered is None else f"ordered in {ordered:.0f} ms, "
             news = StopNews(
                 phase="failed",
-                text=f"{told}NOT CONFIRMED: {REMEDY} ({reasons})",
+                text=f"{ordered_text}NOT CONFIRMED: {REMEDY} ({reasons})",
                 path="engine" if self._directly is None else "indi",
                 ms=self._ms(),
                 ordered_ms=ordered,

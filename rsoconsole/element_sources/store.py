@@ -183,8 +183,8 @@ class ElementStore:
         return found
 
     def _write_index(self, rows: Sequence[Kept]) -> None:
-        told = {"format": FORMAT, "sources": [asdict(each) for each in rows]}
-        self._write(INDEX, json.dumps(told, indent=1).encode())
+        content = {"format": FORMAT, "sources": [asdict(each) for each in rows]}
+        self._write(INDEX, json.dumps(content, indent=1).encode())
 
     def _write(self, name: str, content: bytes) -> None:
         try:

@@ -109,8 +109,8 @@ class ExportedNight:
             "exported_by": f"rsoconsole {__version__}",
             "versions": self.about.get("versions"),
         }
-        told = {"branch_of", "tried"}
-        facts.update((key, value) for key, value in self.about.items() if key in told)
+        about_keys = {"branch_of", "tried"}
+        facts.update((key, value) for key, value in self.about.items() if key in about_keys)
         # Whatever identifies the model and, where a session has one, its contents.
         marks = ("sha256", "digest")
         facts.update((k, v) for k, v in self.about.items() if any(mark in k for mark in marks))
@@ -152,11 +152,11 @@ class _FrameStory:
     seen: list[Measurement] = field(default_factory=list)
     """By the detector; the operator's own belong to what his word led to."""
     decision: Ruling | None = None
-    told: list[_Followed] = field(default_factory=lambda: [_Followed()])
+    folds: list[_Followed] = field(default_factory=lambda: [_Followed()])
 
     @property
     def last(self) -> _Followed:
-        return self.told[-1]
+        return self.folds[-1]
 
     def measured_again(self) -> list[Measurement]:
         """What there is to follow by the operator's word."""
@@ -187,7 +187,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
                 names[record.track_id] = record
             case Measurement() | TrackState() | NotFollowed() | Ruling() | FollowedAgain():
                 if record.frame_id in stories:
-                    _hear(stories[record.frame_id], record)
+                    _receive(stories[record.frame_id], record)
             case (
                 Detections()
                 | Solution()
@@ -230,7 +230,7 @@ def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
     return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
 
 
-def _hear(story: _FrameStory, record: OfFrame) -> None:
+def _receive(story: _FrameStory, record: OfFrame) -> None:
     match record:
         case Measurement():
             if record.source == "network":
@@ -239,7 +239,7 @@ def _hear(story: _FrameStory, record: OfFrame) -> None:
         case Ruling():
             story.decision = record
         case FollowedAgain():
-            story.told.append(_Followed(measured=story.measured_again()))
+            story.folds.append(_Followed(measured=story.measured_again()))
         case NotFollowed():
             story.last.refuse(record)
         case TrackState():
@@ -258,23 +258,23 @@ def _hear(story: _FrameStory, record: OfFrame) -> None:
 def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[MeasuredRow]:
     firsts = _firsts(stories)
     for story in stories.values():
-        for told in story.told:
-            is_last = told is story.last
+        for fold in story.folds:
+            is_last = fold is story.last
             if is_last or everything:
-                yield from _rows_of(story, told, firsts if is_last else {})
+                yield from _rows_of(story, fold, firsts if is_last else {})
 
 
 def _rows_of(
     story: _FrameStory,
-    told: _Followed,
+    fold: _Followed,
     firsts: Mapping[str, int],
 ) -> Iterator[MeasuredRow]:
-    is_last = told is story.last
-    for place, measurement in enumerate(told.measured):
+    is_last = fold is story.last
+    for place, measurement in enumerate(fold.measured):
         began = firsts.get(measurement.measurement_id)
-        predicted, corrected = told.of(measurement)
+        predicted, corrected = fold.of(measurement)
         is_taken = corrected is not None or began is not None
-        refusal = told.refusals.get(place)
+        refusal = fold.refusals.get(place)
         track = began
         if began is None and corrected is not None:
             track = corrected.track_id

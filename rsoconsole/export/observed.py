@@ -101,9 +101,9 @@ def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
     fault: str | None = None
     places: dict[str, Site] = {}
     for number, line in enumerate(text.splitlines(), start=1):
-        if (told := _SITE_LINE.match(line)) is not None:
-            latitude, longitude, height = (float(told[n]) for n in (2, 3, 4))
-            places[told[1]] = Site(
+        if (line_found := _SITE_LINE.match(line)) is not None:
+            latitude, longitude, height = (float(line_found[n]) for n in (2, 3, 4))
+            places[line_found[1]] = Site(
                 latitude_deg=latitude, longitude_deg=longitude, elevation_m=height
             )
         if not line.strip() or line.startswith("#"):
@@ -184,7 +184,7 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
     try:
         dec = float(record["declination"])
         cos_dec = math.cos(math.radians(dec))
-        told: dict[str, object] = {
+        row: dict[str, object] = {
             "time": str(record["obTime"]),
             "ra_deg": float(record["ra"]),
             "dec_deg": dec,
@@ -194,14 +194,14 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
             "lon_deg": record.get("senlon"),
         }
         height_km = record.get("senalt")
-        told["alt_m"] = None if height_km is None else 1000.0 * float(height_km)
+        row["alt_m"] = None if height_km is None else 1000.0 * float(height_km)
         for key, scale in (("raUnc", cos_dec), ("declinationUnc", 1.0)):
             value = record.get(key)
             axis = "ra" if key == "raUnc" else "dec"
-            told[f"sigma_{axis}_arcsec"] = None if value is None else 3600.0 * scale * float(value)
+            row[f"sigma_{axis}_arcsec"] = None if value is None else 3600.0 * scale * float(value)
     except (KeyError, TypeError, ValueError) as error:
         raise ExportError(f"{name}, record {number}: {error!r} is missing or no number") from error
-    return told
+    return row
 
 
 def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple[ObservedRow, ...]:

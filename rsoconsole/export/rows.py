@@ -131,7 +131,7 @@ rate_ra_arcsec_s real motion of the track, times cos Dec
 rate_dec_arcsec_s real motion of the track
 is_superseded truth counts no more, by the operator's word
 """)
-_TOLD_OTHERWISE = frozenset(
+_IN_OTHER_COLUMNS = frozenset(
     (
         *("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"),
         *("ends_icrs_deg", "measurement_id"),
@@ -141,7 +141,7 @@ _TOLD_OTHERWISE = frozenset(
 _BESIDE: tuple[Column, ...] = tuple(
     column
     for column in TABLES["measurements"].own
-    if column.name not in {*_TOLD_OTHERWISE, *(own.name for own in _OWN)}
+    if column.name not in {*_IN_OTHER_COLUMNS, *(own.name for own in _OWN)}
     and column.type != "json"
     and not (column.shape or column.is_worded)
 )

@@ -113,7 +113,7 @@ def parse_tdm(text: str, name: str = "the message") -> Tdm:
         stripped = line.strip()
         if stripped:
             walk.number = number
-            walk.hear(stripped)
+            walk.read_line(stripped)
     return walk.finished()
 
 
@@ -164,7 +164,7 @@ class _Walk:
     def wrong(self, what: str) -> ExportError:
         return ExportError(f"{self.name}, {self.unit} {self.number}: {what}")
 
-    def hear(self, line: str) -> None:
+    def read_line(self, line: str) -> None:
         if line == "COMMENT" or line.startswith("COMMENT "):
             self._comment(line.removeprefix("COMMENT").strip())
             return

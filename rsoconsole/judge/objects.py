@@ -111,7 +111,9 @@ class _Judge:
 
     def take(self, frame: JudgedFrame, truth: Mapping[str, Any]) -> None:
         """One frame with its exposure's truth."""
-        there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_told(each)}
+        there = {
+            each["norad_id"]: each for each in truth.get("satellites", ()) if _is_complete(each)
+        }
         width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
         seen = self._count(frame, there, width_px)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
@@ -198,14 +200,14 @@ class _Judge:
             _judge_theft(self._of(self.first, there), is_wrong)
 
 
-def _is_told(satellite: Mapping[str, Any]) -> bool:
+def _is_complete(satellite: Mapping[str, Any]) -> bool:
     """Whether its truth has what judging by streaks needs."""
     return "norad_id" in satellite and "x_start_px" in satellite and "snr_integrated" in satellite
 
 
 def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
     """Whether a measurement lies on the true streak of anything."""
-    there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_told(each)}
+    there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_complete(each)}
     width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
     return _object_at(measurement.x_px, measurement.y_px, there, width_px) is not None
 

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from rsoconsole.judge.objects import TrackStep
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed, Told, TrackLost
+from rsoconsole.reasons import Missed, TrackLost, Unclassified
 from rsoconsole.records import Identified, Miss, OrbitEstimate
 
 
@@ -24,7 +24,7 @@ class TracksOnRecord:
 
     orbits: dict[int, OrbitEstimate] = field(default_factory=dict)
     names: dict[int, Identified] = field(default_factory=dict)
-    lost: dict[int, TrackLost | Told] = field(default_factory=dict)
+    lost: dict[int, TrackLost | Unclassified] = field(default_factory=dict)
 
     def miss(self, record: Miss) -> None:
         """The last one of a lost track says so."""
@@ -93,7 +93,7 @@ def _figures(satellite: _Satellite, known: TracksOnRecord, newest: int) -> dict[
     }
 
 
-def _state(satellite: _Satellite, lost: TrackLost | Told | None, newest: int) -> str:
+def _state(satellite: _Satellite, lost: TrackLost | Unclassified | None, newest: int) -> str:
     if lost is not None:
         return "LOST"
     if satellite.last_frame < newest:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any, Literal
 
 from rsoconsole.library.columns import table_of
-from rsoconsole.library.frames import Frames, opened, told
+from rsoconsole.library.frames import Frames, frame_facts, opened
 from rsoconsole.library.given import ConfigLike, Number, config_of
 from rsoconsole.pipeline.single import FrameDetector
 from rsoconsole.records import Detections
@@ -45,7 +45,7 @@ def detect(
     >>> streaks["x_px", "y_px", "length_px", "confidence"]
     """
     settings = config_of(config, {"detector.tau": tau, "detector.map_mode": map_mode})
-    said = told(extension=extension, exposure=exposure, scale=scale)
+    said = frame_facts(extension=extension, exposure=exposure, scale=scale)
     detector = FrameDetector(settings)
     found: list[Detections] = []
     names: dict[int, str] = {}

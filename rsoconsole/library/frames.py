@@ -41,7 +41,7 @@ Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class FrameFacts:
     """What the caller says of frames; it wins over their headers."""
 
     extension: str | None = None
@@ -52,20 +52,20 @@ class Told:
     pointing_deg: tuple[float, float] | None = None
 
 
-def told(
+def frame_facts(
     *,
     extension: str | None = None,
     t_start: Instant | Iterable[Instant] | None = None,
     exposure: Number | None = None,
     scale: Number | None = None,
     pointing: SkyCoordLike | None = None,
-) -> Told:
+) -> FrameFacts:
     """The same with units dealt with. Raises InputError."""
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
     scale_arcsec_px = None if scale is None else scale_of(scale, "scale")
-    return Told(
+    return FrameFacts(
         extension=extension,
         t_start_utc_ns=None if t_start is None else instants_utc_ns(t_start, "t_start"),
         exposure_s=exposure_s,
@@ -83,7 +83,7 @@ def scale_of(value: Number, name: str) -> float:
     return found
 
 
-def opened(frames: Frames, said: Told, *, max_masked: float = 0.0) -> Iterator[Frame]:
+def opened(frames: Frames, said: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
     """Every frame, numbered from 1, read when it is asked for.
 
     Raises FrameError naming the frame that cannot be used, InputError for what is none.
@@ -101,7 +101,7 @@ def opened(frames: Frames, said: Told, *, max_masked: float = 0.0) -> Iterator[F
         for frame in _opened(each, number_, len(given), said, max_masked):
             count += 1
             start = frame.t_start_utc_ns if t is None else int(np.atleast_1d(t)[number_ - 1])
-            yield _as_told(replace(frame, frame_id=count, t_start_utc_ns=start), said)
+            yield _with_facts(replace(frame, frame_id=count, t_start_utc_ns=start), said)
 
 
 def _each(frames: Any) -> Iterable[Any]:
@@ -121,7 +121,9 @@ def _is_hdu_list(value: Any) -> bool:
     return isinstance(value, list) and hasattr(value, "writeto")
 
 
-def _opened(each: Any, number_: int, count: int, said: Told, max_masked: float) -> Iterator[Frame]:
+def _opened(
+    each: Any, number_: int, count: int, said: FrameFacts, max_masked: float
+) -> Iterator[Frame]:
     if isinstance(each, str | PathLike):
         path = Path(fspath(each)).expanduser()
         yield from read_frames(
@@ -184,7 +186,7 @@ def _masked(
     return frame_from_array(pixels, number_, name, header=header, max_nonfinite_fraction=max_masked)
 
 
-def _as_told(frame: Frame, said: Told) -> Frame:
+def _with_facts(frame: Frame, said: FrameFacts) -> Frame:
     ra_dec = said.pointing_deg or (frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg)
     return replace(
         frame,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import FrameError
 from rsoconsole.library.columns import table_of
-from rsoconsole.library.frames import Frames, opened, told
+from rsoconsole.library.frames import Frames, frame_facts, opened
 from rsoconsole.library.given import (
     ConfigLike,
     Instant,
@@ -80,7 +80,7 @@ def measure(
     """
     settings = config_of(config, {"detector.tau": tau})
     place = configured_site(config) if site is None else site_of(site)
-    said = told(
+    said = frame_facts(
         extension=extension, t_start=t_start, exposure=exposure, scale=scale, pointing=pointing
     )
     taken: list[Measurement] = []

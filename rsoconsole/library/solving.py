@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, overload
 
 from rsoconsole.errors import InputError, NotSolvedError
-from rsoconsole.library.frames import FrameLike, Frames, opened, scale_of, told
+from rsoconsole.library.frames import FrameLike, Frames, frame_facts, opened, scale_of
 from rsoconsole.library.given import (
     ConfigLike,
     Number,
@@ -84,7 +84,7 @@ def solve(
     scales = _scales(scale, settings.solver.scale_tolerance)
     found: list[PlateWCS] = []
     with FrameSolver.open(settings) as solver:
-        for frame in opened(frames, told(extension=extension), max_masked=MOST_MASKED):
+        for frame in opened(frames, frame_facts(extension=extension), max_masked=MOST_MASKED):
             solved = solver.solve(
                 frame,
                 ra_icrs_deg=None if place is None else place[0],

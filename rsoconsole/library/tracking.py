@@ -143,7 +143,7 @@ def followed(
         solution = () if shown.solution is None else (shown.solution,)
         seen = (shown.taken, shown.detections, *solution, *shown.measurements)
         for record in (*seen, *folded.records):
-            orbits.hear(record)
+            orbits.receive(record)
             yield record
         yield from orbits.refine()
 
@@ -177,8 +177,8 @@ def _frames(
     """In order of time, each with its rows, the most confident first."""
     confidence = plain_column(table, "confidence", float)
     lengths = column_of(table, ("exposure",), "s")
-    told = _told_frames(table)
-    groups = _of_frames(rows, told, config)
+    listed = _meta_frames(table)
+    groups = _of_frames(rows, listed, config)
     for frame_id, (seen, members) in enumerate(groups, start=1):
         if confidence is not None:
             members = sorted(members, key=lambda n: -confidence[n])  # noqa: PLW2901
@@ -198,22 +198,22 @@ def _frames(
 
 
 def _of_frames(
-    rows: Directions, told: Sequence[_Seen], config: Config
+    rows: Directions, listed: Sequence[_Seen], config: Config
 ) -> list[tuple[_Seen | None, list[int]]]:
     """Frames in order of time, with the numbers of their rows."""
-    mids = [(_mid_ns(each, config), each) for each in told]
+    mids = [(_mid_ns(each, config), each) for each in listed]
     mids.sort(key=lambda pair: pair[0])
-    of_told: list[list[int]] = [[] for _ in mids]
+    of_frame: list[list[int]] = [[] for _ in mids]
     alone: dict[int, list[int]] = {}
     at = np.array([t for t, _ in mids], np.int64)
     for n, t in enumerate(rows.t_utc_ns):
         nearest = int(np.argmin(np.abs(at - t))) if len(at) else -1
         if nearest >= 0 and _is_within(int(t), *mids[nearest]):
-            of_told[nearest].append(n)
+            of_frame[nearest].append(n)
         else:
             alone.setdefault(int(t), []).append(n)
     found: list[tuple[int, _Seen | None, list[int]]] = [
-        (t, seen, members) for (t, seen), members in zip(mids, of_told, strict=True)
+        (t, seen, members) for (t, seen), members in zip(mids, of_frame, strict=True)
     ]
     found += [(t, None, members) for t, members in alone.items()]
     found.sort(key=lambda each: each[0])
@@ -233,7 +233,7 @@ def _mid_ns(seen: _Seen, config: Config) -> int:
     return mid
 
 
-def _told_frames(table: Any) -> list[_Seen]:
+def _meta_frames(table: Any) -> list[_Seen]:
     """The frames in the ``meta`` of a table that ``rso.measure`` made; none for any other."""
     said = own_meta(table).get("frames", ())
     found = []

@@ -284,10 +284,10 @@ class Session(SessionPictures, NightPlots):
         status = read_status(
             ControlClient(path, sender=Sender(name="notebook")).send(AskStatus()).data
         )
-        told = status.session
-        if told is None or not _is_same(told, self.path):
+        written = status.session
+        if written is None or not _is_same(written, self.path):
             raise ControlError(
-                f"the running engine writes {told}, not {self.path}: live_panel() shows that one"
+                f"the running engine writes {written}, not {self.path}: live_panel() shows that one"
             )
         return live_panel(path, read_only=read_only)
 

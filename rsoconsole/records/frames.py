@@ -10,7 +10,7 @@ import numpy.typing as npt
 from rsoconsole.reasons import (
     BelowTau,
     NotAStreak,
-    Told,
+    Unclassified,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -162,7 +162,7 @@ class Rejection:
     """A candidate that was not taken, and why."""
 
     detection: Detection
-    reason: BelowTau | NotAStreak | Told
+    reason: BelowTau | NotAStreak | Unclassified
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

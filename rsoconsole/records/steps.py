@@ -17,7 +17,7 @@ from rsoconsole.reasons import (
     Missed,
     NotTaken,
     SlewRefusal,
-    Told,
+    Unclassified,
 )
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import (
@@ -213,7 +213,7 @@ class NotFollowed:
 
     frame_id: int
     measurement: Measurement
-    reason: NotTaken | Told
+    reason: NotTaken | Unclassified
     nis: float | None = None
     """Its normalised innovation squared, where there was a prediction to compare with."""
     track_id: int | None = None
@@ -225,7 +225,7 @@ class Miss:
     """A frame in which the followed object was not measured, and why."""
 
     frame_id: int
-    reason: Missed | Told
+    reason: Missed | Unclassified
     track_id: int | None = None
     """The track that misses it; None where there was none."""
 
@@ -327,7 +327,7 @@ class StateChange:
     frame_id: int
     before: LoopState
     after: LoopState
-    reason: Cause | Told
+    reason: Cause | Unclassified
     kept_track_id: int | None = None
     """The track that can be followed again from here on, 0 where there is none; None for a change
     that a frame led to, and in sessions from before this was on record."""
@@ -366,7 +366,7 @@ class FrameTaken:
     height_px: int
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
-    blocked: SlewRefusal | Told | None = None
+    blocked: SlewRefusal | Unclassified | None = None
     """Why the slew to what is followed was refused before it; None where nothing was."""
     camera: CameraMode | None = None
     """None in sessions from before it was on record."""

@@ -116,7 +116,7 @@ def _of_both(
     ee, en, nn = m.cov_sky_arcsec2
     spread = np.array([[ee, en], [en, nn]]) + covariance / 4.0
     spread += (_LIGHT_SIGMA * apart_across) ** 2 * np.outer(across, across)
-    plane, told = Plane.at(m.ra_icrs_deg, m.dec_icrs_deg), []
+    plane, pieces = Plane.at(m.ra_icrs_deg, m.dec_icrs_deg), []
     for number, state in enumerate(states):
         ra_deg, dec_deg = plane.direction_of(*(way * (number - 0.5)))
         taken = replace(
@@ -130,5 +130,5 @@ def _of_both(
         if lqe.is_gated_out(updated.nis or 0.0, settings.filter):
             return None
         with_ = states[1 - number].track_id
-        told.append(Shared(streak=m, taken=taken, updated=replace(updated, shared_with=with_)))
-    return told[0], told[1]
+        pieces.append(Shared(streak=m, taken=taken, updated=replace(updated, shared_with=with_)))
+    return pieces[0], pieces[1]

@@ -46,9 +46,9 @@ def follow(
     before = track_words.with_word(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
         steps = _steps_of_dropped(before, seen, settings)
-        dropped, told = track_words.gone_on(before.dropped, steps, seen)
+        dropped, said = track_words.gone_on(before.dropped, steps, seen)
         after, records = acquire(before, track_words.without_taken(seen, steps), settings)
-        after, records = replace(after, dropped=dropped), (*records, *told)
+        after, records = replace(after, dropped=dropped), (*records, *said)
     else:
         after, records = _follow_tracks(before, seen, settings)
     after, records = track_words.with_word_on_begun(after, records, seen)
@@ -107,7 +107,7 @@ def _follow_tracks(
         steps = _steps_in_turn(before, seen, settings)
         steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
     of_dropped = steps[len(steps) - len(before.dropped) :]
-    dropped, told_of_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
+    dropped, of_those_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
     before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
     last_track_id, causes, ended = before.last_track_id, list[Cause](), list[Step]()
@@ -119,8 +119,8 @@ def _follow_tracks(
             done = initiated_again(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()
-        told = (*done.records, *(not_followed(m, REFUSED) for m in refused))
-        records += of_track(told, each.track.track_id)
+        said = (*done.records, *(not_followed(m, REFUSED) for m in refused))
+        records += of_track(said, each.track.track_id)
         if done.begins_with is not None:
             return before.without_track("ACQUIRE", (done.begins_with,)), records
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
@@ -135,7 +135,7 @@ def _follow_tracks(
             frame_id=seen.frame_id, before=before.state, after="TRACK", reason=causes[0]
         )
         records = (*records, change)
-    return after, (*records, *told_of_dropped)
+    return after, (*records, *of_those_dropped)
 
 
 def _with_chosen_lead(

@@ -253,14 +253,14 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
     if chains.is_wide(settings):
         before = _with_given_back(before, steps)
     found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
-    told = without_refusals_of(records, found)
+    remaining = without_refusals_of(records, found)
     return replace(
         after,
         candidates=tuple(m for m in free if m not in used),
         earlier=chains.kept(before, used) if chains.is_wide(settings) else (),
         tracks=(*after.tracks, *found),
         last_track_id=after.last_track_id + len(found),
-    ), (*told, *(each.track for each in found))
+    ), (*remaining, *(each.track for each in found))
 
 
 def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:

@@ -44,12 +44,12 @@ def stepped_track(
         by_filter = weighed.by_filter.get(chosen)
         if by_filter is not None and by_filter.kind == "NIS":
             state = replace(state, filter_nis=by_filter.nis)
-        told: tuple[FoldRecord, ...] = (
+        rejected: tuple[FoldRecord, ...] = (
             predicted,
             state,
             *rejections({**reasons, **others}, updated),
         )
-        return _measured(state, before, chosen, seen, told)
+        return _measured(state, before, chosen, seen, rejected)
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
@@ -69,12 +69,12 @@ def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> 
     """A track after a frame that could not show it apart from another."""
     reasons = {m: why for m, why in weighed.reasons.items() if m is not own.streak}
     others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not own.streak}
-    told: tuple[FoldRecord, ...] = (
+    rejected: tuple[FoldRecord, ...] = (
         weighed.predicted,
         own.updated,
         *rejections({**reasons, **others}, weighed.updated),
     )
-    return _measured(own.updated, before, own.taken, seen, told)
+    return _measured(own.updated, before, own.taken, seen, rejected)
 
 
 def initiated_again(

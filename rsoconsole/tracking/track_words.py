@@ -48,13 +48,13 @@ def with_word_on_begun(
         return after, records
     tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
     gone = tuple(each for each in tracks if each.track.track_id in seen.dropped)
-    told = tuple(
+    events = tuple(
         each
         for each in records
         if not isinstance(each, TrackState | Miss | NotFollowed)
         or each.track_id not in {one.track.track_id for one in gone}
     )
-    return _without(replace(after, tracks=tracks), gone), told
+    return _without(replace(after, tracks=tracks), gone), events
 
 
 def gone_on(

@@ -54,7 +54,7 @@ def night(count: int, shown: int, config: Config, follow_with: FollowSettings) -
         fold_ms.append((time.thread_time() - began_s) * 1e3)
         began_s = time.thread_time()
         for record in (*sight.measurements, *records):
-            orbits.hear(record)
+            orbits.receive(record)
         told = orbits.refine()
         orbits_ms.append((time.thread_time() - began_s) * 1e3)
         is_naming.append(any(isinstance(each, Identified) for each in told))

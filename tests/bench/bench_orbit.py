@@ -289,7 +289,7 @@ def while_following(seed: int) -> list[dict[str, float | int]]:
     taken: list[float] = []
     for n in range(len(seen)):
         for record in _followed(seen, n):
-            online.hear(record)
+            online.receive(record)
         begun = time.perf_counter()
         online.refine()
         taken.append((time.perf_counter() - begun) * 1e3)

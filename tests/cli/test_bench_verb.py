@@ -35,7 +35,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[BenchResult, lis
     """One round, and what was told of it."""
     root = tmp_path_factory.mktemp("bench")
     config, told = settings(root / "nights" / "here"), list[str]()
-    result = measure(config, draw_fits(config), tell=told.append, budget_s=0.0)
+    result = measure(config, draw_fits(config), report=told.append, budget_s=0.0)
     return result, told, root
 
 

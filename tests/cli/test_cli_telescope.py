@@ -48,11 +48,11 @@ def engine_that(handle: Callable[[Request], Outcome]) -> Iterator[list[Request]]
     """What came to an engine that does as ``handle`` says."""
     heard: list[Request] = []
 
-    def hear(request: Request) -> Outcome:
+    def receive(request: Request) -> Outcome:
         heard.append(request)
         return handle(request)
 
-    with ControlServer(default_socket_path(), hear):
+    with ControlServer(default_socket_path(), receive):
         yield heard
 
 

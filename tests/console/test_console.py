@@ -37,7 +37,7 @@ from rsoconsole.console.words.words import wrapped
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.reasons import Cause, Missed, NotTaken, Told, done
+from rsoconsole.reasons import Cause, Missed, NotTaken, Unclassified, done
 from rsoconsole.records import (
     Event,
     Miss,
@@ -222,7 +222,7 @@ def test_every_pane_lies_in_the_terminal_while_it_is_resized(wire: FakeWire) -> 
 
 def test_misses_in_a_row_are_one_line() -> None:
     log: list[LogLine] = []
-    cloud = Told(words="cloud")
+    cloud = Unclassified(words="cloud")
     records = [
         *(Miss(frame_id=n, reason=Missed(kind="no detection")) for n in range(1, 6)),
         Miss(frame_id=6, reason=cloud),
@@ -858,7 +858,7 @@ def test_a_new_engine_brings_its_new_session(wire: FakeWire, tmp_path: Path) -> 
     second = night.begin(tmp_path / "second")
     second.append(
         StateChange(
-            frame_id=0, before="IDLE", after="SEARCH", reason=Told(words="the second night")
+            frame_id=0, before="IDLE", after="SEARCH", reason=Unclassified(words="the second night")
         ),
         night.t_of(100),
     )

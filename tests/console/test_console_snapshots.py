@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
 from rsoconsole.control import Outcome
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import StateChange
 from tests import eight_tracks, orbit_night
 from tests import made_up_night as night
@@ -40,7 +40,10 @@ def told(folder: Path, frames: int, *, after: str = "") -> Path:
     night.add_previews(writer, range(frames, frames + 1))
     if after:
         change = StateChange(
-            frame_id=frames, before="COAST", after=after, reason=Told(words="3 sigma of 40′")
+            frame_id=frames,
+            before="COAST",
+            after=after,
+            reason=Unclassified(words="3 sigma of 40′"),
         )
         writer.append(change, night.t_of(frames))
     writer.close()

@@ -310,7 +310,7 @@ def test_an_orbit_that_leads_nowhere_is_shown_all_the_same(
     came: list[OrbitAhead] = []
     skies: list[Any] = []
     watch = OutlookWatch(skies.append, came.append)
-    watch.tell(folded(*FOLLOWED).view(), EngineView(reach="recorded"))
+    watch.update(folded(*FOLLOWED).view(), EngineView(reach="recorded"))
     monkeypatch.setattr(outlook_watch, "orbit_ahead", breaks)
     watch._look()
     assert len(skies) == 1
@@ -330,7 +330,7 @@ def test_the_limits_are_told_as_soon_as_it_is_known_where_the_telescope_looks() 
             mount_ra_icrs_deg=mount_deg,
             mount_dec_icrs_deg=None if mount_deg is None else -5.0,
         )
-        watch.tell(told, engine)
+        watch.update(told, engine)
         watch._look()
     assert [bool(sky.margins_deg) for sky in skies] == [False, True]
 
@@ -344,13 +344,13 @@ def test_it_is_computed_again_for_another_orbit_and_not_for_the_same(
     found = folded(*FOLLOWED)
     engine = EngineView(reach="attached", now_utc_ns=night.t_of(5))
     for _ in range(3):
-        watch.tell(found.view(), engine)
+        watch.update(found.view(), engine)
         watch._look()
     assert len(came) == 1
-    watch.tell(folded(state(6), estimate_of(6), before=found).view(), engine)
+    watch.update(folded(state(6), estimate_of(6), before=found).view(), engine)
     watch._look()
     assert [ahead.estimate.frame_id for ahead in came] == [5, 6]
-    watch.tell(folded(FollowedAgain(frame_id=6), before=found).view(), engine)
+    watch.update(folded(FollowedAgain(frame_id=6), before=found).view(), engine)
     watch._look()
     assert len(came) == 2
 

@@ -17,7 +17,7 @@ from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
-from rsoconsole.console.timeline.night_line import FrameMark, Happening, StateMark, Timeline
+from rsoconsole.console.timeline.night_line import FrameMark, StateMark, Timeline, TimelineEvent
 from rsoconsole.console.timeline.player import SPEEDS, Player
 from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
 from rsoconsole.console.watches.watch import SessionWatch
@@ -187,8 +187,8 @@ def test_a_log_that_grows_is_read_on_and_its_moments_with_it(tmp_path: Path):
     assert (len(before.frames), len(after.frames)) == (60, 120)
     assert after.frames == expected.frames
     assert after.states == expected.states
-    missed = [h for h in expected.happenings if h.kind == "miss"]
-    assert [h for h in after.happenings if h.kind == "miss"] == missed
+    missed = [h for h in expected.events if h.kind == "miss"]
+    assert [h for h in after.events if h.kind == "miss"] == missed
     assert moments.at(after.end_of(20)).view == early
     seq = after.end_of(100)
     assert replace(moments.at(seq).view, is_closed=True) == folded(folder, {seq})[seq][0]
@@ -223,7 +223,11 @@ def frames_at(*times_s: float) -> tuple[FrameMark, ...]:
 
 THREE = Timeline(
     frames=frames_at(0, 30, 60),
-    happenings=(Happening(15, NS, "miss"), Happening(25, NS, "note"), Happening(36, NS, "miss")),
+    events=(
+        TimelineEvent(15, NS, "miss"),
+        TimelineEvent(25, NS, "note"),
+        TimelineEvent(36, NS, "miss"),
+    ),
     states=(StateMark(2, NS, "SEARCH"), StateMark(20, 31 * NS, "TRACK")),
     first_utc_ns=NS,
     last_utc_ns=91 * NS,
@@ -268,8 +272,8 @@ def test_steps_stay_among_the_frames_and_go_the_way_they_are_meant(seq: int, by:
 
 
 def test_every_kind_of_event_of_a_night_is_on_its_time_line(read: Moments):
-    happenings = read.timeline().happenings
-    count = {kind: sum(h.kind == kind for h in happenings) for kind in SIGNS}
+    events = read.timeline().events
+    count = {kind: sum(h.kind == kind for h in events) for kind in SIGNS}
     refused = [n for n in range(1, FRAMES + 1) if n % eventful_night.REFUSALS == 0]
     assert count["rejection"] == len(refused)
     by_hand = FRAMES // eventful_night.RULINGS
@@ -277,7 +281,7 @@ def test_every_kind_of_event_of_a_night_is_on_its_time_line(read: Moments):
     assert count["loss"] == FRAMES // eventful_night.LOSSES
     assert count["note"] == FRAMES // eventful_night.NOTES
     assert count["operator"] == FRAMES // eventful_night.CHANGES + by_hand
-    assert list(happenings) == sorted(happenings)
+    assert list(events) == sorted(events)
 
 
 def test_the_time_line_shows_states_as_words_events_as_signs_and_where_one_is():

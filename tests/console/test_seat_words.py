@@ -538,4 +538,4 @@ def test_the_engine_says_which_frames_take_a_mark():
             answer = command_handler_of(r).handle(asked("mark", {"frame": frame, **ends}))
             is_known = not re.search("nothing can be said|none of those looked", answer.message)
             assert is_known == (frame in frames), (frame, frames, answer.message)
-        r.engine.happen(Taken(by="operator"))  # by hand other frames count
+        r.engine.handle(Taken(by="operator"))  # by hand other frames count

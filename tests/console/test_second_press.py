@@ -77,16 +77,16 @@ def test_a_second_press_of_another_key_or_too_late_ends_nothing(wire: FakeWire):
 
 def test_a_key_held_down_is_no_second_press():
     pressed, now_s = SecondPress(), 100.0
-    assert pressed.hear("a", now_s) == "asked"
+    assert pressed.receive("a", now_s) == "asked"
     # The first repeat comes late, as a second press would; those behind it tell.
-    assert pressed.hear("a", now_s + 0.5) == "acts"
+    assert pressed.receive("a", now_s + 0.5) == "acts"
     number = pressed.number
-    heard = [pressed.hear("a", now_s + 0.5 + 0.033 * n) for n in range(1, 40)]
+    heard = [pressed.receive("a", now_s + 0.5 + 0.033 * n) for n in range(1, 40)]
     assert set(heard) == {"held"}
     assert pressed.number != number  # so what the second press led to is off
-    slow = [pressed.hear("a", now_s + 1.8 + 0.12 * n) for n in range(1, 20)]
+    slow = [pressed.receive("a", now_s + 1.8 + 0.12 * n) for n in range(1, 20)]
     assert set(slow) == {"held"}
-    assert pressed.hear("a", now_s + 4.2 + RELEASED_S) == "asked"
+    assert pressed.receive("a", now_s + 4.2 + RELEASED_S) == "asked"
 
 
 @pytest.mark.parametrize("key", ["a", "s", "up"])

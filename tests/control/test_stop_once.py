@@ -51,7 +51,7 @@ def by_panel(wire: Answering, told: Callable[[], None]) -> None:
 
     link: Any = QuietLink()
     panel = PanelOrders(wire, link, tell, read_only=True, stop_directly=None)
-    panel.hear({"kind": "stop", "press": 1})
+    panel.receive({"kind": "stop", "press": 1})
 
 
 @pytest.fixture

@@ -470,7 +470,7 @@ def test_a_loop_that_hangs_is_told_and_the_service_manager_hears_no_more(monkeyp
     monkeypatch.setattr("rsoconsole.engine.tasks.watch.notify", heard.append)
     watch.look()
     assert heard == ["WATCHDOG=1"]
-    watch._loop_heard_s -= LOOP_SILENCE_S
+    watch._loop_alive_s -= LOOP_SILENCE_S
     watch.look()
     assert heard == ["WATCHDOG=1"]
     assert "loop hangs" in alarms(r)

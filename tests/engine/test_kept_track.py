@@ -202,7 +202,7 @@ def kept_by_replay(r: Rig) -> int | None:
     """What a replay of the log so far holds to be followed again, by its track id."""
     walk = Walk.begin(CONFIG)
     for record in r.memory.records:
-        list(walk.hear(decode(*encode(record)[::2])))
+        list(walk.receive(decode(*encode(record)[::2])))
     return None if walk.kept.following is None else walk.kept.following.track_id
 
 
@@ -228,13 +228,13 @@ def test_what_grew_too_old_is_given_up_on_record_and_a_replay_gives_it_up_too(
 def test_what_a_set_clock_makes_worthless_is_given_up_on_record(tracking: Rig, verb: str):
     tracking.reducer.frames = set()
     tell(tracking, verb)
-    tracking.engine.happen(ClockSet(step_s=3600.0))
+    tracking.engine.handle(ClockSet(step_s=3600.0))
     assert_given_up_on_record(tracking)
 
 
 def test_a_limit_met_in_a_search_gives_up_what_was_kept_on_record(tracking: Rig):
     tell(tracking, "seek")
-    tracking.engine.happen(LimitMet(words="altitude 5 deg, below 20"))
+    tracking.engine.handle(LimitMet(words="altitude 5 deg, below 20"))
     assert_given_up_on_record(tracking)
 
 
@@ -254,6 +254,6 @@ def test_what_the_engine_keeps_longer_than_the_frames_say_is_kept_by_a_replay_to
     tell(tracking, "nudge", east_arcmin=0.0, north_arcmin=0.01)
     for _ in range(2):
         idle_for(tracking, 0.6 * KEPT_S)
-        tracking.engine.happen(Marked(kept=tracking.engine.authority.kept))
+        tracking.engine.handle(Marked(kept=tracking.engine.authority.kept))
     assert tracking.engine.authority.kept is not None
     assert kept_by_replay(tracking) == 1

@@ -178,7 +178,7 @@ def test_a_hold_behind_an_order_at_the_close_teaches_no_pointing_offset() -> Non
         if looked is not None and not held:
             held.append(r.mount.slews[-1])
             r.clock.wait_until(r.clock.now_utc_ns() + 20 * NS)  # it has arrived long since
-            r.engine.happen(Held(by="operator"))
+            r.engine.handle(Held(by="operator"))
             raise Interrupted
         return looked
 

@@ -113,7 +113,7 @@ class Session:
         said: dict[str, Any] = json.loads(line)
         return said
 
-    def hear(self, is_last: Callable[[dict[str, Any]], Any]) -> list[dict[str, Any]]:
+    def receive(self, is_last: Callable[[dict[str, Any]], Any]) -> list[dict[str, Any]]:
         """What is said until then, the last left out."""
         said = []
         while not is_last(one := self.next()):
@@ -123,7 +123,7 @@ class Session:
     def hear_until_mark(self) -> list[dict[str, Any]]:
         """What the client has made of everything that was sent until now."""
         self.send(set_numbers(number("RA", "23.5"), 'state="Busy"'))
-        return self.hear(lambda said: said.get("state") == "Busy")
+        return self.receive(lambda said: said.get("state") == "Busy")
 
     def close(self) -> None:
         with contextlib.suppress(OSError):

@@ -24,7 +24,7 @@ def heard() -> list[dict[str, Any]]:
 
 @pytest.fixture
 def child(tmp_path: Path, heard: list[dict[str, Any]]) -> Iterator[IndiProcess]:
-    def hear(message: dict[str, Any]) -> None:
+    def receive(message: dict[str, Any]) -> None:
         if message["event"] == "unusable":
             raise TypeError("what is this?")
         heard.append(message)
@@ -34,7 +34,7 @@ def child(tmp_path: Path, heard: list[dict[str, Any]]) -> Iterator[IndiProcess]:
         module="tests.faltering_child",
         settings={},
         log_path=tmp_path / "camera.log",
-        on_event=hear,
+        on_event=receive,
     )
     process.start()
     yield process

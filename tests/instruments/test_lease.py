@@ -34,7 +34,7 @@ SHORT_S = 0.4
 
 def test_nothing_lapses_before_the_first_slew():
     lease = Lease(5.0)
-    lease.heard(100.0)
+    lease.renew(100.0)
     assert not lease.has_lapsed(1e9)
 
 
@@ -43,7 +43,7 @@ def test_a_lease_lapses_and_every_order_renews_it():
     lease.begin(100.0)
     assert not lease.has_lapsed(104.9)
     assert lease.has_lapsed(105.0)
-    lease.heard(104.0)
+    lease.renew(104.0)
     assert not lease.has_lapsed(108.9)
     assert lease.has_lapsed(109.0)
 
@@ -51,7 +51,7 @@ def test_a_lease_lapses_and_every_order_renews_it():
 def test_a_lease_is_as_long_as_was_last_said():
     lease = Lease(5.0)
     lease.begin(100.0, 20.0)
-    lease.heard(110.0)
+    lease.renew(110.0)
     assert not lease.has_lapsed(129.0)
     assert lease.has_lapsed(130.0)
 
@@ -226,11 +226,11 @@ def test_keep_waits_for_nobody_and_starts_nothing(mount):
     os.kill(pid, signal.SIGSTOP)
     try:
         # More than the pipe to a frozen process holds.
-        heard = [
-            mount.process.tell("keep", lease_s=1.0, track_until_utc_ns=None) for _ in range(3000)
+        renew = [
+            mount.process.send("keep", lease_s=1.0, track_until_utc_ns=None) for _ in range(3000)
         ]
-        assert heard[0]
-        assert not heard[-1]
+        assert renew[0]
+        assert not renew[-1]
         mount.keep(1.0, None)
     finally:
         os.kill(pid, signal.SIGKILL)

@@ -45,8 +45,8 @@ def told(safety_monitor: IndiSafetyMonitor, name: str, state: str, **values: str
     device = safety_monitor._config.weather or safety_monitor._config.dome
     assert device is not None
     kind = "Light" if name == "WEATHER_STATUS" else "Switch"
-    safety_monitor._heard_s[device] = time.monotonic()
-    safety_monitor._told = {
+    safety_monitor._received_s[device] = time.monotonic()
+    safety_monitor._vectors = {
         (device, name): IndiVector(
             device=device,
             name=name,
@@ -98,9 +98,9 @@ def test_a_roll_off_roof_is_closed_when_it_is_parked():
 def test_a_station_that_has_said_nothing_for_a_minute_is_silent():
     safety_monitor = monitoring(1)
     assert told(safety_monitor, "WEATHER_STATUS", "Ok").weather == "ok"
-    safety_monitor._heard_s["Weather Simulator"] -= 59.0
+    safety_monitor._received_s["Weather Simulator"] -= 59.0
     assert safety_monitor.look().weather == "ok"
-    safety_monitor._heard_s["Weather Simulator"] -= 2.0
+    safety_monitor._received_s["Weather Simulator"] -= 2.0
     report = safety_monitor.look()
     assert report.weather == "silent"
     assert "has said nothing for 61 s" in report.detail

@@ -78,7 +78,7 @@ def shown(
 
 def page(made: LivePanel, kind: str, **more: Any) -> None:
     """What its page says."""
-    made._hear(made, {"kind": kind, **more}, None)
+    made._receive(made, {"kind": kind, **more}, None)
 
 
 def until(is_so: Callable[[], Any]) -> Any:
@@ -332,7 +332,7 @@ def test_a_page_that_is_gone_lets_go_of_the_engine_and_one_that_is_back_takes_it
 def test_nothing_is_told_before_the_page_has_spoken(told: FakeWire) -> None:
     """ipykernel would have the page's answer wait for the cell that runs."""
     made = LivePanel(wire=told)
-    until(lambda: made._untold.get("status"))
+    until(lambda: made._unsent.get("status"))
     assert made.status == {}
     page(made, "here")
     assert made.status["reach"] == "attached"

@@ -18,7 +18,7 @@ from rsoconsole.notebook.report.report_facts import figures_on_record
 from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reasons import Told, done
+from rsoconsole.reasons import Unclassified, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reading.reader import SessionReader
 from tests.export_nights import MISSED, T0, closed_night, written_night
@@ -92,7 +92,7 @@ def nasty(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, str]:
     )
     writer.append(ParameterChange(name="x", before=NASTY, after=2.0, by=NASTY), T0)
     writer.append(
-        StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=Told(words=NASTY)), T0
+        StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=Unclassified(words=NASTY)), T0
     )
     writer.close()
     html = render_report(folder).html

@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.session.reading.reader import SessionReader
 from tests.samples import SCHEMA_1
@@ -56,12 +56,14 @@ def test_what_a_person_could_see_makes_one(track: TrackState) -> None:
 
 
 def test_records_that_say_something_else_are_not_alike() -> None:
-    miss = Miss(frame_id=3, reason=Told(words="no stars"))
-    change = StateChange(frame_id=3, before="TRACK", after="COAST", reason=Told(words="no stars"))
+    miss = Miss(frame_id=3, reason=Unclassified(words="no stars"))
+    change = StateChange(
+        frame_id=3, before="TRACK", after="COAST", reason=Unclassified(words="no stars")
+    )
     assert are_alike((miss, change), (miss, change))
     assert not are_alike((miss, change), (change, miss))
     assert not are_alike((miss,), (miss, change))
-    assert not is_alike(miss, replace(miss, reason=Told(words="no detection")))
+    assert not is_alike(miss, replace(miss, reason=Unclassified(words="no detection")))
 
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:

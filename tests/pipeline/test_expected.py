@@ -81,7 +81,7 @@ def named(k: int, verdict: str = "identified") -> Identified:
 def looked(records, config: Config = CONFIG) -> tuple[Record, ...]:
     expected = Expected(config, geostationary)
     for record in records:
-        expected.hear(record)
+        expected.receive(record)
     return expected.refine()
 
 
@@ -153,7 +153,7 @@ def test_a_missing_member_is_said_once_after_some_looks():
     words, looks = [], 0
     for n in range(1, 8 * EVERY):
         for record in (named(0), *frame(n, (0,))):
-            expected.hear(record)
+            expected.receive(record)
         told = expected.refine()
         looks += any(isinstance(each, ExpectedMembers) for each in told)
         words += [each.text for each in told if isinstance(each, Event)]
@@ -167,7 +167,7 @@ def test_a_frame_without_a_plate_or_a_catalogue_expects_nobody():
     assert looked([each for each in frame(5, ()) if not isinstance(each, Solution)]) == ()
     nobody = Expected(CONFIG, tuple)
     for record in frame(5, ()):
-        nobody.hear(record)
+        nobody.receive(record)
     assert nobody.refine() == ()
 
 
@@ -178,7 +178,7 @@ def test_a_catalogue_that_cannot_be_read_is_said_once_and_stops_nothing(tmp_path
     told: list[Record] = []
     for n in (1, 2, 3):
         for record in frame(n, (0, 1)):
-            orbits.hear(record)
+            orbits.receive(record)
         told += orbits.refine()
     words = [each.text for each in told if isinstance(each, Event) and "expected" in each.text]
     assert len(words) == 1
@@ -190,7 +190,7 @@ def test_a_look_at_the_catalogue_costs_the_loop_little():
     spent = []
     for n in range(1, 4 * EVERY):
         for record in frame(n, (0,)):
-            expected.hear(record)
+            expected.receive(record)
         began = time.process_time()
         expected.refine()
         spent.append(time.process_time() - began)

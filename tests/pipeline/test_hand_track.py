@@ -113,7 +113,7 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     assert_replayed_alike(r)
     tracks = TracksTaken()
     for record in r.memory.records:
-        tracks.hear(record)
+        tracks.receive(record)
     (track,) = tracks.tracks()
     assert [m.frame_id for m in track.measurements] == [3, 4, 7, 8]
 
@@ -209,7 +209,7 @@ def test_marks_after_what_leaves_no_track_to_follow_again_are_replayed_as_the_ni
         "clock": ClockSet(step_s=0.4),
         "night": NightEnded(words="rain", parks=False),
     }
-    r.engine.happen(triggers[ended_by])
+    r.engine.handle(triggers[ended_by])
     assert r.engine.authority.kept is None
     last = r.engine.frame_id
     nudge(r)

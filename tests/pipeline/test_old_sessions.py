@@ -105,7 +105,7 @@ def test_every_measurement_has_an_id_of_its_own_and_every_update_names_one(old: 
 def test_tracks_are_numbered_in_the_order_in_which_they_began(old: Path) -> None:
     tracks = TracksTaken()
     for record in records_of(old):
-        tracks.hear(record)
+        tracks.receive(record)
     found = tracks.tracks()
     assert [track.track_id for track in found] == list(range(1, len(found) + 1))
     assert all(len(track.measurements) > 1 for track in found)

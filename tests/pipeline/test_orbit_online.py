@@ -125,12 +125,12 @@ class Watched:
             folded = fold(self.following, self.stars, shown, self.config)
             self.following, self.stars = folded.following, folded.stars
             for record in (*measured, *folded.records):
-                self.hear(record)
+                self.receive(record)
             self.refined += self.orbit.refine()
 
-    def hear(self, record: Any) -> None:
+    def receive(self, record: Any) -> None:
         self.log.append(record)
-        self.orbit.hear(record)
+        self.orbit.receive(record)
 
     def measure(self, places: Places, n: int) -> Measurement:
         measured = measured_at(places, n, self.frame_id, self.random, self.sigma_arcsec)
@@ -217,7 +217,7 @@ def test_the_same_log_gives_the_same_orbits():
     again = OnlineOrbit(config())
     told = []
     for record in watched.log:
-        again.hear(record)
+        again.receive(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
             told += [refined.estimate for refined in again.refine()]
     assert told == [each.estimate for each in watched.refined]
@@ -328,8 +328,8 @@ def test_streaks_that_no_track_took_are_its_orbits_once_that_knows_them():
         beside = dataclasses.replace(
             own, measurement_id=f"{own.measurement_id}b", dec_icrs_deg=own.dec_icrs_deg + 0.02
         )
-        watched.hear(own)
-        watched.hear(beside)
+        watched.receive(own)
+        watched.receive(beside)
     watched.see(every_frame(true, 60, since_s=9 * CADENCE_S))
     assert watched.last.observations == 63
     assert watched.last.arc_s == pytest.approx((59 + 9) * CADENCE_S)
@@ -343,8 +343,8 @@ def test_a_streak_that_the_operator_refused_is_no_orbits():
     watched = Watched(config())
     early = every_frame(true, 1)
     own = measured_at(early, 0, 1000, watched.random, 0.5)
-    watched.hear(own)
-    watched.hear(NotFollowed(frame_id=1000, measurement=own, reason=REFUSED))
+    watched.receive(own)
+    watched.receive(NotFollowed(frame_id=1000, measurement=own, reason=REFUSED))
     watched.see(every_frame(true, 30, since_s=3 * CADENCE_S))
     assert watched.last.observations == 30
 
@@ -392,7 +392,7 @@ def test_the_order_behind_the_first_frame_of_another_track_is_the_filters():
     track = watched.following.track
     assert track is not None
     # The engine orders the next exposure before the orbit hears of the frame.
-    watched.orbit.hear(dataclasses.replace(track, kind="initial", frame_id=31, nis=None))
+    watched.orbit.receive(dataclasses.replace(track, kind="initial", frame_id=31, nis=None))
     assert not watched.orbit.is_guide
     assert Guide(watched.orbit, watched.config).of_track(T0_UTC_NS + 910 * 10**9) is None
 
@@ -431,8 +431,8 @@ def test_the_operators_word_on_a_frame_changes_the_orbit():
         for r in watched.log
         if isinstance(r, TrackState) and (r.frame_id, r.kind) == (frame_id, "predicted")
     )
-    watched.hear(FollowedAgain(frame_id=frame_id))
-    watched.hear(predicted)
+    watched.receive(FollowedAgain(frame_id=frame_id))
+    watched.receive(predicted)
     [refined] = watched.orbit.refine()
     assert refined.estimate.observations == before.observations - 1
     assert refined.estimate.nis is None, "nothing new was predicted"
@@ -457,16 +457,16 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     rivals = Rivals()
     leads = []
     for _ in range(8):
-        rivals.hear(sharp, vague)
+        rivals.compare(sharp, vague)
         leads.append(rivals.is_orbit_ahead)
     assert leads == [False] * 4 + [True] * 4
     wrong = Score(nis=40.0, log_size=-80.0)
     for _ in range(8):
-        rivals.hear(wrong, vague)
+        rivals.compare(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
     alike = Rivals()
     for _ in range(20):
-        alike.hear(sharp, Score(nis=2.2, log_size=0.0))
+        alike.compare(sharp, Score(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
 
 
@@ -478,7 +478,7 @@ def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float,
     assert not rivals.is_close
     for _ in range(6):
         by_filter = Score(nis=2.0, log_size=0.0)
-        rivals.hear(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
+        rivals.compare(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
     assert rivals.is_close is is_close
     rivals.filter_failed(41.26, 11.83)
     assert not rivals.is_close
@@ -496,7 +496,7 @@ def put_on_record(settings: Config, log: Iterable[Any]) -> list[Any]:
     orbits = Orbits(settings)
     for record in log:
         told.append(record)
-        orbits.hear(record)
+        orbits.receive(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
             told += orbits.refine()
     return told

@@ -65,9 +65,9 @@ def refined_of(places: Places) -> tuple[OnlineOrbit, list[int]]:
     """And of how many directions each estimate on record is."""
     online, on_record = OnlineOrbit(config()), []
     for measured, state in taken_of(places):
-        online.hear(measured)
+        online.receive(measured)
         if state is not None:
-            online.hear(state)
+            online.receive(state)
         on_record += [each.estimate.observations for each in online.refine()]
     return online, on_record
 

@@ -23,7 +23,7 @@ def night() -> list[tuple[Following, list[OrbitEstimate]]]:
     for sight in frames(FRAMES):
         following, records = follow(following, sight, settings(MEMBERS))
         for record in (*sight.measurements, *records):
-            online.hear(record)
+            online.receive(record)
         told.append((following, [each.estimate for each in online.refine()]))
     assert len(following.tracks) == MEMBERS
     return told

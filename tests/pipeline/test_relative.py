@@ -34,7 +34,7 @@ needs_elements = pytest.mark.skipif(not TLES.exists(), reason="the element files
 def pairs_after(records, config: Config = NO_WARNING) -> Pairs:
     pairs = Pairs(config)
     for record in records:
-        pairs.hear(record)
+        pairs.receive(record)
     return pairs
 
 
@@ -155,7 +155,7 @@ def after_each(frames, config: Config) -> list[tuple[PairMotion | None, list[Eve
     pairs, found = Pairs(config), []
     for records in frames:
         for record in records:
-            pairs.hear(record)
+            pairs.receive(record)
         told = pairs.refine()
         motions = [m for each in told if isinstance(each, PairMotions) for m in each.pairs]
         found.append(
@@ -199,12 +199,12 @@ def test_a_warning_ends_with_its_track():
     assert len([each for each in pairs.refine() if isinstance(each, Event)]) == 1
     coasting = list(frame_of(39, BEGIN_UTC_NS + 39 * 60 * NS, (6.0, 12.0), is_seen=False))
     for record in (*coasting, Miss(frame_id=39, reason=Missed(kind="nothing fits"), track_id=2)):
-        pairs.hear(record)
+        pairs.receive(record)
     assert not [each for each in pairs.refine() if isinstance(each, Event)]
     assert pairs.last[0].is_close
     lost = Missed(kind="nothing fits", lost=TrackLost(kind="left the frame"))
     for record in (*replaced(coasting, 40), Miss(frame_id=40, reason=lost, track_id=2)):
-        pairs.hear(record)
+        pairs.receive(record)
     [end] = pairs.refine()
     assert isinstance(end, Event)
     assert end.text == "tracks 1 and 2: warning over, track 2 ended"
@@ -231,9 +231,9 @@ def test_a_frame_that_is_followed_again_counts_as_it_was_followed_last():
     )
     assert ruled.refine() != right.refine()
     for n in range(8, 13):
-        ruled.hear(FollowedAgain(frame_id=n))
+        ruled.receive(FollowedAgain(frame_id=n))
         for record in frames[n - 1][1:]:
-            ruled.hear(record)
+            ruled.receive(record)
     assert ruled.refine() == right.refine()
 
 
@@ -242,11 +242,11 @@ def test_of_many_pairs_each_has_its_turn_and_the_near_ones_more_often():
     pairs, told = Pairs(NO_WARNING), []
     for n in range(1, 81):
         t = BEGIN_UTC_NS + n * 30 * NS
-        pairs.hear(frame_taken(n, t))
+        pairs.receive(frame_taken(n, t))
         for track in range(1, 13):
             place = (100.0 + 0.125 * n + 0.05 * track, 0.0)
             for record in track_records(n, track, t, place, (15.04 / 3600, 0.0), np.eye(2)):
-                pairs.hear(record)
+                pairs.receive(record)
         told += [each for each in pairs.refine() if isinstance(each, PairMotions)]
     assert max(len(each.pairs) for each in told) == PAIRS_OF_MANY
     assert len(pairs.last) == 66

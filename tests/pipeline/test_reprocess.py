@@ -20,7 +20,7 @@ from rsoconsole.pipeline.replay.reprocess import (
     read_pixels,
     recorded_frame,
 )
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
 from rsoconsole.session.files.kept_frames import compress_frame
 from rsoconsole.session.reading.reader import SessionReader
@@ -258,7 +258,7 @@ def test_candidates_of_one_streak_stand_side_by_side():
     here = straight_detection(frame_id=1, x_px=300.0, y_px=200.0, confidence=0.6)
     moved = replace(here, x_px=300.5, confidence=0.7)
     there = straight_detection(frame_id=1, x_px=700.0, y_px=600.0, confidence=0.9)
-    pairs = compare(found(here, there), found(rejected=((moved, Told(words="too wide")),)))
+    pairs = compare(found(here, there), found(rejected=((moved, Unclassified(words="too wide")),)))
     seen = [
         (p.was and p.was.detection.confidence, p.now and p.now.detection.confidence) for p in pairs
     ]

@@ -175,7 +175,7 @@ def refined_of(records: list[Record]) -> list[Refined]:
     """Asked behind each frame, as the engine does."""
     online, found = OnlineOrbit(config()), []
     for number, record in enumerate(records):
-        online.hear(record)
+        online.receive(record)
         if number + 1 == len(records) or type(records[number + 1]) is type(records[0]):
             found += online.refine()
     assert online.orbit is not None
@@ -211,7 +211,7 @@ def told_with_names(records: list[Record]) -> list[Record]:
     told: list[Record] = []
     for number, record in enumerate(records):
         told.append(record)
-        orbits.hear(record)
+        orbits.receive(record)
         if number + 1 == len(records) or type(records[number + 1]) is type(records[0]):
             told += orbits.refine()
     assert set(orbits.last) == {1, 2}

@@ -52,9 +52,9 @@ def night() -> list[Record]:
 def test_asked_after_every_record_it_tells_the_same_as_asked_once():
     often, once = TracksTaken(), TracksTaken()
     for record in night():
-        often.hear(record)
+        often.receive(record)
         often.live()
-        once.hear(record)
+        once.receive(record)
     assert often.tracks() == once.tracks()
     assert [track.track_id for track in often.live()] == [2]
     first, second = once.tracks()
@@ -67,9 +67,9 @@ def test_what_filters_know_does_not_stay_in_memory_for_a_whole_night():
     taken = TracksTaken()
     for frame_id in range(1, 10 * WHOLE):
         measured = geo_measurement(frame_id)
-        taken.hear(measured)
-        taken.hear(state("predicted", frame_id, 1, None))
-        taken.hear(state("initial" if frame_id == 1 else "updated", frame_id, 1, measured))
+        taken.receive(measured)
+        taken.receive(state("predicted", frame_id, 1, None))
+        taken.receive(state("initial" if frame_id == 1 else "updated", frame_id, 1, measured))
     steps = [frame.steps[1] for frame in taken._frames.values()]
     assert sum(each.predicted is not None for each in steps) == WHOLE
     whole = [each.corrected for each in steps if each.corrected and each.corrected.memory]

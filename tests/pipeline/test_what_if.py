@@ -294,7 +294,7 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
     walk = Walk.begin(config)
     taken = None
     for _, record in log[:until]:
-        list(walk.hear(record))
+        list(walk.receive(record))
         if isinstance(record, Measurement) and record.frame_id == frame_id:
             taken = record
     assert taken is not None

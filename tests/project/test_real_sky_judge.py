@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.reasons import NotTaken, Told
+from rsoconsole.reasons import NotTaken, Unclassified
 from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
 from tests.notebook.test_figures import ARCSEC, FRAMES, NS, measurement, taken
 from tests.real_sky_judge import judge
@@ -69,14 +69,16 @@ def records():
             told.append(state("predicted", frame_id, misses=frame_id - 4))
             reason = NotTaken.by_gate(frame_id + 0.5, 11.8)
             told.append(NotFollowed(frame_id=frame_id, measurement=seen, reason=reason))
-            told.append(Miss(frame_id=frame_id, reason=Told(words="nothing fits the prediction")))
+            told.append(
+                Miss(frame_id=frame_id, reason=Unclassified(words="nothing fits the prediction"))
+            )
         if frame_id == 6:
             told.append(change(6, "TRACK", "COAST"))
     return told
 
 
 def change(frame_id, before, after):
-    return StateChange(frame_id=frame_id, before=before, after=after, reason=Told(words=""))
+    return StateChange(frame_id=frame_id, before=before, after=after, reason=Unclassified(words=""))
 
 
 def test_a_night_that_coasts_beside_its_satellite_is_called_so(records):

@@ -32,8 +32,8 @@ from rsoconsole.reasons import (
     NotTaken,
     SlewRefusal,
     SlewRefusalKind,
-    Told,
     TrackLost,
+    Unclassified,
 )
 from rsoconsole.records import (
     Event,
@@ -100,7 +100,7 @@ def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "night"
 
 
-def with_refusal(record: Any, refusal: SlewRefusal | Told | None) -> Any:
+def with_refusal(record: Any, refusal: SlewRefusal | Unclassified | None) -> Any:
     return (
         dataclasses.replace(record, blocked=refusal) if isinstance(record, FrameTaken) else record
     )
@@ -169,9 +169,9 @@ def time_line(log: list[tuple[int, Any]]) -> Any:
     fold = TimelineFold()
     for seq, (t_utc_ns, record) in enumerate(log, start=1):
         frame_id = getattr(record, "frame_id", None)
-        fold.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
+        fold.receive(seq, t_utc_ns, type(record).__name__, frame_id, record)
     line = fold.so_far(len(log), is_closed=True)
-    return line.happenings, line.states
+    return line.events, line.states
 
 
 def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
@@ -209,7 +209,9 @@ def garbled(record: Any) -> Any:  # noqa: PLR0911 -- one case a kind
         case Miss(reason=Missed(kind="instrument") as missed):
             return dataclasses.replace(
                 record,
-                reason=dataclasses.replace(missed, detail="uiop", hidden_by=(Told(words="jkl"),)),
+                reason=dataclasses.replace(
+                    missed, detail="uiop", hidden_by=(Unclassified(words="jkl"),)
+                ),
             )
         case Miss(reason=Missed() as missed):
             return dataclasses.replace(record, reason=garbled_miss(missed))
@@ -327,7 +329,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
     for name in ("busy", "ruled"):
         for record in records_of(old_session(tmp_path / name, name)):
             if isinstance(record, StateChange | Miss):
-                assert not isinstance(record.reason, Told), record
+                assert not isinstance(record.reason, Unclassified), record
                 understood += 1
     assert understood > 60
 
@@ -355,7 +357,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
 )
 def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any) -> None:
     reason = read(words)
-    assert not isinstance(reason, Told)
+    assert not isinstance(reason, Unclassified)
     assert reason_text.text(reason) == words
 
 
@@ -439,7 +441,7 @@ def test_a_distance_from_a_limit_is_told_with_the_digits_it_takes(
 
 def test_what_no_version_put_a_miss_down_to_stays_as_it_was() -> None:
     reason = miss_of_before("hidden_by", "fog; only 2 stars, cloud?")
-    assert reason.hidden_by == (Told(words="fog"), HiddenBy(kind="few stars", stars=2))
+    assert reason.hidden_by == (Unclassified(words="fog"), HiddenBy(kind="few stars", stars=2))
     assert reason_text.text(reason) == "fog; only 2 stars, cloud?; no detection"
 
 
@@ -477,7 +479,7 @@ def test_what_ended_a_track_was_a_sentence_in_the_first_sessions_of_schema_4(
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:
     readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.rejected, old_reasons.cause)
-    assert {read("so") for read in readers} == {Told(words="so")}
+    assert {read("so") for read in readers} == {Unclassified(words="so")}
 
 
 @pytest.mark.parametrize(

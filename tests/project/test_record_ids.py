@@ -47,7 +47,7 @@ def two_tracks() -> list[Any]:
 def test_a_frame_may_hold_several_tracks_each_with_its_own_measurements() -> None:
     tracks = TracksTaken()
     for record in two_tracks():
-        tracks.hear(record)
+        tracks.receive(record)
     found = tracks.tracks()
     assert [track.track_id for track in found] == [1, 2]
     for track, dec in zip(found, (-5.0, -5.2), strict=True):

@@ -22,7 +22,7 @@ from rsoconsole.instruments.indi.devices_there import DevicesThere
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.simulator.devices.virtual_clock import CATCH_UP, MOST_BEHIND_S, VirtualClock
-from rsoconsole.waits import LongWait, told_to
+from rsoconsole.waits import LongWait, waits_reported_to
 
 NS = 1_000_000_000
 WANTED = "EQMod Mount"
@@ -181,14 +181,14 @@ def test_a_mount_that_is_announced_late_is_waited_for_in_words(server, tmp_path,
     heard: list[str] = []
     is_named, others_are_named = threading.Event(), threading.Event()
 
-    def hear(words: str) -> None:
+    def receive(words: str) -> None:
         heard.append(words)
         if f"mount '{WANTED}'" in words:
             is_named.set()
         if "has announced CCD Simulator until now" in words:
             others_are_named.set()
 
-    with contextlib.closing(mount), told_to(hear), ThreadPoolExecutor(1) as aside:
+    with contextlib.closing(mount), waits_reported_to(receive), ThreadPoolExecutor(1) as aside:
         started = aside.submit(mount.start)
         assert is_named.wait(FAR_TOO_LONG_S)
         server.announce("CCD Simulator")
@@ -230,7 +230,7 @@ def test_a_process_that_is_not_ready_in_time_says_what_it_waited_for(tmp_path: P
 
 def test_a_long_wait_says_what_for_and_how_long_and_only_now_and_then():
     wall, heard = Wall(), list[str]()
-    with told_to(heard.append):
+    with waits_reported_to(heard.append):
         wait = LongWait("the camera's process to start", wall)
         for wall.s in (0.0, 4.9, 5.0, 6.0, 9.9, 10.5):
             wait.look()

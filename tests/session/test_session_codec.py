@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import DONE, Told
+from rsoconsole.reasons import DONE, Unclassified
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -114,14 +114,14 @@ def test_what_json_cannot_carry_is_refused_with_its_place() -> None:
     with pytest.raises(SessionError, match=r"arguments\.to is a set"):
         encode(action)
     with pytest.raises(SessionError, match="64 bits"):
-        encode(Miss(frame_id=2**63, reason=Told(words="")))
+        encode(Miss(frame_id=2**63, reason=Unclassified(words="")))
     with pytest.raises(SessionError, match="Site is not a record of a session"):
         encode(frames.Site(latitude_deg=0, longitude_deg=0, elevation_m=0))  # type: ignore[arg-type]
 
 
 def test_keys_of_a_later_version_are_passed_over() -> None:
     body = json.dumps({"frame_id": 7, "reason": {"words": "cloud"}, "cloud_cover": 0.8})
-    assert decode("Miss", body) == Miss(frame_id=7, reason=Told(words="cloud"))
+    assert decode("Miss", body) == Miss(frame_id=7, reason=Unclassified(words="cloud"))
 
 
 def test_keys_that_an_earlier_version_lacked_take_their_default() -> None:
@@ -166,7 +166,9 @@ def test_an_absent_value_stays_absent() -> None:
         pointing_dec_icrs_deg=None,
     )
     assert decode(*encode(frame)[::2]) == frame
-    change = StateChange(frame_id=1, before="SEARCH", after="ACQUIRE", reason=Told(words=""))
+    change = StateChange(
+        frame_id=1, before="SEARCH", after="ACQUIRE", reason=Unclassified(words="")
+    )
     assert decode(*encode(change)[::2]) == change
 
 

@@ -254,7 +254,7 @@ import sys, os
 from pathlib import Path
 import numpy as np
 from rsoconsole.config import Config
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
@@ -265,7 +265,7 @@ def say(text):
 folder = Path(sys.argv[1])
 writer = SessionWriter.create(folder, Config(), {})
 say("begun")
-writer.append(Miss(frame_id=1, reason=Told(words="cloud")), 1)
+writer.append(Miss(frame_id=1, reason=Unclassified(words="cloud")), 1)
 assert writer.flush()
 say("flushed")
 writer.save_frame(Frame(frame_id=1, name="", pixels=np.ones((64, 64), np.uint16)))

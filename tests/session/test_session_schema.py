@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Frame, Miss
 from rsoconsole.session.files.digest import LogDigest, digest_rows
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
@@ -126,7 +126,7 @@ def test_logs_that_differ_have_digests_that_differ(one, other) -> None:
 
 def test_a_session_that_is_not_closed_has_no_digest(tmp_path: Path) -> None:
     writer = SessionWriter.create(tmp_path / "night", Config(), {})
-    writer.append(Miss(frame_id=1, reason=Told(words="")), 1)
+    writer.append(Miss(frame_id=1, reason=Unclassified(words="")), 1)
     writer.flush()
     assert "log_digest" not in SessionReader(tmp_path / "night").about()
     writer.close()
@@ -171,7 +171,7 @@ def test_a_medium_that_cannot_be_written_shows_a_session_that_was_cut_off(
 ) -> None:
     live, medium = tmp_path / "live", tmp_path / "medium"
     writer = SessionWriter.create(live, Config(), {})
-    writer.append(Miss(frame_id=1, reason=Told(words="cloud")), 1)
+    writer.append(Miss(frame_id=1, reason=Unclassified(words="cloud")), 1)
     assert writer.flush()
     shutil.copytree(live, medium, ignore=shutil.ignore_patterns("*-shm"))
     writer.close()
@@ -180,7 +180,7 @@ def test_a_medium_that_cannot_be_written_shows_a_session_that_was_cut_off(
     monkeypatch.setattr("os.access", lambda *_: False)
     reader = SessionReader(medium)
     assert [record for _, _, record in reader.records()] == [
-        Miss(frame_id=1, reason=Told(words="cloud"))
+        Miss(frame_id=1, reason=Unclassified(words="cloud"))
     ]
     assert sorted(p.name for p in medium.iterdir() if p.is_file()) == [
         "config.toml",

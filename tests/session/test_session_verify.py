@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Told
+from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Miss
 from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.log.pages import Pages
@@ -156,7 +156,7 @@ def test_what_a_cut_leaves_is_no_damage_and_is_told(night: Path) -> None:
 
 def test_a_live_session_is_called_live_and_is_left_alone(tmp_path: Path) -> None:
     writer = SessionWriter.create(tmp_path / "night", Config(), {})
-    writer.append(Miss(frame_id=1, reason=Told(words="")), 1)
+    writer.append(Miss(frame_id=1, reason=Unclassified(words="")), 1)
     writer.flush()
     (tmp_path / "night/frames/000001.fits.fz.part").write_bytes(b"on its way")
     found = verify_session(tmp_path / "night")

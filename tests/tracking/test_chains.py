@@ -29,7 +29,7 @@ def followed(
         sight = replace(seen(frame_id, *shown), **QUICK)
         following, records = follow(following, sight, settings)
         for record in (*shown, *records):
-            taken.hear(record)
+            taken.receive(record)
         begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
     return following, begun, taken
 

@@ -189,7 +189,7 @@ def test_a_track_begun_with_two_objects_is_begun_again_with_one() -> None:
         told += [text(r.reason) for r in records if isinstance(r, StateChange)]
         replaced += [r.replaces for r in records if isinstance(r, TrackState) and r.replaces]
         for record in (*shown, *records):
-            taken.hear(record)
+            taken.receive(record)
         if told[-1].startswith("re-acquired"):
             # The orbit hears of it at once: the track that was given up leads nothing.
             assert [each.track_id for each in taken.live()] == [2]

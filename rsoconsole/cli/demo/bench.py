@@ -23,7 +23,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
     medium = medium_of(config.session.root)
     output.complain(f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px")
     fits = draw_fits(config)
-    result = measure(config, fits, tell=output.complain)
+    result = measure(config, fits, report=output.complain)
     after = read_machine()
     summary = judge(config, result, free_bytes(config.session.root), utc_now_ns())
     notes = list(result.notes)

@@ -15,7 +15,7 @@ from rsoconsole.config import Config, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
 from rsoconsole.records import Site
-from rsoconsole.waits import told_to
+from rsoconsole.waits import waits_reported_to
 
 if TYPE_CHECKING:
     from rsoconsole.simulator.world import World
@@ -181,7 +181,7 @@ def demo(
     if is_seen and not lines:
         _watch_night(config, night)
         return
-    with told_to(output.complain):
+    with waits_reported_to(output.complain):
         found = run_night(config, night) if headless or json_ else _print_night(config, night)
     if json_:
         output.emit_json(found)

@@ -23,7 +23,7 @@ import platformdirs
 
 from rsoconsole.config import APP, Config
 from rsoconsole.errors import ControlError, InstrumentError, RsoconsoleError
-from rsoconsole.waits import told_to
+from rsoconsole.waits import waits_reported_to
 
 if TYPE_CHECKING:
     from rsoconsole.engine.loop import Engine
@@ -211,8 +211,8 @@ class NightProcess:
     def _line(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
-        told: dict[str, Any] = json.loads(line) if line.strip() else {}
-        return told
+        answer: dict[str, Any] = json.loads(line) if line.strip() else {}
+        return answer
 
 
 def end_when_forgotten(socket: Path, starter: int) -> None:
@@ -247,17 +247,17 @@ def main() -> int:
     table = order["night"]
     night = Night(**{**table, "session": Path(table["session"]) if table["session"] else None})
 
-    def tell(message: dict[str, Any]) -> None:
+    def report(message: dict[str, Any]) -> None:
         # Anyone who asked may be gone: the night goes on.
         with contextlib.suppress(OSError, ValueError):
             print(json.dumps(message), flush=True)
 
     waits = contextlib.ExitStack()
-    waits.enter_context(told_to(lambda words: tell({"waiting": words})))
+    waits.enter_context(waits_reported_to(lambda words: report({"waiting": words})))
 
     def has_started(folder: Path, path: Path) -> None:
         waits.close()
-        tell({"session": str(folder), "socket": str(path)})
+        report({"session": str(folder), "socket": str(path)})
         forgotten = threading.Thread(
             target=end_when_forgotten, args=(path, order["starter"]), daemon=True
         )
@@ -265,10 +265,10 @@ def main() -> int:
 
     try:
         config = Config.model_validate(order["config"])
-        tell(run_night(config, night, on_start=has_started))
+        report(run_night(config, night, on_start=has_started))
     except RsoconsoleError as error:
         logging.exception("the night failed")
-        tell({"error": str(error)})
+        report({"error": str(error)})
         return 1
     return 0
 

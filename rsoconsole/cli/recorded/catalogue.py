@@ -68,16 +68,16 @@ def update(
             faults += each.is_fault
             bar()
             with bar.aside():
-                _tell(each, settings, json_)
+                _report(each, settings, json_)
     if faults:
         output.complain(f"rsoconsole: {faults} source(s) could not be fetched; each says why")
         raise typer.Exit(1)
 
 
-def _tell(each: "Updated", settings: Config, json_: bool) -> None:
+def _report(each: "Updated", settings: Config, json_: bool) -> None:
     if json_:
-        told = {"fetched": each.is_fetched, "ok": not each.is_fault, "detail": each.words}
-        output.emit_json({**_row(each.source, each.kept, settings), **told})
+        outcome = {"fetched": each.is_fetched, "ok": not each.is_fault, "detail": each.words}
+        output.emit_json({**_row(each.source, each.kept, settings), **outcome})
         return
     mark = "FAIL" if each.is_fault else "new " if each.is_fetched else "-   "
     output.say(f"{mark} {each.source.words:24} {each.words}")
@@ -234,8 +234,8 @@ def _wait_while_slewing(socket: Path | None) -> None:
             return
         if not outcome.ok:
             return
-        told = read_status(outcome.data)
-        if not told.is_slewing and told.slew_left_s is None:
+        status = read_status(outcome.data)
+        if not status.is_slewing and status.slew_left_s is None:
             return
         if time.monotonic() > deadline:
             raise OrbitError(

@@ -156,10 +156,10 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
     elif wish.out != STDOUT:
         for path in made.files:
             output.say(str(path))
-    _tell_folder(new_folder)
-    _tell_what_is_not_in_it(made)
+    _say_created(new_folder)
+    _say_left_out(made)
     if made.format in MESSAGES and not options.target.is_known:
-        _tell_name(wish.session)
+        _say_recorded_name(wish.session)
 
 
 def _folder_to_make(wish: _Wish) -> Path | None:
@@ -173,12 +173,12 @@ def _folder_to_make(wish: _Wish) -> Path | None:
     return None if folder.exists() else folder
 
 
-def _tell_folder(folder: Path | None) -> None:
+def _say_created(folder: Path | None) -> None:
     if folder is not None:
         output.complain(f"created the folder {folder}")
 
 
-def _tell_name(session: Path) -> None:
+def _say_recorded_name(session: Path) -> None:
     """What the engine took it for: whether the message says so is the operator's word."""
     from rsoconsole.session.reading import SessionReader
 
@@ -196,7 +196,7 @@ def _tell_name(session: Path) -> None:
             )
 
 
-def _tell_what_is_not_in_it(made: Any) -> None:
+def _say_left_out(made: Any) -> None:
     if made.left_out:
         words = ", ".join(f"{number} {what}" for what, number in made.left_out.items())
         output.complain(f"left out: {words}")
@@ -216,7 +216,7 @@ def _report(wish: _Wish, json_: bool) -> None:
     path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
     new_folder = _folder_to_make(wish)
     write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
-    _tell_folder(new_folder)
+    _say_created(new_folder)
     if json_:
         output.emit_json(
             {

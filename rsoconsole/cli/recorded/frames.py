@@ -69,14 +69,14 @@ def _each(
 ) -> None:
     """Run ``work`` over the files in order; broken ones are reported and the others go on."""
     failures = 0
-    told: set[str] = set()
+    noted: set[str] = set()
     with progress("frames", len(files.paths)) as bar:
         for number, path in enumerate(files.paths, start=1):
             try:
                 for found in work(path, number):
                     with bar.aside():
                         output.emit_json(found) if json_ else output.say(*lines(found))
-                        _warn(_name(found), found["notes"], told)
+                        _warn(_name(found), found["notes"], noted)
             except FrameError as error:
                 failures += 1
                 with bar.aside():
@@ -92,11 +92,11 @@ def _name(found: dict[str, Any]) -> str:
     return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
 
-def _warn(name: str, notes: list[str], told: set[str]) -> None:
+def _warn(name: str, notes: list[str], noted: set[str]) -> None:
     """What is unusual about a frame, each sentence once in a run."""
     for note in notes:
-        if note not in told:
-            told.add(note)
+        if note not in noted:
+            noted.add(note)
             output.complain(f"rsoconsole: {name}: {note}")
 
 
@@ -189,7 +189,7 @@ def _process_frames(
     from rsoconsole.session.writing import BatchRecording
 
     failures = 0
-    told: set[str] = set()
+    noted: set[str] = set()
     with (
         open_reducer(settings) as (reducer, model_sha256),
         progress("frames", len(files.paths)) as bar,
@@ -207,7 +207,7 @@ def _process_frames(
                 found = process_report(files.name(result.path), result)
                 with bar.aside():
                     output.emit_json(found) if json_ else output.say(_process_words(found))
-                    _warn(_name(found), found["notes"], told)
+                    _warn(_name(found), found["notes"], noted)
         finally:
             recording.close()
     if failures:

@@ -8,8 +8,14 @@ from typing import Annotated, Literal
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, completion, output
-from rsoconsole.cli.words import sessions_words as told
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    byte_progress,
+    completion,
+    output,
+    sessions_words,
+)
 from rsoconsole.config import load_config
 from rsoconsole.errors import SessionError
 
@@ -77,12 +83,12 @@ def _list(root: Path | None, config: Path | None, json_: bool) -> None:
         each for each in map(summarise, rescues) if root is None or _lies_under(each.rescues, root)
     )
     if found and not json_:
-        output.say(told.HEADER)
+        output.say(sessions_words.HEADER)
     for each in found:
         if json_:
-            output.emit_json(told.summary_json(each))
+            output.emit_json(sessions_words.summary_json(each))
         else:
-            output.say(told.summary_words(each))
+            output.say(sessions_words.summary_words(each))
     if not found:
         output.complain(f"no session is kept in {folder}")
 
@@ -112,17 +118,17 @@ def verify(
 
     failed = 0
     for place in places:
-        with byte_progress() as tell, _each(place, json_) as outcome:
-            found = verify_session(place, lambda done, total: tell("verifying", done, total))
+        with byte_progress() as report, _each(place, json_) as outcome:
+            found = verify_session(place, lambda done, total: report("verifying", done, total))
             outcome["is_done"] = True
         if not outcome:
             failed += 1
             continue
         failed += not found.is_sound
         if json_:
-            output.emit_json(told.verification_json(found))
+            output.emit_json(sessions_words.verification_json(found))
         else:
-            told.say_verification(found)
+            sessions_words.say_verification(found)
     _end(failed, "not sound")
 
 
@@ -149,9 +155,9 @@ def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
         if not outcome:
             failed += 1
         elif json_:
-            output.emit_json(told.repair_json(done))
+            output.emit_json(sessions_words.repair_json(done))
         else:
-            told.say_repair(done)
+            sessions_words.say_repair(done)
     _end(failed, "not repaired")
 
 
@@ -180,9 +186,9 @@ def archive(
 
     failed = 0
     for place in places:
-        with byte_progress() as tell, _each(place, json_) as outcome:
+        with byte_progress() as report, _each(place, json_) as outcome:
             target = place.resolve().parent if out is None else out
-            made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=tell)
+            made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=report)
             outcome["is_done"] = True
         if not outcome:
             failed += 1
@@ -200,7 +206,7 @@ def archive(
             )
             continue
         gone = "; the original is removed" if made.is_removed else ""
-        size = told.size_words(made.bytes)
+        size = sessions_words.size_words(made.bytes)
         output.say(f"{made.path}: {made.files} files, {size}, read back and verified{gone}")
     _end(failed, "not archived")
 
@@ -257,11 +263,11 @@ def prune(
         prune_sessions(steps, policy, now_utc_ns)
     for step in steps:
         if json_:
-            output.emit_json(told.step_json(step, what, yes))
+            output.emit_json(sessions_words.step_json(step, what, yes))
         else:
-            output.say(told.step_words(step))
+            output.say(sessions_words.step_words(step))
     if not json_:
-        told.say_plan(steps, folder, what, yes)
+        sessions_words.say_plan(steps, folder, what, yes)
 
 
 @sessions_app.command()

@@ -18,7 +18,7 @@ from rsoconsole.cli.words import (
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
 from rsoconsole.errors import ControlError, InstrumentError
-from rsoconsole.waits import told_to
+from rsoconsole.waits import waits_reported_to
 
 log = logging.getLogger(__name__)
 
@@ -85,7 +85,7 @@ def engine(
             overrides["catalogue.tle_files"] = [str(each.resolve()) for each in tle]
         entry_of(load_config(config, overrides))  # now, not when the night has begun
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
-    with told_to(output.complain):
+    with waits_reported_to(output.complain):
         run_engine(
             load_config(config, overrides),
             RunSettings(
@@ -137,31 +137,31 @@ def status(
     if json_:
         output.emit_json(dict(outcome.data))
         return
-    told = read_status(outcome.data)
-    held = " HELD" if told.is_held else ""
-    words = [f"{told.state}{held}", f"{told.holder} has the mount", f"frame {told.frame_id}"]
-    if told.target:
-        words.append(f"follows {told.target}")
-    if told.kept:
-        way = "" if told.is_resumable else "'rsoconsole arm', then "
-        words.append(f"{told.kept} kept: {way}'rsoconsole resume' follows it again")
-    if told.ra_icrs_deg is not None and told.dec_icrs_deg is not None:
-        words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
-    if told.alt_deg is not None and told.az_deg is not None:
-        words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
-    words.extend(mount_words(told))
-    machine = told.machine or Machine()
+    status = read_status(outcome.data)
+    held = " HELD" if status.is_held else ""
+    words = [f"{status.state}{held}", f"{status.holder} has the mount", f"frame {status.frame_id}"]
+    if status.target:
+        words.append(f"follows {status.target}")
+    if status.kept:
+        way = "" if status.is_resumable else "'rsoconsole arm', then "
+        words.append(f"{status.kept} kept: {way}'rsoconsole resume' follows it again")
+    if status.ra_icrs_deg is not None and status.dec_icrs_deg is not None:
+        words.append(output.direction_text(status.ra_icrs_deg, status.dec_icrs_deg))
+    if status.alt_deg is not None and status.az_deg is not None:
+        words.append(f"alt {status.alt_deg:.1f} az {status.az_deg:.1f}")
+    words.extend(mount_words(status))
+    machine = status.machine or Machine()
     if machine.cpu_temperature_c is not None:
         words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
     words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
-    last = told.last_stop
+    last = status.last_stop
     if last is not None and not (last.is_confirmed or last.is_over):
         words.append(f"STOP {last.text}")
-    words.extend(f"FAULT {fault}" for fault in told.faults)
-    if told.state == "FAULT" and not told.faults:
+    words.extend(f"FAULT {fault}" for fault in status.faults)
+    if status.state == "FAULT" and not status.faults:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
-    _say_field(told)
+    _say_field(status)
 
 
 def _write_metrics(socket: Path | None, out: Path | None) -> None:
@@ -171,10 +171,10 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
     try:
         outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
-        told = read_status(outcome.data) if outcome.ok else None
+        status = read_status(outcome.data) if outcome.ok else None
     except ControlError:
-        told = None
-    text = metrics(told)
+        status = None
+    text = metrics(status)
     if out is None:
         output.hand_over(text)
         return
@@ -184,15 +184,15 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
         raise ControlError(f"{out} cannot be written: {error.strerror or error}") from error
 
 
-def _say_field(told: Status) -> None:
+def _say_field(status: Status) -> None:
     """Its tracks, the next aim, how they move to each other, and who is missing."""
     from rsoconsole.control import field_words, next_aim_words, track_table
 
     lines: list[str] = []
-    if len(told.tracks) > 1:
-        lines += track_table(told)
-        lines += [] if told.next_aim is None else [next_aim_words(told.next_aim)]
-    lines += field_words(told.pairs, told.unseen, told.uncatalogued)
+    if len(status.tracks) > 1:
+        lines += track_table(status)
+        lines += [] if status.next_aim is None else [next_aim_words(status.next_aim)]
+    lines += field_words(status.pairs, status.unseen, status.uncatalogued)
     for line in lines:
         output.say(line)
 
@@ -212,7 +212,7 @@ def stop(
     def directly() -> tuple[bool, str]:
         from rsoconsole.instruments.mount import stop_past_engine
 
-        return stop_past_engine(config_path=config, on_fault=_tell_fault)
+        return stop_past_engine(config_path=config, on_fault=_say_fault)
 
     # With a socket the configured mount is another engine's.
     way_past = directly if socket is None else None
@@ -239,5 +239,5 @@ def stop(
         )
 
 
-def _tell_fault(words: str) -> None:
+def _say_fault(words: str) -> None:
     output.complain(f"rsoconsole: {words}")

@@ -107,10 +107,10 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
     ) as bars:
         task = bars.add_task("", total=None)
 
-        def tell(doing: str, done: int, total: int) -> None:
+        def report(doing: str, done: int, total: int) -> None:
             bars.update(task, description=doing, completed=done, total=total)
 
-        yield tell
+        yield report
 
 
 def everywhere(paths: list[Path]) -> list[Path]:

@@ -41,7 +41,7 @@ def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
                 "is_drift_told_apart": is_apart,
             }
             for night, drift, is_apart in zip(
-                found.nights, calibration.drift_arcsec, calibration.is_told_apart, strict=True
+                found.nights, calibration.drift_arcsec, calibration.is_separated, strict=True
             )
         ],
         "satellites": [
@@ -179,7 +179,7 @@ def cautions(found: FoundTiming) -> Iterator[str]:
             "elements are good to a kilometre, which is 0.3 s: a sanity check of the clock, not a"
             " calibration; give --rinex of the night, or --sp3 afterwards"
         )
-    for night, is_apart in zip(found.nights, found.calibration.is_told_apart, strict=True):
+    for night, is_apart in zip(found.nights, found.calibration.is_separated, strict=True):
         if not is_apart and night.streaks:
             yield (
                 f"{night.name}: all satellites go much the same way: time and what the star"

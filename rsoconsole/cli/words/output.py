@@ -78,12 +78,12 @@ def _with_units(value: Any) -> Any:
         return [_with_units(item) for item in value]
     if not isinstance(value, Mapping):
         return value
-    told: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, item in value.items():
-        told[str(key)] = _with_units(item)
+        result[str(key)] = _with_units(item)
         if key in WITH_UNITS:
-            told.setdefault(WITH_UNITS[key], told[key])
-    return told
+            result.setdefault(WITH_UNITS[key], result[key])
+    return result
 
 
 def _finite(value: Any) -> Any:

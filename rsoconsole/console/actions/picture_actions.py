@@ -47,13 +47,13 @@ class PictureActions:
         seat = self._seat
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        told, marks = (
+        subject, marks = (
             (seat.night.frame, stretch, seat.hides_signs),
             seat.marks_by_hand(),
         )
         for pane, sight in zip(self._panes(), (large, small), strict=True):
             pane.hides_signs = seat.hides_signs
-            pane.show(seat.picture, sight, stretch, told, marks)
+            pane.show(seat.picture, sight, stretch, subject, marks)
 
     @property
     def _sight_now(self) -> int:

@@ -15,7 +15,7 @@ SETTLES_S = 0.2
 """A second press counts when no third one follows within that time."""
 RELEASED_S = 0.7
 """A key that was held down has been let go after so long without a press."""
-Heard = Literal["asked", "acts", "held"]
+PressOutcome = Literal["asked", "acts", "held"]
 TRACKED = frozenset(("TRACK", "COAST"))
 
 
@@ -36,7 +36,7 @@ class SecondPress:
         self.number = 0
         """Of the press heard last: what it led to is off when another one has come."""
 
-    def hear(self, name: str, now_s: float) -> Heard:
+    def receive(self, name: str, now_s: float) -> PressOutcome:
         """One press of the command's key."""
         self.number += 1
         since_s, self._last_s = now_s - self._last_s, now_s
@@ -84,11 +84,11 @@ class TwicePressed:
         if seat.is_click:
             self.name_key(name, what)
             return
-        heard = press.hear(name, seat.now_s())
+        outcome = press.receive(name, seat.now_s())
         key = key or first_key(name, seat.keymap)
-        if heard == "asked":
+        if outcome == "asked":
             seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
-        elif heard == "held":
+        elif outcome == "held":
             seat.say(f"{key} is held down: nothing is done", "warn")
         else:
             number = press.number

@@ -81,13 +81,13 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._preview = None
         self._asked += 1
         if self._config() is None:
-            self._tell(UNREAD if text.strip() else "")
+            self._say(UNREAD if text.strip() else "")
             self.set_timer(UNREAD_CHECK_S, self._look_again(self._asked, text))
             return
         try:
             self._ask(text)
         except (ValueError, RsoconsoleError) as error:
-            self._tell(str(error) if text.strip() else "")
+            self._say(str(error) if text.strip() else "")
 
     def _look_again(self, number: int, text: str) -> Callable[[], None]:
         """Once more, unless something else has been typed meanwhile."""
@@ -102,7 +102,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         found = self._understood(text)
         number = self._asked
         caution = f"\ncareful: {found.caution}" if found.caution else ""
-        self._tell(f"{found.words}{caution}\nasking the engine …")
+        self._say(f"{found.words}{caution}\nasking the engine …")
 
         app, words = self.app, f"{found.words}{caution}"
 
@@ -129,11 +129,11 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         if message.number != self._asked:
             return
         if not message.outcome.ok:
-            self._tell(f"{message.words}\n{message.outcome.message}")
+            self._say(f"{message.words}\n{message.outcome.message}")
             return
         self._preview = preview = read_preview(message.outcome.data)
         caution = [self._caution] if self._caution and preview and not preview.refused else []
-        self._tell("\n".join([message.words, *preview_lines(preview), *caution]))
+        self._say("\n".join([message.words, *preview_lines(preview), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""
@@ -147,11 +147,11 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         try:
             found = self._understood(event.value)
         except (ValueError, RsoconsoleError) as error:
-            self._tell(str(error))
+            self._say(str(error))
             return
         self.dismiss((found.ra_icrs_deg, found.dec_icrs_deg))
 
-    def _tell(self, text: str) -> None:
+    def _say(self, text: str) -> None:
         self.query_one("#understood", Static).update(text)
 
 
@@ -211,8 +211,8 @@ class MoveDialog(Dialog[bool | None]):
         preview = read_preview(outcome.data) if outcome.ok else None
         lines = preview_lines(preview) if outcome.ok else [outcome.message]
         self._may_go = preview is not None and not preview.refused
-        told = [*lines, *([self._caution] if self._caution else [])]
-        self.query_one("#told", Static).update("\n".join(told))
+        rows = [*lines, *([self._caution] if self._caution else [])]
+        self.query_one("#told", Static).update("\n".join(rows))
 
     def action_go(self) -> None:
         """Go, where that has been shown and may be."""
@@ -260,11 +260,11 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
             try:
                 wanted[name] = float(text.replace("−", "-"))
             except ValueError:
-                self._tell(f"{words}: {text!r} is no number")
+                self._say(f"{words}: {text!r} is no number")
                 return None
         return wanted
 
-    def _tell(self, text: str) -> None:
+    def _say(self, text: str) -> None:
         self.query_one("#told", Static).update(text)
 
 
@@ -281,7 +281,7 @@ class ExposureDialog(SettingsDialog):
         """Both; the shutter must be open for a shorter time than from frame to frame."""
         wanted = super()._wanted()
         if wanted and not wanted["exposure.exposure_s"] < wanted["exposure.cadence_s"]:
-            self._tell("the cadence is from start to start: longer than the exposure")
+            self._say("the cadence is from start to start: longer than the exposure")
             return None
         return wanted
 
@@ -322,10 +322,10 @@ class AimDialog(SettingsDialog):
         if message.number != self._asked:
             return
         if not message.outcome.ok:
-            self._tell(message.outcome.message)
+            self._say(message.outcome.message)
             return
         ending = "enter looks there from the next exposure on"
-        self._tell("\n".join(preview_lines(read_preview(message.outcome.data), ending)))
+        self._say("\n".join(preview_lines(read_preview(message.outcome.data), ending)))
 
 
 class LineDialog(FieldDialog[str | None]):

@@ -287,8 +287,8 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
         with VerticalScroll() as box:
             box.border_title = "not armed"
             box.border_subtitle = "space ticks · ↑↓ move · esc back"
-            told = "These stand against it; tick what you answer for, by name and on record."
-            yield Static(told if self._failed else self._message, markup=False)
+            intro = "These stand against it; tick what you answer for, by name and on record."
+            yield Static(intro if self._failed else self._message, markup=False)
             for number, check in enumerate(self._failed):
                 words = f"{check.get('name')}: {check.get('detail') or 'failed'}"
                 is_on = check.get("name") in self._ticked

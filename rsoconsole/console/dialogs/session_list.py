@@ -219,25 +219,25 @@ class SessionListDialog(Dialog[Path | None]):
         """Look for them on a thread: a slow disk keeps nobody."""
         self.query_one(Input).focus()
         self._show()
-        tell = teller(self.app.call_from_thread, self.post_message)
-        work = lambda: self._look(tell)  # noqa: E731 -- it is given to a thread
+        send = poster(self.app.call_from_thread, self.post_message)
+        work = lambda: self._look(send)  # noqa: E731 -- it is given to a thread
         threading.Thread(target=work, name="console-sessions", daemon=True).start()
 
     def on_unmount(self) -> None:
         """Nobody waits for the rest."""
         self._is_over = True
 
-    def _look(self, tell: Callable[[Message], None]) -> None:
+    def _look(self, send: Callable[[Message], None]) -> None:
         try:
             entries = entries_of(self._root, self._present)
         except SessionError as error:
-            tell(EntriesFound([], str(error)))
+            send(EntriesFound([], str(error)))
             return
-        tell(EntriesFound(entries))
+        send(EntriesFound(entries))
         for entry in entries:
             if self._is_over:
                 return
-            tell(EntrySeen(looked_into(entry)))
+            send(EntrySeen(looked_into(entry)))
 
     def on_entries_found(self, message: EntriesFound) -> None:
         """Their names; the present one is chosen."""
@@ -316,13 +316,13 @@ class SessionListDialog(Dialog[Path | None]):
         )
 
 
-def teller(
+def poster(
     call: Callable[..., object], post: Callable[[Message], object]
 ) -> Callable[[Message], None]:
     """Posts messages from another thread, as long as the console is there."""
 
-    def tell(message: Message) -> None:
+    def send(message: Message) -> None:
         with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
             call(post, message)
 
-    return tell
+    return send

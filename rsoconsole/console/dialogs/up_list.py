@@ -16,7 +16,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.dialogs.session_list import teller
+from rsoconsole.console.dialogs.session_list import poster
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import clipped, clock_text, duration_text, first_shown
@@ -82,11 +82,11 @@ class UpListDialog(Dialog[str | None]):
         """Compute it on a thread: large catalogues take a second."""
         self.query_one(Input).focus()
         self._show()
-        tell = teller(self.app.call_from_thread, self.post_message)
-        work = lambda: self._look(tell)  # noqa: E731 -- it is given to a thread
+        post = poster(self.app.call_from_thread, self.post_message)
+        work = lambda: self._look(post)  # noqa: E731 -- it is given to a thread
         threading.Thread(target=work, name="console-up-now", daemon=True).start()
 
-    def _look(self, tell: Callable[[Message], None]) -> None:
+    def _look(self, post: Callable[[Message], None]) -> None:
         from rsoconsole.pipeline.orbits import read_catalogue
         from rsoconsole.pipeline.outlook import up_now
 
@@ -98,19 +98,19 @@ class UpListDialog(Dialog[str | None]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            tell(UpFound((), t_utc_ns, fault))
+            post(UpFound((), t_utc_ns, fault))
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
         try:
             found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
-            tell(UpFound((), t_utc_ns, str(error)))
+            post(UpFound((), t_utc_ns, str(error)))
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
-            tell(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
+            post(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
         else:
-            tell(UpFound(found, t_utc_ns))
+            post(UpFound(found, t_utc_ns))
 
     def on_up_found(self, message: UpFound) -> None:
         """The list."""

@@ -113,10 +113,10 @@ class PlainFilter(LineFilter):
             # Beside a picture nothing may move.
             return [self._plain(segment) for segment in segments]
         texts = spelled([segments[index].text for index in words])
-        told = dict(zip(words, texts, strict=True))
+        text_of = dict(zip(words, texts, strict=True))
         return [
-            Segment(told[index], segment.style, segment.control)
-            if index in told
+            Segment(text_of[index], segment.style, segment.control)
+            if index in text_of
             else self._plain(segment)
             for index, segment in enumerate(segments)
         ]

@@ -31,8 +31,8 @@ class EngineView(Status):
         return self.is_held or self.holder == "operator"
 
 
-def engine_view(told: Mapping[str, Any]) -> EngineView:
+def engine_view(answer: Mapping[str, Any]) -> EngineView:
     """The engine's answer to ``status``; what is missing or odd in it counts as not said."""
-    status = read_status(told)
+    status = read_status(answer)
     known = {each.name: getattr(status, each.name) for each in fields(Status)}
     return EngineView(reach="attached", **known)

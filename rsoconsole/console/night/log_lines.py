@@ -29,7 +29,7 @@ from rsoconsole.reasons import (
     HiddenBy,
     Missed,
     NotTaken,
-    Told,
+    Unclassified,
 )
 from rsoconsole.records import (
     CatalogueMatch,
@@ -68,7 +68,7 @@ OF_ALARMS: frozenset[CauseKind] = frozenset(
 )
 """Causes that are said as an alarm before the state changes."""
 CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
-TOLD_BY_CHANGE: Mapping[str, CauseKind] = {
+SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
     Resume.verb: "resumed",
@@ -99,7 +99,7 @@ class LogLine:
     """What an operator wanted, without what came of it."""
     topic: Topic = ""
     """What an event is about."""
-    missed: Missed | Told | None = None
+    missed: Missed | Unclassified | None = None
     """Why a frame had no measurement."""
     not_taken: str = ""
     """The kind of reason for which a measurement was not taken."""
@@ -193,7 +193,7 @@ def line_of(
         is_of_alarm=_is_of_alarm(record),
         said=one_line(record.text) if isinstance(record, Event) else "",
         change=_change_of(record),
-        cause=_told_by(action) if action else kind,
+        cause=_cause_of(action) if action else kind,
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
         marked_by=action.by if action is not None and _is_used_mark(action) else "",
         setting=_setting_of(record),
@@ -221,11 +221,11 @@ def _not_taken(record: Record) -> str:
     return reason.kind if isinstance(reason, NotTaken) else ""
 
 
-def _told_by(action: OperatorAction) -> CauseKind | Literal[""]:
+def _cause_of(action: OperatorAction) -> CauseKind | Literal[""]:
     """The cause of the change of state that says as much as the command itself."""
     if action.outcome.kind != "done" or action.arguments.get("override"):
         return ""
-    return TOLD_BY_CHANGE.get(action.verb, "")
+    return SHOWN_BY_CHANGE.get(action.verb, "")
 
 
 def _is_of_alarm(record: Record) -> bool:

@@ -6,7 +6,7 @@ Which records belong together is told by their kinds and their order, never by t
 from dataclasses import replace
 
 from rsoconsole.console.night.log_lines import LogLine
-from rsoconsole.reasons import HiddenBy, Missed, Told
+from rsoconsole.reasons import HiddenBy, Missed, Unclassified
 from rsoconsole.sky import utc_ns_to_iso
 
 LOOK_BACK_LINES = 6
@@ -25,7 +25,7 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     with the last of them; a change of state that a frame came to before, and comes to once more
     where it is followed again, is told once.
     """
-    if line.kind != "StateChange" or not _was_told(log, line):
+    if line.kind != "StateChange" or not _is_repeated(log, line):
         _append_news(log, line)
     elif line.is_of_miss and log[-1].kind == "Miss" and log[-1].frame_id == line.frame_id:
         del log[-1]
@@ -34,7 +34,7 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
 def _append_news(log: list[LogLine], line: LogLine) -> None:
     if line.topic == "predictor":
         line = _with_turns_before(log, line)
-    if log and _tells_of_it(line, log[-1]):
+    if log and _explains(line, log[-1]):
         del log[-1]
     if log and _goes_on(log[-1], line):
         log[-1] = _both(log[-1], line)
@@ -42,7 +42,7 @@ def _append_news(log: list[LogLine], line: LogLine) -> None:
     last = log[-1] if log and log[-1].frame_id == line.frame_id else None
     if line.kind == "OperatorAction":
         _forget_acceptance(log, line)
-        if _is_told(log, line):
+        if _is_implied(log, line):
             return
     elif last is not None and last.kind == line.kind == "NotFollowed":
         tracks = tuple(sorted({*last.tracks, *line.tracks}))
@@ -67,7 +67,7 @@ def _append_news(log: list[LogLine], line: LogLine) -> None:
     log.append(line)
 
 
-def _was_told(log: list[LogLine], line: LogLine) -> bool:
+def _is_repeated(log: list[LogLine], line: LogLine) -> bool:
     """Whether the last change of state of its frame says the same."""
     if line.frame_id is None:
         return False
@@ -106,14 +106,14 @@ def _goes_on(last: LogLine, line: LogLine) -> bool:
     return bool(line.not_taken) and last.not_taken == line.not_taken
 
 
-def _tells_of_it(line: LogLine, last: LogLine) -> bool:
+def _explains(line: LogLine, last: LogLine) -> bool:
     """Whether a miss in cloud says of a frame what its not being plate-solved said."""
     is_of_it = last.kind == "NotSolved" and last.frame_id == line.frame_id and last.times == 1
     is_hidden = isinstance(line.missed, Missed) and bool(line.missed.hidden_by)
     return is_of_it and is_hidden
 
 
-def _why(missed: Missed | Told | None) -> object:
+def _why(missed: Missed | Unclassified | None) -> object:
     """A reason by its kinds: cloud of few stars is cloud, however many there are."""
     if not isinstance(missed, Missed):
         return missed
@@ -133,7 +133,7 @@ def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
             return
 
 
-def _is_told(log: list[LogLine], line: LogLine) -> bool:
+def _is_implied(log: list[LogLine], line: LogLine) -> bool:
     """Whether a command is told by the change that it led to: of a setting, or of the state."""
     return any(
         (before.kind == "ParameterChange" and line.setting and before.setting == line.setting)

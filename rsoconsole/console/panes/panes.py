@@ -132,7 +132,7 @@ class FramePane(Widget):
         super().__init__(id=id)
         self._words = words
         self._picture: Picture | None = None
-        self._told: object = None
+        self._subject: object = None
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
         self._strips: list[Strip] = []
@@ -182,17 +182,17 @@ class FramePane(Widget):
         picture: Picture | None,
         sight: Sight,
         stretch: Stretch,
-        told: object,
+        subject: object,
         marks: tuple[Mark, ...] = (),
     ) -> None:
-        """Show a frame; nothing is computed again when it and what is ``told`` are the same.
+        """Show a frame; nothing is computed again when it and what is ``subject`` are the same.
 
         ``marks``: more than the picture's own, written over them.
         """
-        same = (self._picture, self._sight, self._stretch, self._told, self._marks)
-        if self._strips and same == (picture, sight, stretch, told, marks):
+        same = (self._picture, self._sight, self._stretch, self._subject, self._marks)
+        if self._strips and same == (picture, sight, stretch, subject, marks):
             return
-        self._picture, self._sight, self._stretch, self._told = picture, sight, stretch, told
+        self._picture, self._sight, self._stretch, self._subject = picture, sight, stretch, subject
         self._marks = marks
         self._redraw()
 

@@ -12,7 +12,14 @@ from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.drawing import Line
 from rsoconsole.console.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.timeline import KINDS, SIGNS, HappeningKind, Moment, Timeline, holder_then
+from rsoconsole.console.timeline import (
+    KINDS,
+    SIGNS,
+    Moment,
+    Timeline,
+    TimelineEventKind,
+    holder_then,
+)
 from rsoconsole.console.words import (
     NS_PER_S,
     arcsec_text,
@@ -29,7 +36,7 @@ from rsoconsole.sky import format_dec, format_ra
 ABSENT = "-"
 LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
 WITH_DIFFERENCE_COLUMNS = 66
-KIND_WORDS: dict[HappeningKind, tuple[str, str]] = {
+KIND_WORDS: dict[TimelineEventKind, tuple[str, str]] = {
     "miss": ("miss", "misses"),
     "rejection": ("rejection", "rejections"),
     "loss": ("loss", "losses"),
@@ -130,8 +137,7 @@ def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
     first, last = timeline.index_of(low), timeline.index_of(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
     counts = {
-        kind: sum(low < h.seq <= high for h in timeline.happenings if h.kind == kind)
-        for kind in KINDS
+        kind: sum(low < h.seq <= high for h in timeline.events if h.kind == kind) for kind in KINDS
     }
     parts = [f"{frames} frame{'' if frames == 1 else 's'}"]
     parts += [

@@ -226,7 +226,7 @@ class ReviewScreen(NightScreen):
 
         def ask() -> None:
             if self.moment is moment:
-                self._outlook_watch.tell(self.night, self.engine)
+                self._outlook_watch.update(self.night, self.engine)
 
         self.set_timer(OUTLOOK_AFTER_S, ask)
 

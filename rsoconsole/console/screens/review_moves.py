@@ -12,9 +12,9 @@ from rsoconsole.console.panes import MomentField, TimelinePane
 from rsoconsole.console.timeline import (
     KINDS,
     SIGNS,
-    HappeningKind,
     Player,
     Timeline,
+    TimelineEventKind,
     place_words,
     seq_of,
     speed_words,
@@ -156,7 +156,7 @@ class ReviewMoves:
     # -- events ---------------------------------------------------------------------------------
 
     @property
-    def kinds(self) -> tuple[HappeningKind, ...]:
+    def kinds(self) -> tuple[TimelineEventKind, ...]:
         """What is jumped to, of what the time line has."""
         return tuple(kind for kind in KINDS if self._review.kind in {ANY, kind})
 
@@ -191,8 +191,8 @@ class ReviewMoves:
             seq = (min if is_on else max)(ahead, default=None)
             what = f"{review.searched!r}"
         else:
-            happening = review.timeline.jump(review.seq, self.kinds, is_on=is_on)
-            seq = None if happening is None else review.timeline.moment_of(happening)
+            event = review.timeline.jump(review.seq, self.kinds, is_on=is_on)
+            seq = None if event is None else review.timeline.moment_of(event)
             what = review.kind if seq is None else ", ".join(review.timeline.kinds_at(seq))
         if seq is None:
             what = "event" if what == ANY else what
@@ -205,14 +205,14 @@ class ReviewMoves:
     def action_event_kind(self) -> None:
         """The next kind that the night has."""
         review = self._review
-        present = {each.kind for each in review.timeline.happenings}
+        present = {each.kind for each in review.timeline.events}
         kinds = [ANY, *(kind for kind in KINDS if kind in present)]
         if review.searched:
             kinds.append(FOUND)
         at = kinds.index(review.kind) if review.kind in kinds else -1
         review.kind = kinds[(at + 1) % len(kinds)]
         count = len(self.found) if review.kind == FOUND else 0
-        count += sum(each.kind in self.kinds for each in review.timeline.happenings)
+        count += sum(each.kind in self.kinds for each in review.timeline.events)
         review.show_place()
         review.say(f"events: {self.kind_words} ({count} in the night)")
 

@@ -5,8 +5,8 @@ from .lines import time_at as time_at
 from .lines import timeline_lines as timeline_lines
 from .moments import Moment as Moment
 from .night_line import KINDS as KINDS
-from .night_line import HappeningKind as HappeningKind
 from .night_line import Timeline as Timeline
+from .night_line import TimelineEventKind as TimelineEventKind
 from .player import Player as Player
 from .player import speed_words as speed_words
 from .review_watch import ReviewWatch as ReviewWatch

@@ -11,11 +11,11 @@ from functools import lru_cache
 from itertools import groupby
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.timeline.night_line import HappeningKind, Timeline
+from rsoconsole.console.timeline.night_line import Timeline, TimelineEventKind
 from rsoconsole.console.words import clipped, clock_text, fitted
 from rsoconsole.records import LoopState
 
-SIGNS: dict[HappeningKind, str] = {
+SIGNS: dict[TimelineEventKind, str] = {
     "loss": "▼",
     "alarm": "!",
     "note": "✎",
@@ -24,7 +24,7 @@ SIGNS: dict[HappeningKind, str] = {
     "miss": "○",
 }
 """Of each kind; where a cell has several, the first."""
-KIND_INKS: dict[HappeningKind, Ink] = {
+KIND_INKS: dict[TimelineEventKind, Ink] = {
     "loss": "alarm",
     "alarm": "alarm",
     "note": "title",
@@ -32,7 +32,7 @@ KIND_INKS: dict[HappeningKind, Ink] = {
     "rejection": "warn",
     "miss": "warn",
 }
-FREQUENT: frozenset[HappeningKind] = frozenset(("miss", "rejection"))
+FREQUENT: frozenset[TimelineEventKind] = frozenset(("miss", "rejection"))
 FOUND, HERE, KEPT, UNREAD, PIXELS = "/", "┃", "A", "░", "▫"
 SHARE = 0.25
 """Of its frames that a cell must have before it shows what is frequent, among other kinds."""
@@ -63,7 +63,7 @@ class Place:
     """What is said of it, most important first."""
     kept_seq: int | None = None
     """The moment kept to compare with."""
-    kinds: tuple[HappeningKind, ...] = tuple(SIGNS)
+    kinds: tuple[TimelineEventKind, ...] = tuple(SIGNS)
     """What is shown and jumped to."""
     found: tuple[int, ...] = ()
     """Places in the log that have been searched for; shown instead of ``kinds`` where any are."""
@@ -206,7 +206,7 @@ def _of(share: Counter[LoopState]) -> LoopState | None:
 
 @lru_cache(maxsize=8)
 def _events(
-    timeline: Timeline, kinds: tuple[HappeningKind, ...], found: tuple[int, ...], columns: int
+    timeline: Timeline, kinds: tuple[TimelineEventKind, ...], found: tuple[int, ...], columns: int
 ) -> dict[int, tuple[str, Ink]]:
     """The sign of each cell that has one."""
     if columns <= 0:
@@ -214,8 +214,8 @@ def _events(
     if found:
         times = (timeline.time_of(seq) for seq in found)
         return {_column(timeline, t, columns): (FOUND, "title") for t in times if t is not None}
-    counts: dict[int, Counter[HappeningKind]] = {}
-    for each in timeline.happenings:
+    counts: dict[int, Counter[TimelineEventKind]] = {}
+    for each in timeline.events:
         if each.kind in kinds:
             column = _column(timeline, each.t_utc_ns, columns)
             counts.setdefault(column, Counter())[each.kind] += 1

@@ -15,7 +15,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.console.night import FrameDetail, KeptNight, LogLine, Night, NightView
 from rsoconsole.console.picture import Picture, marks_of, read_picture
-from rsoconsole.console.timeline.night_line import TOLD_BY_RECORD, FrameMark, Timeline, TimelineFold
+from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session.reading import SessionReader
 
@@ -142,9 +142,9 @@ class Moments:
 
     def _outline(self) -> None:
         """The time line at once, before anything is folded."""
-        told = {seq: record for seq, _, record in self.reader.records(kinds=(*TOLD_BY_RECORD,))}
+        read = {seq: record for seq, _, record in self.reader.records(kinds=(*READ_IN_FULL,))}
         for seq, t_utc_ns, kind, frame_id in self.reader.outline():
-            self._timeline.hear(seq, t_utc_ns, kind, frame_id, told.get(seq))
+            self._timeline.receive(seq, t_utc_ns, kind, frame_id, read.get(seq))
         self._outlined_seq = self._timeline.last_seq
 
     def _take(self, seq: int, t_utc_ns: int, record: Record) -> None:
@@ -161,7 +161,7 @@ class Moments:
         self._head.take(t_utc_ns, record, seq)
         if seq > self._outlined_seq:
             frame_id = getattr(record, "frame_id", None)
-            self._timeline.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
+            self._timeline.receive(seq, t_utc_ns, type(record).__name__, frame_id, record)
         if isinstance(record, FrameTaken):
             self._last_frame = FrameMark(seq, t_utc_ns, record.frame_id)
 
@@ -171,7 +171,7 @@ class Moments:
         row = self._head.row(mark.frame_id) if mark is not None else None
         if mark is None or row is None or not (is_over or self._head.is_closed):
             return
-        self._timeline.hear_row(row, mark)
+        self._timeline.receive_row(row, mark)
         self._last_frame = None
 
     # -- one moment -----------------------------------------------------------------------------

@@ -39,9 +39,9 @@ from rsoconsole.records import (
     TrackState,
 )
 
-HappeningKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
-KINDS: tuple[HappeningKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
-_OF_FRAMES: frozenset[HappeningKind] = frozenset(("miss", "rejection", "loss"))
+TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
+KINDS: tuple[TimelineEventKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
+_OF_FRAMES: frozenset[TimelineEventKind] = frozenset(("miss", "rejection", "loss"))
 """Kinds that are seen whole only when their frame's last record is there."""
 
 
@@ -61,12 +61,12 @@ class StateMark(NamedTuple):
     state: LoopState
 
 
-class Happening(NamedTuple):
+class TimelineEvent(NamedTuple):
     """Something worth a jump."""
 
     seq: int
     t_utc_ns: int
-    kind: HappeningKind
+    kind: TimelineEventKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ class Timeline:
 
     frames: tuple[FrameMark, ...] = ()
     states: tuple[StateMark, ...] = ()
-    happenings: tuple[Happening, ...] = ()
+    events: tuple[TimelineEvent, ...] = ()
     """In order of the log."""
     first_utc_ns: int | None = None
     last_utc_ns: int | None = None
@@ -129,27 +129,29 @@ class Timeline:
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
         return self.end_of(max(index, 0))
 
-    def moment_of(self, happening: Happening) -> int:
+    def moment_of(self, event: TimelineEvent) -> int:
         """The place from which that is best seen."""
-        index = self.index_of(happening.seq)
-        if happening.kind not in _OF_FRAMES or index is None:
-            return happening.seq
+        index = self.index_of(event.seq)
+        if event.kind not in _OF_FRAMES or index is None:
+            return event.seq
         return self.end_of(index)
 
-    def jump(self, seq: int, kinds: tuple[HappeningKind, ...], *, is_on: bool) -> Happening | None:
+    def jump(
+        self, seq: int, kinds: tuple[TimelineEventKind, ...], *, is_on: bool
+    ) -> TimelineEvent | None:
         """The next happening of these kinds whose moment lies after (or before) a place."""
-        chosen = [each for each in self.happenings if each.kind in kinds]
+        chosen = [each for each in self.events if each.kind in kinds]
         if is_on:
             at = bisect_right(chosen, seq, key=self.moment_of)
             return chosen[at] if at < len(chosen) else None
         at = bisect_left(chosen, seq, key=self.moment_of) - 1
         return chosen[at] if at >= 0 else None
 
-    def kinds_at(self, moment: int) -> tuple[HappeningKind, ...]:
+    def kinds_at(self, moment: int) -> tuple[TimelineEventKind, ...]:
         """Everything that is best seen from that place."""
         index = self.index_of(moment)
         first = 0 if index is None else self.frames[index].seq
-        near = [each for each in self.happenings if first <= each.seq <= moment]
+        near = [each for each in self.events if first <= each.seq <= moment]
         kinds = {each.kind for each in near if self.moment_of(each) == moment}
         return tuple(kind for kind in KINDS if kind in kinds)
 
@@ -168,8 +170,8 @@ class TimelineFold:
 
     _frames: list[FrameMark] = field(default_factory=list)
     _states: list[StateMark] = field(default_factory=list)
-    _happenings: list[Happening] = field(default_factory=list)
-    _refused: list[Happening] = field(default_factory=list)
+    _events: list[TimelineEvent] = field(default_factory=list)
+    _refused: list[TimelineEvent] = field(default_factory=list)
     """Rejections: known only when a frame has been read."""
     _first_utc_ns: int | None = None
     _last_utc_ns: int | None = None
@@ -180,7 +182,7 @@ class TimelineFold:
         """The last place of the log that is known."""
         return self._last_seq
 
-    def hear(
+    def receive(
         self,
         seq: int,
         t_utc_ns: int,
@@ -188,7 +190,7 @@ class TimelineFold:
         frame_id: int | None,
         record: Record | None = None,
     ) -> None:
-        """One record, in order; ``record`` is needed of the kinds in ``TOLD_BY_RECORD`` only."""
+        """One record, in order; ``record`` is needed of the kinds in ``READ_IN_FULL`` only."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
         t = max(t_utc_ns, self._last_utc_ns or 0)
         if t:
@@ -198,25 +200,25 @@ class TimelineFold:
         if kind == FrameTaken.__name__ and frame_id is not None:
             self._frames.append(FrameMark(seq, t, frame_id))
         elif kind == Miss.__name__:
-            self._happenings.append(Happening(seq, t, "miss"))
+            self._events.append(TimelineEvent(seq, t, "miss"))
         elif record is not None:
             if isinstance(record, StateChange):
                 self._states.append(StateMark(seq, t, record.after))
-            told = _told(record)
-            if told is not None:
-                self._happenings.append(Happening(seq, t, told))
+            found = _kind_of(record)
+            if found is not None:
+                self._events.append(TimelineEvent(seq, t, found))
 
-    def hear_row(self, row: FrameRow, mark: FrameMark) -> None:
+    def receive_row(self, row: FrameRow, mark: FrameMark) -> None:
         """What became of a frame that has been read to its end."""
         if refused_of(row) is not None:
-            self._refused.append(Happening(mark.seq, mark.t_utc_ns, "rejection"))
+            self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
     def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
         """What is known."""
         return Timeline(
             frames=tuple(self._frames),
             states=tuple(self._states),
-            happenings=tuple(sorted([*self._happenings, *self._refused])),
+            events=tuple(sorted([*self._events, *self._refused])),
             first_utc_ns=self._first_utc_ns,
             last_utc_ns=self._last_utc_ns,
             last_seq=self._last_seq,
@@ -225,11 +227,11 @@ class TimelineFold:
         )
 
 
-TOLD_BY_RECORD = (StateChange, OperatorAction, Event)
+READ_IN_FULL = (StateChange, OperatorAction, Event)
 """Kinds of which the outline alone does not say what came to pass."""
 
 
-def _told(record: Record) -> HappeningKind | None:
+def _kind_of(record: Record) -> TimelineEventKind | None:
     """What a record is on the time line, beside its frame and misses; None: nothing."""
     match record:
         case StateChange():

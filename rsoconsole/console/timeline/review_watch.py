@@ -19,7 +19,7 @@ READ_AT_ONCE_S = 0.02
 """So long the log is read before it is looked whether another moment is wanted."""
 BREATH_S = 0.2
 """So long the reading rests after a moment was shown: drawing it comes first."""
-TELL_S, TOLD_RECORDS = 0.3, 40_000
+REPORT_S, REPORT_RECORDS = 0.3, 40_000
 """So often the time line is told while the log is read, of one with so many records."""
 CLOSED_CHECK_S = 2.0
 
@@ -41,8 +41,8 @@ class ReviewWatch(Poller):
         self._moments: Moments | None = None
         self._wanted: tuple[Path, int] | None = None
         self._shown: Moment | None = None
-        self._told_s = 0.0
-        self._told: tuple[int, int, bool] | None = None
+        self._reported_s = 0.0
+        self._reported: tuple[int, int, bool] | None = None
         self._checked_s = 0.0
 
     def follow(self, folder: Path) -> None:
@@ -68,7 +68,7 @@ class ReviewWatch(Poller):
             self._say_fault(folder, f"the session cannot be reviewed: {error}")
 
     def _say_fault(self, folder: Path, text: str) -> None:
-        self._told = None  # what is told next ends the fault
+        self._reported = None  # what is told next ends the fault
         if not self._is_closing:
             self._on_fault(folder, text)
 
@@ -82,7 +82,7 @@ class ReviewWatch(Poller):
         has_all = moments.read_on(READ_AT_ONCE_S)
         if has_all:
             self._see_whether_closed(moments)
-        self._tell(moments, is_due=has_all)
+        self._report(moments, is_due=has_all)
         self._show_again(moments)
         if not has_all:
             self.look_now()
@@ -94,9 +94,9 @@ class ReviewWatch(Poller):
         except SessionError as error:
             log.warning("%s", error)
             config = None
-        self._shown, self._told = None, None
+        self._shown, self._reported = None, None
         moments = Moments(reader, reader.about(), config)
-        self._tell(moments, is_due=True)
+        self._report(moments, is_due=True)
         return moments
 
     def _show_wanted(self, moments: Moments) -> bool:
@@ -118,16 +118,16 @@ class ReviewWatch(Poller):
         if not self._is_closing:
             self._on_moment(moments.reader.folder, self._shown)
 
-    def _tell(self, moments: Moments, *, is_due: bool) -> None:
+    def _report(self, moments: Moments, *, is_due: bool) -> None:
         """The time line, where it has changed; while the log is read, now and then."""
         now_s = time.monotonic()
         # Telling costs in proportion to the night, here and where it is drawn.
-        wait_s = TELL_S * max(moments.last_seq / TOLD_RECORDS, 1.0)
-        if self._is_closing or not (is_due or now_s - self._told_s > wait_s):
+        wait_s = REPORT_S * max(moments.last_seq / REPORT_RECORDS, 1.0)
+        if self._is_closing or not (is_due or now_s - self._reported_s > wait_s):
             return
-        told = (moments.read_seq, moments.last_seq, moments.is_closed)
-        if told != self._told:
-            self._told, self._told_s = told, now_s
+        reported = (moments.read_seq, moments.last_seq, moments.is_closed)
+        if reported != self._reported:
+            self._reported, self._reported_s = reported, now_s
             self._on_timeline(moments.reader.folder, moments.timeline(), moments.log())
 
     def _see_whether_closed(self, moments: Moments) -> None:

@@ -33,7 +33,7 @@ class OutlookWatch(Poller):
         self._computed_of: object = None
         self._orbit_of: object = None
 
-    def tell(self, night: NightView, engine: EngineView) -> None:
+    def update(self, night: NightView, engine: EngineView) -> None:
         """What is known by now (any thread)."""
         self._known = (night, engine)
 

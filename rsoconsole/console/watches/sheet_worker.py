@@ -130,10 +130,10 @@ class SheetWorker:
                     self._fulfil(processor, wish)
         except RsoconsoleError as error:
             # The session is known; its path would take the room that the remedy needs.
-            self._tell(Fault(text=str(error).replace(f"{self._folder}/", "")))
+            self._post(Fault(text=str(error).replace(f"{self._folder}/", "")))
         except Exception as error:  # the seat must go on, whatever lies in the folder
             log.exception("frame %d cannot be shown", self._frame_id)
-            self._tell(Fault(text=f"frame {self._frame_id} cannot be shown: {error}"))
+            self._post(Fault(text=f"frame {self._frame_id} cannot be shown: {error}"))
         finally:
             if processor is not None:
                 processor.close()
@@ -147,7 +147,7 @@ class SheetWorker:
         detail = detail_of(reader, self._frame_id)
         size = recorded.path.stat().st_size if recorded.path is not None else 0
         preview = _preview_of(reader, detail, self._frame_id)
-        self._tell(
+        self._post(
             Opened(
                 recorded=recorded,
                 detail=detail,
@@ -163,7 +163,7 @@ class SheetWorker:
             return None
         pixels = SheetPixels(frame.pixels)
         pixels.warm()
-        self._tell(Loaded(pixels=pixels))
+        self._post(Loaded(pixels=pixels))
         return Reprocessor(recorded, frame)
 
     def _fulfil(self, processor: "Reprocessor", wish: Wish) -> None:
@@ -171,14 +171,14 @@ class SheetWorker:
             result = processor.run(wish.tau, wish.map_mode, solves_again=wish.solves_again)
             maps = processor.maps(result.map_mode) if wish.wants_map else ()
         except RsoconsoleError as error:
-            self._tell(Fault(text=str(error), wish=wish))
+            self._post(Fault(text=str(error), wish=wish))
         except Exception as error:  # another try may go well
             log.exception("frame %d cannot be processed", self._frame_id)
-            self._tell(Fault(text=f"the frame cannot be processed: {error}", wish=wish))
+            self._post(Fault(text=f"the frame cannot be processed: {error}", wish=wish))
         else:
-            self._tell(Done(wish=wish, result=result, maps=maps))
+            self._post(Done(wish=wish, result=result, maps=maps))
 
-    def _tell(self, news: News) -> None:
+    def _post(self, news: News) -> None:
         if not self._is_closing:
             self._on_news(news)
 

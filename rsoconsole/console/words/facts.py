@@ -77,8 +77,8 @@ def fact_lines(
     if is_mounts:
         mount = []  # where the telescope looks is told by the mount itself
     # A slew is said once: with the mount's own place where that is shown.
-    told = [*place, *mount] if rows >= BLOCKS_ROWS else place
-    schedule = [item for item in schedule if item not in told]
+    placed = [*place, *mount] if rows >= BLOCKS_ROWS else place
+    schedule = [item for item in schedule if item not in placed]
     if rows >= BLOCKS_ROWS:
         titled = {
             "where": place,

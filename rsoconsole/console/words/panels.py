@@ -118,8 +118,8 @@ def nis_lines(
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
     known_s = 0.0 if night.config is None else usual_sigma_s(night.config.exposure)
     learnt = summary_words(night.track, known_s)
-    told = " · ".join(each for each in (judged.words, learnt) if each)
-    said = clipped([(f" {told}", ink or "dim")], width)
+    figures = " · ".join(each for each in (judged.words, learnt) if each)
+    said = clipped([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
 
 

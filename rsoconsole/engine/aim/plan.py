@@ -40,7 +40,7 @@ class Planner:
         self._guide = guide
         self._site = config.site.to_site()
         self._search = Search(config)
-        self._is_block_told = False
+        self._is_block_reported = False
         self._is_waiting = False
         """Whether what was lost is waited for where its orbit says."""
         self._last_start_utc_ns: int | None = None
@@ -67,13 +67,13 @@ class Planner:
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
         """Search around where the mount points, or where the configuration says."""
         self._search.start(self.looking_at(report), now_utc_ns)
-        self._is_block_told = self._is_waiting = False
+        self._is_block_reported = self._is_waiting = False
         self._stands_at(report)
 
     def search_about(self, direction: Direction, t_utc_ns: int) -> None:
         """Search round this direction, further and further out."""
         self._search.widen_about(direction, t_utc_ns)
-        self._is_block_told = self._is_waiting = False
+        self._is_block_reported = self._is_waiting = False
 
     def leave_spiral(self) -> bool:
         """Search where it was begun, if something lost was looked for; False when it was not."""
@@ -200,10 +200,10 @@ class Planner:
         if why is None and is_refused is not None:
             why = is_refused(plan.slew, self.end_utc_ns(plan))
         if why is None:
-            self._is_block_told = False
+            self._is_block_reported = False
             return plan
-        refused = () if self._is_block_told else ((plan.slew, why),)
-        self._is_block_told = True
+        refused = () if self._is_block_reported else ((plan.slew, why),)
+        self._is_block_reported = True
         return self._in_place(now_utc_ns, refused, why)
 
     def _plan_lost(
@@ -377,8 +377,8 @@ class Planner:
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
-        told_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
-        side = self.side_at(to, told_utc_ns)
+        ordered_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
+        side = self.side_at(to, ordered_utc_ns)
         return command_for(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
 
     def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
@@ -386,9 +386,9 @@ class Planner:
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
         return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
-    def arrived(self, slew: SlewCommand, report: MountReport, told: Direction) -> bool:
+    def arrived(self, slew: SlewCommand, report: MountReport, sent_to: Direction) -> bool:
         """The mount has done the slew, as it was told; True when it has changed the pier's side."""
-        self._commanded = told
+        self._commanded = sent_to
         has_flipped = report.pier_side != self._pier_side
         self.last_report = report
         self._pier_side = report.pier_side

@@ -84,17 +84,17 @@ def measure(
     config: Config,
     fits: bytes,
     *,
-    tell: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
     budget_s: float = BUDGET_S,
     most_rounds: int = MOST_ROUNDS,
 ) -> BenchResult:
     """Put a frame, as a camera gives it, through every stage again and again.
 
-    At least once, however slow the machine is. ``tell`` is called with each step in words.
+    At least once, however slow the machine is. ``report`` is called with each step in words.
     Raises FrameError, ModelError or SolverError as the engine would, SessionError where nothing
     can be written.
     """
-    tell("loading network, star index and catalogue")
+    report("loading network, star index and catalogue")
     network = Network.load(config.detector.model, config.detector.threads)
     curve = ConfidenceCurve.from_card(network.card)
     with (
@@ -109,7 +109,7 @@ def measure(
             round_began_s = time.monotonic()
             rounds.append(bench.round(fits))
             now_s = time.monotonic()
-            tell(f"round {len(rounds)}: {now_s - round_began_s:.1f} s")
+            report(f"round {len(rounds)}: {now_s - round_began_s:.1f} s")
             if now_s - began_s + (now_s - round_began_s) > budget_s:
                 break
     # The first round loads what the others find loaded.

@@ -124,8 +124,8 @@ def check_camera(config: Config) -> Check:
     from rsoconsole.vision.detector import is_usable_scale, range_cautions
 
     optics, exposure_s = config.optics, config.exposure.exposure_s
-    told = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
-    if not told:
+    outside = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
+    if not outside:
         detail = (
             f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
             f" {exposure_s:g} s"
@@ -139,8 +139,8 @@ def check_camera(config: Config) -> Check:
     return Check(
         check="camera",
         ok=None if is_usable_scale(optics.scale_arcsec_px) else False,
-        detail="; ".join(told.values()),
-        remedy=f"if that is not so, correct {', '.join(settings[about] for about in told)}",
+        detail="; ".join(outside.values()),
+        remedy=f"if that is not so, correct {', '.join(settings[about] for about in outside)}",
     )
 
 
@@ -272,25 +272,23 @@ def check_mount_site(config: Config) -> Check:
         detail = f"a mount by {config.instruments.mount} is asked when it is armed"
         return Check(check=name, ok=None, detail=detail)
     try:
-        told = doctor_indi.told_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
+        reported = doctor_indi.mount_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
     except InstrumentError as error:
         return Check(check=name, ok=None, detail=str(error))
-    if told is None:
+    if reported is None:
         detail = f"{indi.mount} does not tell it: is its driver connected to the mount?"
         return Check(check=name, ok=None, detail=detail)
     own = config.site.to_site()
     apart_km = KM_PER_DEG * separation_deg(
-        own.longitude_deg, own.latitude_deg, told.longitude_deg, told.latitude_deg
+        own.longitude_deg, own.latitude_deg, reported.longitude_deg, reported.latitude_deg
     )
-    detail = f"{indi.mount} says {_place(told)}, {apart_km:.1f} km from the configured site"
+    detail = f"{indi.mount} says {_place(reported)}, {apart_km:.1f} km from the configured site"
     if apart_km <= SITE_KM:
         return Check(check=name, ok=True, detail=detail)
-    told_by = (
-        f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
-    )
+    option = f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
     remedy = (
         "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
-        f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{told_by}'"
+        f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{option}'"
     )
     return Check(check=name, ok=False, detail=detail, remedy=remedy)
 

@@ -24,21 +24,21 @@ def check_client(config: Config) -> Check:
         return Check(check=name, ok=True, detail="not used: neither mount nor camera speaks INDI")
     meant = meant_libraries(setting)
     faults = import_faults([each.module for each in meant])
-    told = [
+    found = [
         f"{each.title} does not load: {faults[each.module]}"
         for each in meant
         if each.is_there and each.module in faults
     ]
     usable = [each for each in meant if each.module not in faults]
     if usable:
-        detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *told])
+        detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *found])
         return Check(check=name, ok=True, detail=detail)
-    told += [f"{each.package} is not installed" for each in meant if not each.is_there]
+    found += [f"{each.package} is not installed" for each in meant if not each.is_there]
     remedy = f"'{meant[-1].install}'"
     return Check(
         check=name,
         ok=False,
-        detail="; ".join(told),
+        detail="; ".join(found),
         remedy=remedy if setting == "auto" else f"{remedy}, or set indi.client to auto",
     )
 
@@ -48,7 +48,7 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
 
     Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
     """
-    heard = b""
+    received = b""
     found: set[str] = set()
     news_s = time.monotonic()
     with socket.create_connection((host, port), timeout=quiet_s) as wire:
@@ -61,16 +61,16 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
                 break
             if not chunk:
                 break
-            heard += chunk
-            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(heard)}
+            received += chunk
+            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(received)}
             if names != found:
                 found, news_s = names, time.monotonic()
             # The beginning of the next name may be in this one's end.
-            heard = heard[heard.rfind(b"<") :]
+            received = received[received.rfind(b"<") :]
     return found
 
 
-def told_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
+def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
     """The site that the mount tells; None when it does not in ``quiet_s``.
 
     Raises InstrumentError.
@@ -78,17 +78,17 @@ def told_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
     wire = IndiWire(host, port, quiet_s)
     try:
         wire.ask(mount, "GEOGRAPHIC_COORD")
-        told = wire.wait(
+        found = wire.wait(
             lambda vector: vector.device == mount and vector.name == "GEOGRAPHIC_COORD",
             quiet_s,
         )
     finally:
         wire.close()
-    if told is None:
+    if found is None:
         return None
-    latitude_deg, east_deg = float(told.values["LAT"]), float(told.values["LONG"])
+    latitude_deg, east_deg = float(found.values["LAT"]), float(found.values["LONG"])
     return Site(
         latitude_deg=latitude_deg,
         longitude_deg=(east_deg + 180.0) % 360.0 - 180.0,
-        elevation_m=float(told.values.get("ELEV", 0.0)),
+        elevation_m=float(found.values.get("ELEV", 0.0)),
     )

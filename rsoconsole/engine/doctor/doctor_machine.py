@@ -18,7 +18,7 @@ from rsoconsole.engine.machine import (
 from rsoconsole.instruments.observatory import utc_now_ns
 
 WORN_PERCENT = 80
-_NOT_TOLD = {
+_NOT_REPORTED = {
     True: "this kernel does not tell it",
     False: "not a Raspberry Pi: this machine does not tell it",
 }
@@ -49,7 +49,7 @@ def check_power(reading: MachineReading | None = None) -> Check:
     """The supply is strong enough, and nothing slows the processor down."""
     name, found = "power", read_machine() if reading is None else reading
     if found.is_under_voltage is None and found.is_throttled is None:
-        return Check(check=name, ok=True, detail=_NOT_TOLD[found.is_pi])
+        return Check(check=name, ok=True, detail=_NOT_REPORTED[found.is_pi])
     troubles = [each for each in troubles_of(found) if each.name in {"power", "throttled"}]
     if troubles:
         return Check(

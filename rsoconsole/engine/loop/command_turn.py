@@ -115,10 +115,10 @@ class CommandTurn:
         self._session_log.say("alarm", words, topic)
         trigger = alarm.trigger
         if not isinstance(trigger, Stopped):
-            self._control.happen(trigger)
+            self._control.handle(trigger)
             return
         is_confirmed = is_stopped_again or (alarm.result is not None and alarm.result.stopped)
         stopped = replace(trigger, is_confirmed=is_confirmed)
-        self._control.happen(stopped)
+        self._control.handle(stopped)
         if not is_confirmed:
             self._faults.expect_stop(stopped, words, self._instrument_controller.now_utc_ns())

@@ -150,7 +150,7 @@ class FrameTurn:
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
                 self._planner.solved(reduction.solution)
-            self._session_log.tell(records)
+            self._session_log.append_all(records)
             self._forgive()
             self._count_frame()
         finally:
@@ -171,7 +171,7 @@ class FrameTurn:
         self.clear_frames = 0 if is_cloudy else self.clear_frames + 1
         if self._control.authority.resumes_when_clear and self.clear_frames >= CLEAR_FRAMES:
             self._session_log.say("info", "the stars are back: slews again")
-            self._control.happen(Resumed(by="the sky"))
+            self._control.handle(Resumed(by="the sky"))
 
     def set_pace(self, track: TrackState | None) -> None:
         """Exposure and cadence for what is followed; the night's own where nothing is."""
@@ -188,8 +188,8 @@ class FrameTurn:
         before = self._control.following
         result = self._cycle.run(frame, before, blocked, self._orbits.last)
         folded_s = time.perf_counter()
-        self._session_log.tell(result.records)
-        self._control.happen(Followed(after=result.after))
+        self._session_log.append_all(result.records)
+        self._control.handle(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
             self._planner.solved(result.reduction.solution)
         self._planner.followed(before, result.after, self._instrument_controller.now_utc_ns())
@@ -214,7 +214,7 @@ class FrameTurn:
         # The mount is on its way: nobody waits for this.
         self._leaping.record()
         lqe.make_ready()
-        self._session_log.tell(self._orbits.refine())
+        self._session_log.append_all(self._orbits.refine())
         self._guide.prepare(self._instrument_controller.now_utc_ns())
         self.look_ahead()
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
@@ -235,4 +235,4 @@ class FrameTurn:
         else:
             words = f"{check.detail}; {check.remedy}"
             self._session_log.say("alarm", f"not armed: {words}")
-            self._control.happen(NotPointing(words=words))
+            self._control.handle(NotPointing(words=words))

@@ -59,7 +59,7 @@ class Interruptions:
 
     # -- time -----------------------------------------------------------------------------------
 
-    def hear(self, fault: ClockFault) -> None:
+    def receive(self, fault: ClockFault) -> None:
         """Something went wrong with time; the loop drops what it was at."""
         match fault.kind:
             case "set" | "leap second":
@@ -90,7 +90,7 @@ class Interruptions:
         )
         if is_shifted:
             self._forget_own_times()
-            self._control.happen(ClockSet(step_s=fault.seconds))
+            self._control.handle(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
         """The camera's clock was set: the track lives by times that others do not continue."""
@@ -101,7 +101,7 @@ class Interruptions:
             f"the camera's clock was set by {step_s:+.1f} s: {GIVEN_UP}; synchronise it with this"
             " machine's",
         )
-        self._control.happen(ClockSet(step_s=step_s))
+        self._control.handle(ClockSet(step_s=step_s))
 
     def _forget_own_times(self) -> None:
         self._forget()
@@ -122,7 +122,7 @@ class Interruptions:
                 f" {GIVEN_UP}, and times on record before this are off by as much"
             )
         self._say("alarm", words + self._mount_clock())
-        self._control.happen(ClockSet(step_s=fault.seconds))
+        self._control.handle(ClockSet(step_s=fault.seconds))
 
     def _mount_clock(self) -> str:
         """What the mount's own clock says to it, where it tells the time."""

@@ -107,7 +107,7 @@ class Engine:
         self.orbits = Orbits(config, past)
         self.guide = Guide(self.orbits.online, config)
         self.planner = Planner(config, self.guide)
-        self.session_log = SessionLog(record, instrument_controller.now_utc_ns, self.orbits.hear)
+        self.session_log = SessionLog(record, instrument_controller.now_utc_ns, self.orbits.receive)
         self.watch = Watch(
             instrument_controller.instruments, config, queue, self.session_log.append
         )
@@ -175,7 +175,7 @@ class Engine:
             on_executed=self.frames.look_ahead,
         )
         """What waits in the queue, and what cuts a wait short."""
-        instrument_controller.on_tick = self.watch.hear_loop
+        instrument_controller.on_tick = self.watch.loop_is_alive
         self.interruptions = Interruptions(
             self,
             parts,
@@ -185,7 +185,7 @@ class Engine:
             end_at_limit=self._exposures.end_at_limit,
         )
         """What nobody ordered: faults of the clock, slews ended by the mount's own process."""
-        instrument_controller.on_clock_fault = self.interruptions.hear
+        instrument_controller.on_clock_fault = self.interruptions.receive
         self._exposures.on_camera_set = self.interruptions.camera_set
 
     @property
@@ -263,7 +263,7 @@ class Engine:
         before = self.watch.lifted
         self.watch.take_over(self.authority.is_responsible, lifted)
         try:
-            self.happen(Armed(by=by))
+            self.handle(Armed(by=by))
         except ValueError:
             self.watch.take_over(self.authority.is_responsible, before)
             raise
@@ -284,7 +284,7 @@ class Engine:
         if report.is_parked and not was_autonomous:
             raise ValueError("the mount is parked: unpark it first")
         self.expect_night()
-        self.happen(Resumed(by=by))
+        self.handle(Resumed(by=by))
         if not was_autonomous:
             self.planner.moved_by_hand(report)
 
@@ -323,7 +323,7 @@ class Engine:
                         self.session_log.say("warning", f"nothing left to look at there: {error}")
                     elif error.is_dawn:
                         parks = self.config.mount.park_at_end
-                        self.happen(NightEnded(words=f"{error}", parks=parks, is_dawn=True))
+                        self.handle(NightEnded(words=f"{error}", parks=parks, is_dawn=True))
                     else:
                         self._on_failure(f"nowhere to search: {error}", is_final=True)
                 except RsoconsoleError as error:
@@ -373,7 +373,7 @@ class Engine:
         if stopped is not None:
             # Given once more: nobody knows what the mount has done meanwhile.
             self.session_log.say("info", "the mount answers again and stands: STOP is over")
-            self.happen(replace(stopped, is_confirmed=True))
+            self.handle(replace(stopped, is_confirmed=True))
         elif self._faults.is_over(self.authority, self.watch):
             self._faults.clear()
             self.session_log.say("info", "the mount answers again: arming goes on")
@@ -391,7 +391,7 @@ class Engine:
         self.session_log.say(
             "alarm", f"{words}: somebody else did that, autonomy waits for 'resume'"
         )
-        self.happen(Taken(by="somebody else"))
+        self.handle(Taken(by="somebody else"))
 
     def _end(self) -> None:
         if self._queue.is_shutdown:
@@ -410,7 +410,7 @@ class Engine:
             if result.stopped:
                 self.session_log.say("info", "the engine ends, the mount stands", "engine ended")
 
-    def happen(self, trigger: Trigger) -> Step:
+    def handle(self, trigger: Trigger) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
 
         Raises ValueError with the reason where the step refuses.
@@ -505,7 +505,7 @@ class Engine:
 
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position, again and again until it is there."""
-        self.happen(Disarmed(by=by))
+        self.handle(Disarmed(by=by))
         # What was followed before is gone back to only after the checklist.
         self._enter(replace(self.authority, is_resumable=False), None)
         self._parking.want()
@@ -527,7 +527,7 @@ class Engine:
         tracks = [each.track.track_id for each in self.following.tracks]
         for track_id in tracks or (None,):
             self.session_log.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
-        self.happen(Failed(words=words, is_final=is_final))
+        self.handle(Failed(words=words, is_final=is_final))
 
     def _enter(self, authority: Authority, reason: Cause | None) -> None:
         before, self.authority = self.authority.state, authority

@@ -140,11 +140,11 @@ def _supply_alarm(root: Path) -> bool | None:
 def _throttled_word(root: Path) -> int | None:
     """The firmware's word; by its own program first: the kernel's file complains when read."""
     program = shutil.which("vcgencmd") if root == Path("/") else None
-    told = None if program is None else _ask(program, "get_throttled")
-    if told is None:
-        told = text_of(root / _THROTTLED_FILE)
+    answer = None if program is None else _ask(program, "get_throttled")
+    if answer is None:
+        answer = text_of(root / _THROTTLED_FILE)
     try:
-        return None if told is None else int(told.removeprefix("throttled="), 16)
+        return None if answer is None else int(answer.removeprefix("throttled="), 16)
     except ValueError:
         return None
 

@@ -70,17 +70,17 @@ def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
 
 def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
     """By what ``timedatectl`` knows of the clock and of its own time service."""
-    told = _pairs(clock)
+    pairs = _pairs(clock)
     server = _pairs(service).get("ServerName", "")
-    is_set = told.get("NTPSynchronized") == "yes"
+    is_set = pairs.get("NTPSynchronized") == "yes"
     if is_set:
         return (
             "NTP",
             f"systemd-timesyncd by {server}" if server else "a time service of this system",
         )
-    if told.get("NTP") == "yes":
+    if pairs.get("NTP") == "yes":
         return "none", f"systemd-timesyncd has not reached {server or 'a time server'} yet"
-    if told.get("NTP") == "no":
+    if pairs.get("NTP") == "no":
         return "none", "no time service runs"
     return "unknown", "this system does not tell"
 

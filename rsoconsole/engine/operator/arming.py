@@ -168,12 +168,12 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
     failed = [check for check in checks if not check.ok and check.name not in overridden]
     if not failed:
         return None
-    told = "; ".join(
+    listed = "; ".join(
         f"{check.name}: {check.detail}" + (f" -> {check.remedy}" if check.remedy else "")
         for check in failed
     )
     options = " ".join(f"--override {check.name}" for check in failed)
-    return f"not armed. {told}. If you answer for it: {options}"
+    return f"not armed. {listed}. If you answer for it: {options}"
 
 
 def _clock(facts: ArmingFacts, config: Config) -> ArmingCheck:

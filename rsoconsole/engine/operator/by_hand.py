@@ -113,10 +113,10 @@ class ByHand:
             # Some drivers take no new target while they move.
             self._instrument_controller.instruments.mount.abort()
             self._instrument_controller.wait_for_rest()
-        told = self._command(direction)
-        self._instrument_controller.order_slew(*told)
-        self._control.happen(Taken(by=by))
-        self.move = HandMove(direction=direction, command=told)
+        commanded = self._command(direction)
+        self._instrument_controller.order_slew(*commanded)
+        self._control.handle(Taken(by=by))
+        self.move = HandMove(direction=direction, command=commanded)
         now_ns = self._instrument_controller.now_utc_ns()
         reason = f"{command.verb} by {by}"
         self._session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))

@@ -226,7 +226,7 @@ class Decisions:
             self._session_log.append(change)
         for record in records[1:]:
             self._session_log.append(record)
-        self._control.happen(Followed(after=after))
+        self._control.handle(Followed(after=after))
         return result
 
     def _rule_by_hand(self, decision: Ruling) -> CommandResult:
@@ -237,7 +237,7 @@ class Decisions:
         )
         for record in records:
             self._session_log.append(record)
-        self._control.happen(Marked(kept=kept))
+        self._control.handle(Marked(kept=kept))
         return by_hand_result(decision, records)
 
     def _decision(self, command: Decision, by: str) -> Ruling:

@@ -41,7 +41,7 @@ class Control(Protocol):
     def last_track(self) -> TrackState | None:
         """What was followed last this night."""
 
-    def happen(self, trigger: Trigger) -> Step:
+    def handle(self, trigger: Trigger) -> Step:
         """Pass through one step. Raises ValueError with the reason where it refuses."""
 
     def configure(self, config: Config) -> None:

@@ -41,7 +41,7 @@ class Modes:
         self._control.expect_night()
 
     def _pass(self, command: Command, by: str) -> CommandResult:
-        self._control.happen(trigger_of(command, by))
+        self._control.handle(trigger_of(command, by))
         return DONE
 
     def _arm(self, command: Arm, by: str) -> CommandResult:

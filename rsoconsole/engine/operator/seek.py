@@ -37,7 +37,7 @@ class Seeking:
     def _seek(self, _command: Seek, by: str) -> CommandResult:
         """Search in a widening spiral round where it must be."""
         direction = self.direction()
-        self._control.happen(Sought(by=by))
+        self._control.handle(Sought(by=by))
         self._planner.search_about(direction, self._instrument_controller.now_utc_ns())
         return done("looking for it in a widening spiral")
 

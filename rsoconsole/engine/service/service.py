@@ -33,7 +33,7 @@ from rsoconsole.instruments.observatory import connect_instruments
 from rsoconsole.pipeline.frame import Reduction, day_of, kept_pixels, open_reducer, shutter_words
 from rsoconsole.session.upkeep import cut_off_session, new_session_folder
 from rsoconsole.session.writing import SessionWriter
-from rsoconsole.waits import told_to
+from rsoconsole.waits import waits_reported_to
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ def run_engine(
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())
-        starting.enter_context(told_to(_tell_service_manager))
+        starting.enter_context(waits_reported_to(_notify_service_manager))
         # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
         heed_signals = stack.enter_context(_signals(queue))
         path = settings.socket or default_socket_path()
@@ -187,7 +187,7 @@ def _say_faults(engine: Engine, *faults: str | None) -> None:
             engine.session_log.say("warning", fault)
 
 
-def _tell_service_manager(words: str) -> None:
+def _notify_service_manager(words: str) -> None:
     """A slow start is none that hangs."""
     notify(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
 

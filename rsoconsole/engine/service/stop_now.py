@@ -39,13 +39,13 @@ def stop_now(
     found: list[StopResult] = []
     broken: list[Exception] = []
 
-    def hear(news: StopResult) -> None:
+    def on_news(news: StopResult) -> None:
         if news.ordered_ms is not None and not ordered_ms:
             ordered_ms.append(news.ordered_ms)
         if news.stopped:
-            tell(news)
+            settle(news)
 
-    def tell(result: StopResult) -> None:
+    def settle(result: StopResult) -> None:
         with telling:
             if not found:
                 on_known(result)
@@ -54,7 +54,7 @@ def stop_now(
 
     def act() -> None:
         try:
-            tell(queue.stop(Stopped(by=by), lambda: mount.abort(on_news=hear)))
+            settle(queue.stop(Stopped(by=by), lambda: mount.abort(on_news=on_news)))
         except Exception as error:  # told on the thread that waits
             broken.append(error)
             known.set()

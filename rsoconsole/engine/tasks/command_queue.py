@@ -201,13 +201,13 @@ def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
     if isinstance(trigger, NightEnded):
         return f"the night ends: {trigger.words}; armed again only when asked"
     result = alarm.result
-    told = ""
+    times = ""
     if result is not None and result.ordered_ms is not None:
-        told = f", ordered in {result.ordered_ms:.0f} ms"
+        times = f", ordered in {result.ordered_ms:.0f} ms"
     if not (is_stopped_again or (result is not None and result.stopped)):
-        return f"STOP was not confirmed by the mount{told}: cut its power"
+        return f"STOP was not confirmed by the mount{times}: cut its power"
     if result is not None and result.stopped:
-        told += f", confirmed in {result.ms:.0f} ms"
-        told += "" if result.ordered_ms is None else f" ({IN_ENGINE})"
+        times += f", confirmed in {result.ms:.0f} ms"
+        times += "" if result.ordered_ms is None else f" ({IN_ENGINE})"
     after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
-    return f"STOP: motion ended{told}; disarmed, {after[config.mount.after_stop]}"
+    return f"STOP: motion ended{times}; disarmed, {after[config.mount.after_stop]}"

@@ -34,14 +34,14 @@ class Seats:
         self._holder: Sender | None = None
         self._asked_by: Sender | None = None
         self._asked_s = 0.0
-        self._heard_s: dict[Sender, float] = {}
+        self._seen_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
         """Why this one may not do that now; None where it may. Anyone who may and acts takes it."""
         if who.kind != "console":
             return None
         with self._lock:
-            self._hear(who)
+            self._receive(who)
             if not needs_control:
                 return None
             if self._holder in {None, who}:
@@ -52,7 +52,7 @@ class Seats:
     def ask(self, who: Sender) -> str:
         """Somebody wants the seat; says how that stands."""
         with self._lock:
-            self._hear(who)
+            self._receive(who)
             if self._holder in {None, who}:
                 self._holder = who
                 return "you have control"
@@ -68,7 +68,7 @@ class Seats:
         Raises ValueError where nobody asks for it, or somebody else does by now.
         """
         with self._lock:
-            self._hear(who)
+            self._receive(who)
             if who != self._holder or self._asked_by is None:
                 raise ValueError("nobody asks you for control")
             if to is not None and to != seat_name(self._asked_by):
@@ -85,18 +85,18 @@ class Seats:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)
 
-    def _hear(self, who: Sender) -> None:
-        self._heard_s[who] = self._now_s()
+    def _receive(self, who: Sender) -> None:
+        self._seen_s[who] = self._now_s()
         self._tidy()
 
     def _tidy(self) -> None:
         """Who has gone has no seat and no wish; who was asked and was silent gives it up."""
         now_s = self._now_s()
-        self._heard_s = {w: s for w, s in self._heard_s.items() if now_s - s < GONE_S}
-        if self._asked_by is not None and self._asked_by not in self._heard_s:
+        self._seen_s = {w: s for w, s in self._seen_s.items() if now_s - s < GONE_S}
+        if self._asked_by is not None and self._asked_by not in self._seen_s:
             self._asked_by = None
         is_silent = self._asked_by is not None and now_s - self._asked_s >= ASKED_S
-        if (self._holder is not None and self._holder not in self._heard_s) or is_silent:
+        if (self._holder is not None and self._holder not in self._seen_s) or is_silent:
             self._holder, self._asked_by = self._asked_by, None
 
 

@@ -61,7 +61,7 @@ class SessionLog:
         self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
-    def tell(self, records: Iterable[Record]) -> None:
+    def append_all(self, records: Iterable[Record]) -> None:
         """Records in order; words among them also into the program's log."""
         for record in records:
             self.append(record)

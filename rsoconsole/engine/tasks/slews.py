@@ -46,7 +46,7 @@ class Slews:
         self._planner = planner
         self._watch = watch
         self._session_log = session_log
-        self._told: tuple[SlewCommand, tuple[float, float]] | None = None
+        self._commanded: tuple[SlewCommand, tuple[float, float]] | None = None
         """The slew ordered last, and what the mount was told for it."""
 
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
@@ -90,7 +90,7 @@ class Slews:
         self._planner.last_report = None  # until it has arrived nobody knows where it is
         to = self._planner.command(slew)
         self._instrument_controller.order_slew(*to)
-        self._told = slew, to
+        self._commanded = slew, to
         self._session_log.append(slew)
 
     def finish(
@@ -110,21 +110,25 @@ class Slews:
         """
         if plan.slew is not None:
             # A frame that came since may have taught another pointing offset.
-            slew, told = plan.slew, self._told
-            to = told[1] if told is not None and told[0] == slew else self._planner.command(slew)
+            slew, commanded = plan.slew, self._commanded
+            to = (
+                commanded[1]
+                if commanded is not None and commanded[0] == slew
+                else self._planner.command(slew)
+            )
             report = self._instrument_controller.wait_for_arrival(
                 *to, poll_ns=poll_ns, settle_s=settle_s
             )
-            self._told = None
+            self._commanded = None
             return self._planner.arrived(slew, report, to)
         report = self._instrument_controller.mount_report()
-        if report.is_slewing or self._told is not None:
+        if report.is_slewing or self._commanded is not None:
             # A hold came while the loop's own slew was under way, or somebody set the clock. The
             # mount may have arrived since, in a place that was never taken over.
             rested = self._instrument_controller.wait_for_rest() if report.is_slewing else report
             if not is_held:
                 self._expect_mount_where_left(rested)
-            self._told = None
+            self._commanded = None
             self._planner.moved_by_hand(rested)
             return True
         self._expect_mount_where_left(report)

@@ -59,7 +59,7 @@ class Watch:
         self._is_responsible = False
         self._lock = threading.Lock()
         """Over the two above, which the loop sets and the watch's thread thins out."""
-        self._told: dict[str, str] = {}
+        self._said: dict[str, str] = {}
         self._forecast_of: MountReport | None = None
         self.last_report: MountReport | None = None
         """What the mount said at the last look."""
@@ -68,7 +68,7 @@ class Watch:
         self._last_pose: Pose | None = None
         self._next: tuple[int, Refusal] | None = None
         self._end = threading.Event()
-        self._loop_heard_s = time.monotonic()
+        self._loop_alive_s = time.monotonic()
 
     @property
     def limits(self) -> Limits:
@@ -123,13 +123,13 @@ class Watch:
         while not self._end.wait(EVERY_S):
             if time.monotonic() - looked_s > STOOD_STILL_S:
                 # Nothing ran, this watch no more than the loop: that is no loop that hangs.
-                self._loop_heard_s = time.monotonic()
+                self._loop_alive_s = time.monotonic()
             self.look()
             looked_s = time.monotonic()
 
-    def hear_loop(self) -> None:
+    def loop_is_alive(self) -> None:
         """The loop is alive: it says so at every step of a wait."""
-        self._loop_heard_s = time.monotonic()
+        self._loop_alive_s = time.monotonic()
         if self._instruments.clock.is_simulated:
             self.look()
 
@@ -140,29 +140,29 @@ class Watch:
             now_ns = self._instruments.clock.now_utc_ns()
             self._look_at_the_sky(now_ns)
             self._look_at_the_mount(now_ns)
-            self._told.pop("watch", None)
+            self._said.pop("watch", None)
             self.is_blind = False
         except RsoconsoleError as error:
             self.is_blind = True
-            self._tell_once("watch", "alarm", f"nobody can tell where the mount is: {error}")
+            self._say_once("watch", "alarm", f"nobody can tell where the mount is: {error}")
         except Exception:
             # A fault of the watch must be loud, and must not end the watching.
             log.exception("the watch broke")
-            self._tell_once("watch", "alarm", "the watch over the limits broke: see the log")
+            self._say_once("watch", "alarm", "the watch over the limits broke: see the log")
 
     def is_loop_alive(self) -> bool:
         """Whether the loop has said so of late; from any thread."""
-        silent_s = time.monotonic() - self._loop_heard_s
+        silent_s = time.monotonic() - self._loop_alive_s
         frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
         return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
 
     def _look_at_the_loop(self) -> None:
         if self.is_loop_alive():
             notify("WATCHDOG=1")
-            self._told.pop("loop", None)
+            self._said.pop("loop", None)
             return
         words = "the loop hangs: frames have ended, the limits are still watched; restart it"
-        self._tell_once("loop", "alarm", words)
+        self._say_once("loop", "alarm", words)
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
         """The limit that tracking on meets before an instant; None when none."""
@@ -197,7 +197,7 @@ class Watch:
         report = self.last_report = mount.report(not_before, SILENCE_S)
         if report.is_parked:
             self._next = self._forecast_of = self._last_pose = None
-            self._told.pop("limit", None)
+            self._said.pop("limit", None)
             mount.keep(self._config.mount.lease_s, None)
             return
         pose = _pose_of(report)
@@ -210,20 +210,20 @@ class Watch:
         if refusal is not None:
             self._end_motion(report, refusal)
             return
-        self._told.pop("limit", None)
+        self._said.pop("limit", None)
         self._look_ahead(report, pose)
         mount.keep(self._config.mount.lease_s, None if self._next is None else self._next[0])
 
     def _look_at_a_standing_mount(self, pose: Pose) -> None:
         """Nothing moves that could be stopped; but the Sun may come to where it looks."""
         self._next = self._forecast_of = None
-        self._told.pop("limit", None)
+        self._said.pop("limit", None)
         refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
         if refusal is None:
-            self._told.pop("Sun", None)
+            self._said.pop("Sun", None)
         else:
             words = f"the telescope stands {refusal.text}: cover it, or park it"
-            self._tell_once("Sun", "alarm", words, is_same=True)
+            self._say_once("Sun", "alarm", words, is_same=True)
 
     def _end_motion(self, report: MountReport, refusal: Refusal) -> None:
         def abort() -> StopResult:
@@ -234,12 +234,12 @@ class Watch:
                     mount.set_tracking(False)
             return result
 
-        if self._told.get("limit") == refusal.limit and not report.is_slewing:
+        if self._said.get("limit") == refusal.limit and not report.is_slewing:
             # Told before: it has started to track again without having been moved away.
             with contextlib.suppress(RsoconsoleError):
                 abort()
             return
-        self._told["limit"] = refusal.limit
+        self._said["limit"] = refusal.limit
         self._queue.stop(LimitMet(words=refusal.text), abort)
 
     def _look_ahead(self, report: MountReport, pose: Pose) -> None:
@@ -264,9 +264,9 @@ class Watch:
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
         if sky is not None and sky.weather == "warning" and "weather" not in self._lifted:
-            self._tell_once("weather", "warning", f"the weather station warns: {sky.detail}")
+            self._say_once("weather", "warning", f"the weather station warns: {sky.detail}")
         else:
-            self._told.pop("weather", None)
+            self._said.pop("weather", None)
         with self._lock:
             self._lifted = lasting_overrides(self._config, now_ns, sky, self._lifted)
             end = night_end(self._config, now_ns, sky, self._lifted)
@@ -274,7 +274,7 @@ class Watch:
             if is_ours:
                 self._is_responsible = False
         if end is None:
-            self._told.pop("night", None)
+            self._said.pop("night", None)
         elif is_ours:
             self._queue.interrupt(
                 NightEnded(
@@ -284,14 +284,14 @@ class Watch:
                 )
             )
         elif end.cause != "dawn":
-            self._tell_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
+            self._say_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
 
-    def _tell_once(self, about: str, level: str, text: str, *, is_same: bool = False) -> None:
+    def _say_once(self, about: str, level: str, text: str, *, is_same: bool = False) -> None:
         """Say it unless it was said; ``is_same``: also where only its figures have changed."""
-        told = self._told.get(about)
-        if told == text or (is_same and told is not None):
+        said = self._said.get(about)
+        if said == text or (is_same and said is not None):
             return
-        self._told[about] = text
+        self._said[about] = text
         assert level in ("warning", "alarm")
         self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
 

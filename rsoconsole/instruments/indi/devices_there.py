@@ -10,7 +10,7 @@ from typing import Any
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi.indi_wire import IndiWire
 
-_HEAR_S = 0.2
+_POLL_S = 0.2
 _READ_S = 2.0
 
 
@@ -66,7 +66,7 @@ class DevicesThere:
             self._wire = IndiWire(self._order["host"], self._order["port"])
             self._wire.ask_all()
         ends_s = self._now_s() + _READ_S
-        while (vector := self._wire.wait(lambda _: True, _HEAR_S)) is not None:
+        while (vector := self._wire.wait(lambda _: True, _POLL_S)) is not None:
             if vector.is_definition:
                 self._news_s = self._now_s()
                 self._names.add(vector.device)

@@ -60,7 +60,7 @@ class IndiClient(ABC):
         self._changed = threading.Condition()
         self._sending = threading.Lock()
         self._serial = 0
-        self._told = 0
+        self._reported = 0
         self._ready = False
         self.last_message = ""
         self.has_connected_device = False
@@ -105,7 +105,7 @@ class IndiClient(ABC):
             for content in vector.blobs.values():
                 self._let_go(content)
         with self._changed:
-            self._told = vector.serial
+            self._reported = vector.serial
             self._changed.notify_all()
 
     def _forget(self, name: str) -> None:
@@ -174,13 +174,13 @@ class IndiClient(ABC):
         # Only now: a process that starts in no time needs none of it.
         from rsoconsole.instruments.indi.devices_there import DevicesThere
 
-        told: tuple[str, ...] = ()
+        reported: tuple[str, ...] = ()
         with contextlib.closing(DevicesThere(self.device, order)) as there:
             while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:
                 there.look()
-                if there.others != told:
-                    told = there.others
-                    has = ", ".join(told)
+                if there.others != reported:
+                    reported = there.others
+                    has = ", ".join(reported)
                     what = f"{words}; the INDI server has announced {has} until now"
                     writer.say({"event": WAITING, "what": what})
 
@@ -202,8 +202,8 @@ class IndiClient(ABC):
         with self._changed:
             while True:
                 vector = self._vectors.get(name)
-                is_told = vector is not None and after < vector.serial <= self._told
-                if vector is not None and is_told and is_wanted(vector):
+                is_reported = vector is not None and after < vector.serial <= self._reported
+                if vector is not None and is_reported and is_wanted(vector):
                     return vector
                 left_s = deadline_s - time.monotonic()
                 if left_s <= 0:

@@ -29,7 +29,7 @@ _END_S = 3.0
 _LEAVE_S = 10.0
 """A mount's process stops the mount before it goes, which takes its time on a slow machine."""
 _STATUS_S = 1.0
-_TELL_S = 0.1
+_SEND_S = 0.1
 _HUNG_S = 3.0
 _LOOK_S = 0.5
 ARE_YOU_THERE = "are you there"
@@ -173,7 +173,7 @@ class IndiProcess:
         except InstrumentError:
             return
 
-    def tell(self, verb: str, **arguments: Any) -> bool:
+    def send(self, verb: str, **arguments: Any) -> bool:
         """Have the child hear something now or never; False when it cannot.
 
         Waits for no answer, starts no child, and never hangs on one that reads nothing.
@@ -181,7 +181,7 @@ class IndiProcess:
         process = self._process
         if process is None or process.stdin is None or process.poll() is not None:
             return False
-        if not self._writing.acquire(timeout=_TELL_S):
+        if not self._writing.acquire(timeout=_SEND_S):
             return False
         try:
             self._next_id += 1
@@ -228,7 +228,7 @@ class IndiProcess:
         with self._starting:
             self._is_closed = True
             if self._process is not None:
-                self.tell(END)
+                self.send(END)
                 self._end(self._process, _LEAVE_S)
 
     def _ask(
@@ -327,12 +327,12 @@ class IndiProcess:
             if message.get("event") == WAITING:
                 self._awaits = str(message["what"])
             elif "id" not in message:
-                self._tell(message)
+                self._dispatch(message)
             elif message["id"] in self._open:
                 self._answers[message["id"]] = message
             self._changed.notify_all()
 
-    def _tell(self, message: dict[str, Any]) -> None:
+    def _dispatch(self, message: dict[str, Any]) -> None:
         try:
             self._on_event(message)
         except Exception:  # what one message breaks must not silence all later ones

@@ -212,7 +212,7 @@ def stop_mount(
                 return replace(result, is_tracking=is_tracking)
             if not watched.is_over():
                 still = f"the mount still moves after {aborts} aborts in {timeout_s:.1f} s"
-                result = replace(result, detail=still if stop.told else _UNTOLD)
+                result = replace(result, detail=still if stop.vectors else _UNTOLD)
         finally:
             wire.close()
     except InstrumentError as error:
@@ -230,7 +230,7 @@ class _WireStop:
 
     def __init__(self, wire: IndiWire, device: str, watched: WatchedStop) -> None:
         self._wire, self._device, self._watched = wire, device, watched
-        self.told: dict[str, IndiVector] = {}
+        self.vectors: dict[str, IndiVector] = {}
         """The latest of each property."""
         self._first: dict[str, IndiVector] = {}
         self.stands = False
@@ -252,7 +252,7 @@ class _WireStop:
             self._wire.ask(self._device, _COORDINATES)
             repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
             while not self.stands and (left_s := repeat_s - time.monotonic()) > 0:
-                self._hear(left_s)
+                self._read_next(left_s)
         return aborts
 
     def settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
@@ -263,17 +263,17 @@ class _WireStop:
             was_slewing=self._was_busy(_COORDINATES) and not was_parking,
             was_parking=was_parking,
             was_tracking=_is_on(self._first.get(_TRACK_STATE), "TRACK_ON"),
-            is_parked=not was_parking and _is_on(self.told.get(_PARK), "PARK"),
+            is_parked=not was_parking and _is_on(self.vectors.get(_PARK), "PARK"),
         )
         if had_tracking and after_stop == "track":
             wanted = True
-        if _TRACK_STATE not in self.told:
+        if _TRACK_STATE not in self.vectors:
             return None
         if wanted is None or self._watched.is_over():
-            return _is_on(self.told[_TRACK_STATE], "TRACK_ON")
+            return _is_on(self.vectors[_TRACK_STATE], "TRACK_ON")
         member = "TRACK_ON" if wanted else "TRACK_OFF"
         self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
-        del self.told[_TRACK_STATE]
+        del self.vectors[_TRACK_STATE]
         self._wire.ask(self._device, _TRACK_STATE)
         self._await_tracking(member, time.monotonic() + _TRACKING_S)
         if self._was_busy(_COORDINATES):
@@ -281,34 +281,34 @@ class _WireStop:
             if not self._watched.is_over():
                 # It may just have been said again.
                 self._await_tracking(member, time.monotonic() + _TRACKING_S)
-        tracking = self.told.get(_TRACK_STATE)
+        tracking = self.vectors.get(_TRACK_STATE)
         return None if tracking is None else _is_on(tracking, "TRACK_ON")
 
     def _await_tracking(self, member: str, ends_s: float) -> None:
         while (left_s := ends_s - time.monotonic()) > 0:
-            if _is_on(self.told.get(_TRACK_STATE), member):
+            if _is_on(self.vectors.get(_TRACK_STATE), member):
                 return
-            self._hear(left_s)
+            self._read_next(left_s)
 
     def _hold_tracking(self, member: str, ends_s: float) -> None:
         """Say again what is wanted of tracking whenever the driver thinks otherwise."""
-        before = self.told.get(_TRACK_STATE)
+        before = self.vectors.get(_TRACK_STATE)
         while (left_s := ends_s - time.monotonic()) > 0 and not self._watched.is_over():
-            self._hear(min(left_s, _LOOK_S))
-            now = self.told.get(_TRACK_STATE)
+            self._read_next(min(left_s, _LOOK_S))
+            now = self.vectors.get(_TRACK_STATE)
             if self._watched.is_over():
                 return
             if now is not before and not _is_on(now, member):
                 self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
             before = now
 
-    def _hear(self, timeout_s: float) -> None:
+    def _read_next(self, timeout_s: float) -> None:
         vector = self._wire.wait(lambda each: each.device == self._device, timeout_s)
         if vector is None:
             return
         is_first = vector.name not in self._first
         self._first.setdefault(vector.name, vector)
-        self.told[vector.name] = vector
+        self.vectors[vector.name] = vector
         # The first word on the coordinates was asked for before the order.
         if vector.name == _COORDINATES and not is_first and vector.state != "Busy":
             self.stands = True

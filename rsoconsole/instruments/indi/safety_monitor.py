@@ -16,7 +16,7 @@ Dome = Literal["open", "closed", "moving", "silent"]
 
 SILENCE_S = 60.0
 _ASK_EVERY_S = 15.0
-_HEAR_S = 0.5
+_POLL_S = 0.5
 _CONNECT_S = 2.0
 _LOOK_S = 0.5
 _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
@@ -40,8 +40,8 @@ class IndiSafetyMonitor:
         self._first_word_s = first_word_s
         self._config, self._silence_s = config, silence_s
         self._ask_every_s = min(_ASK_EVERY_S, silence_s / 4)
-        self._told: dict[tuple[str, str], IndiVector] = {}
-        self._heard_s: dict[str, float] = {}
+        self._vectors: dict[tuple[str, str], IndiVector] = {}
+        self._received_s: dict[str, float] = {}
         self._trouble = ""
         self._changed = threading.Condition()
         self._is_over = threading.Event()
@@ -76,7 +76,7 @@ class IndiSafetyMonitor:
         """Hang up."""
         self._is_over.set()
         if self._thread.is_alive():
-            self._thread.join(_CONNECT_S + _HEAR_S)
+            self._thread.join(_CONNECT_S + _POLL_S)
 
     def _is_any_silent(self) -> bool:
         now = self.look()
@@ -84,7 +84,7 @@ class IndiSafetyMonitor:
 
     def _weather(self, device: str) -> tuple[Weather, str]:
         why_silent = self._why_silent(device)
-        status = self._told.get((device, "WEATHER_STATUS"))
+        status = self._vectors.get((device, "WEATHER_STATUS"))
         if why_silent or status is None:
             return "silent", why_silent or f"{device} does not offer WEATHER_STATUS"
         if status.state not in _WEATHER:
@@ -98,7 +98,7 @@ class IndiSafetyMonitor:
             return "silent", why_silent
         # A roll-off roof has no shutter: it parks closed.
         for name, is_open in (("DOME_SHUTTER", "SHUTTER_OPEN"), ("DOME_PARK", "UNPARK")):
-            vector = self._told.get((device, name))
+            vector = self._vectors.get((device, name))
             if vector is None:
                 continue
             if vector.state == "Busy":
@@ -111,14 +111,14 @@ class IndiSafetyMonitor:
 
     def _why_silent(self, device: str) -> str:
         """Empty where the device has been heard of lately."""
-        heard_s = self._heard_s.get(device)
+        received_s = self._received_s.get(device)
         where = f"the INDI server at {self._config.host}:{self._config.port}"
-        if heard_s is None:
+        if received_s is None:
             return self._trouble or f"{where} has announced no device '{device}' yet"
-        connection = self._told.get((device, "CONNECTION"))
+        connection = self._vectors.get((device, "CONNECTION"))
         if connection is not None and connection.values.get("CONNECT") != "On":
             return f"{device} is there but not connected"
-        age_s = time.monotonic() - heard_s
+        age_s = time.monotonic() - received_s
         if age_s > self._silence_s:
             return self._trouble or f"{device} has said nothing for {age_s:.0f} s"
         return ""
@@ -137,30 +137,30 @@ class IndiSafetyMonitor:
                 self._note(str(error))
             finally:
                 wire.close()
-            self._is_over.wait(_HEAR_S)
+            self._is_over.wait(_POLL_S)
 
     def _listen(self, wire: IndiWire) -> None:
         """Hear one connection out. Raises InstrumentError when the server hangs up."""
         self._note("")
         next_ask_s = time.monotonic()
-        was_told_to_connect: set[str] = set()
+        asked_to_connect: set[str] = set()
         while not self._is_over.is_set():
             if time.monotonic() >= next_ask_s:
                 next_ask_s = time.monotonic() + self._ask_every_s
                 for device in self._devices:
                     # Of all its properties: some drivers answer nothing else.
                     wire.ask(device)
-            vector = wire.wait(lambda each: each.device in self._devices, _HEAR_S)
+            vector = wire.wait(lambda each: each.device in self._devices, _POLL_S)
             self._forget(wire)
             if vector is None:
                 continue
             with self._changed:
-                self._told[vector.device, vector.name] = vector
-                self._heard_s[vector.device] = time.monotonic()
+                self._vectors[vector.device, vector.name] = vector
+                self._received_s[vector.device] = time.monotonic()
                 self._changed.notify_all()
             is_off = vector.name == "CONNECTION" and vector.values.get("CONNECT") == "Off"
-            if is_off and vector.state != "Busy" and vector.device not in was_told_to_connect:
-                was_told_to_connect.add(vector.device)
+            if is_off and vector.state != "Busy" and vector.device not in asked_to_connect:
+                asked_to_connect.add(vector.device)
                 wire.new("Switch", vector.device, "CONNECTION", {"CONNECT": "On"})
 
     def _forget(self, wire: IndiWire) -> None:
@@ -169,11 +169,11 @@ class IndiSafetyMonitor:
             device, name = wire.deleted.pop(0)
             with self._changed:
                 if name:
-                    self._told.pop((device, name), None)
+                    self._vectors.pop((device, name), None)
                     continue
-                self._heard_s.pop(device, None)
-                for key in [key for key in self._told if key[0] == device]:
-                    del self._told[key]
+                self._received_s.pop(device, None)
+                for key in [key for key in self._vectors if key[0] == device]:
+                    del self._vectors[key]
 
     def _note(self, trouble: str) -> None:
         with self._changed:

@@ -178,15 +178,15 @@ class IndiMount:
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
-        told = self.process.request("site", self._order_s)["site"]
-        if told is None:
+        answer = self.process.request("site", self._order_s)["site"]
+        if answer is None:
             return SiteCheck(
                 is_consistent=True,
                 distance_km=None,
                 reported=None,
                 detail="the mount does not tell its site",
             )
-        reported = Site(**told)
+        reported = Site(**answer)
         distance_km = _KM_PER_DEG * separation_deg(
             site.longitude_deg, site.latitude_deg, reported.longitude_deg, reported.latitude_deg
         )
@@ -203,7 +203,7 @@ class IndiMount:
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion; never raises, never waits, starts no process."""
-        if not self.process.tell("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
+        if not self.process.send("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
             log.debug("the mount's process did not hear that the mount is watched")
 
     def utc_offset_s(self) -> float | None:

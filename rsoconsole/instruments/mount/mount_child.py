@@ -64,7 +64,7 @@ class MountChild:
             stop=lambda: self._stop("track"),
             track=self._track,
             say=lambda text: self._writer.say({"event": "message", "text": text}),
-            tell_ended=lambda unwatched_s, lease_s: self._writer.say(
+            on_ended=lambda unwatched_s, lease_s: self._writer.say(
                 {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
             ),
         )
@@ -77,7 +77,7 @@ class MountChild:
     def on_order(self) -> None:
         """An order has come: somebody is there."""
         if self._watch is not None:
-            self._watch.lease.heard(time.monotonic())
+            self._watch.lease.renew(time.monotonic())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
         """Somebody watches the mount, and knows when it will run into a limit."""
@@ -129,7 +129,7 @@ class MountChild:
         return self._stop(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
-            tell=lambda what: self._writer.say(
+            on_progress=lambda what: self._writer.say(
                 {"event": what, "number": order.get("number"), "at_s": time.monotonic()}
             ),
         )
@@ -187,10 +187,10 @@ class MountChild:
         )
 
         def is_answer(vector: Vector) -> bool:
-            told_deg = separation_deg(
+            off_deg = separation_deg(
                 vector.values["LONG"], vector.values["LAT"], order["longitude_deg"], latitude_deg
             )
-            return vector.state == "Alert" or bool(told_deg < _SAME_SITE_DEG)
+            return vector.state == "Alert" or bool(off_deg < _SAME_SITE_DEG)
 
         self._expect(
             client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before), "take its site"
@@ -206,10 +206,10 @@ class MountChild:
         client, mirror = self._ready()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            told = client.wait(TIME, lambda _: True, self._answer_s, before)
-            if told is not None:
+            reported = client.wait(TIME, lambda _: True, self._answer_s, before)
+            if reported is not None:
                 # The observatory's time comes behind the mount's: the one before it is older.
-                self._await_report(told.serial)
+                self._await_report(reported.serial)
         return {"offset_s": mirror.utc_offset_s()}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -236,12 +236,12 @@ class MountChild:
         after_stop: AfterStop,
         *,
         had_tracking: bool = False,
-        tell: Callable[[str], None] = lambda _what: None,
+        on_progress: Callable[[str], None] = lambda _what: None,
     ) -> dict[str, Any]:
         """ABORT, again while the mount still moves, and the read-back; then tracking as wanted.
 
         ``had_tracking``: there was some when STOP was called for, whatever came meanwhile;
-        ``tell`` hears at once of the order and that the mount stands.
+        ``on_progress`` hears at once of the order and that the mount stands.
         """
         client, mirror = self._ready()
         was_moving = mirror.is_moving or client.get(COORDINATES) is None
@@ -254,7 +254,7 @@ class MountChild:
             client.send_switch(_ABORT, "ABORT")
             aborts += 1
             if aborts == 1:
-                tell("stop ordered")
+                on_progress("stop ordered")
             awaited = COORDINATES if was_moving else _ABORT
             stands = client.wait(
                 awaited,
@@ -263,7 +263,7 @@ class MountChild:
                 first,
             )
         if stands is not None:
-            tell("stands")
+            on_progress("stands")
             if not was_moving:
                 self._await_report(stands.serial)
         is_tracking = None
@@ -305,11 +305,11 @@ class MountChild:
         if not self._is_simulated or vector.name == COORDINATES:
             coordinates = self._client.get(COORDINATES)
             if coordinates is not None:
-                self._tell(coordinates)
+                self._report(coordinates)
         if self._watch is not None:
             self._watch.look(is_moving=self._mirror.is_moving)
 
-    def _tell(self, coordinates: Vector) -> None:
+    def _report(self, coordinates: Vector) -> None:
         assert self._mirror is not None
         self._writer.say(
             {

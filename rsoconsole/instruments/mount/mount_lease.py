@@ -21,7 +21,7 @@ class Lease:
             self.lease_s = lease_s
         self._ends_s = now_s + self.lease_s
 
-    def heard(self, now_s: float) -> None:
+    def renew(self, now_s: float) -> None:
         """Any other order came: what gave it is alive."""
         if self._ends_s is not None:
             self._ends_s = now_s + self.lease_s

@@ -115,15 +115,15 @@ class MountMirror:
         Drivers repeat an old time to later clients: what was told before this process
         connected bounds the mount's clock from below only.
         """
-        told = self._client.get(TIME)
-        told_utc_ns = None if told is None else _utc_ns(str(told.values.get("UTC") or ""))
-        if told is None or told_utc_ns is None:
+        vector = self._client.get(TIME)
+        mount_utc_ns = None if vector is None else _utc_ns(str(vector.values.get("UTC") or ""))
+        if vector is None or mount_utc_ns is None:
             return None
         if self._is_simulated:
-            return (told_utc_ns - self.now_utc_ns()) / _NS
-        age_ns = round((time.monotonic() - told.arrived_monotonic_s) * _NS)
-        offset_s = (told_utc_ns - (time.time_ns() - age_ns)) / _NS
-        is_fresh = not told.is_definition or self._client.has_connected_device
+            return (mount_utc_ns - self.now_utc_ns()) / _NS
+        age_ns = round((time.monotonic() - vector.arrived_monotonic_s) * _NS)
+        offset_s = (mount_utc_ns - (time.time_ns() - age_ns)) / _NS
+        is_fresh = not vector.is_definition or self._client.has_connected_device
         return offset_s if is_fresh or offset_s > 0.0 else None
 
     def site(self) -> dict[str, float] | None:

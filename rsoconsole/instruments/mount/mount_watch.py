@@ -33,18 +33,18 @@ class MountWatch:
         stop: Callable[[], dict[str, Any]],
         track: Callable[[bool], bool | None],
         say: Callable[[str], None],
-        tell_ended: Callable[[float, float], None] = lambda _unwatched_s, _lease_s: None,
+        on_ended: Callable[[float, float], None] = lambda _unwatched_s, _lease_s: None,
     ) -> None:
         """``stop`` ends motion and restores tracking, ``track`` turns that on or off.
 
-        ``tell_ended`` hears, before a slew is ended, for how long nobody was heard of, and how
+        ``on_ended`` hears, before a slew is ended, for how long nobody was heard of, and how
         long that may be.
         """
         self.lease, self.owner = lease, owner
         self._mirror, self._stop, self._track = mirror, stop, track
         self._held: tuple[bool, float] | None = None
         self._say_to_parent = say
-        self._tell_ended = tell_ended
+        self._on_ended = on_ended
         self._wake, self._is_over = threading.Event(), threading.Event()
         self._is_unattended = False
         self._is_moved_by_others = False
@@ -142,7 +142,7 @@ class MountWatch:
             return
         unwatched_s = self.lease.unwatched_s(time.monotonic())
         # Before the mount is seen to stand: who sees that must know why.
-        self._tell_ended(unwatched_s, self.lease.lease_s)
+        self._on_ended(unwatched_s, self.lease.lease_s)
         self._say(
             f"nobody has watched this slew for {unwatched_s:.1f} s"
             f" ({self.lease.lease_s:g} s are allowed): it is ended"

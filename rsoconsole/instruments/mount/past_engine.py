@@ -24,9 +24,11 @@ def stop_past_engine(
         config = load_config(config_path)
     except (ConfigError, OSError) as error:
         config = Config()
-        told = indi or config.indi
+        settings = indi or config.indi
         if on_fault is not None:
-            on_fault(f"{error}; stopping '{told.mount}' at {told.host}:{told.port} instead")
+            on_fault(
+                f"{error}; stopping '{settings.mount}' at {settings.host}:{settings.port} instead"
+            )
     indi = indi or config.indi
     result = stop_mount(indi.host, indi.port, indi.mount, after_stop=config.mount.after_stop)
     return result.stopped, result.path if result.stopped else result.detail or "no reason given"

@@ -143,7 +143,7 @@ class NightFold:
     def night(self) -> Night:
         """Its frames so far; those without a time are left out."""
         for frame_id in self._changed & self._measured.keys():
-            _tell_apart(self._frames[frame_id], self._measured[frame_id])
+            _assign(self._frames[frame_id], self._measured[frame_id])
         self._changed.clear()
         in_order = tuple(sorted(self._frames.values(), key=lambda frame: frame.t_mid_utc_ns))
         return Night(title=self._title, frames=in_order, config=self._config)
@@ -195,7 +195,7 @@ def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measuremen
             assert_never(record)
 
 
-def _tell_apart(frame: NightFrame, candidates: list[Measurement]) -> None:
+def _assign(frame: NightFrame, candidates: list[Measurement]) -> None:
     """Which measurement the track took: the one that it names."""
     if frame.corrected is not None:
         named = frame.corrected.measurement_id

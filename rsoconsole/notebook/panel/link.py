@@ -35,7 +35,7 @@ class Link(Poller):
         self._wire, self._seat = wire, seat
         self._is_watched = is_watched
         self._on_status, self._on_night = on_status, on_night
-        self._told = Status()
+        self._status = Status()
         self._fault = ""
         self.live: LiveNight | None = None
         """The engine's session; None before it is known."""
@@ -43,7 +43,7 @@ class Link(Poller):
     @property
     def now_utc_ns(self) -> int | None:
         """The engine's clock when it last answered."""
-        return self._told.now_utc_ns
+        return self._status.now_utc_ns
 
     def _look(self) -> None:
         try:
@@ -58,7 +58,7 @@ class Link(Poller):
         if self._is_closing:
             return
         words = " · ".join(part for part in (detail, self._fault) if part)
-        self._on_status(status_view(self._told, reach, printable(words), self._seat))
+        self._on_status(status_view(self._status, reach, printable(words), self._seat))
 
     def _ask(self) -> tuple[str, str]:
         """(reach, what went wrong)."""
@@ -69,11 +69,11 @@ class Link(Poller):
             return ("gone" if gone else "silent"), str(error)
         if not outcome.ok:
             return "silent", outcome.message
-        self._told = read_status(outcome.data)
+        self._status = read_status(outcome.data)
         return "attached", ""
 
     def _read(self) -> None:
-        folder = self._told.session
+        folder = self._status.session
         if folder is None:
             return
         try:

@@ -38,7 +38,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     _css = resource("notebook", "static", "panel.css")
 
     read_only = traitlets.Bool(False).tag(sync=True)
-    hears_while_busy = traitlets.Bool(True).tag(sync=True)
+    answers_while_busy = traitlets.Bool(True).tag(sync=True)
     status = traitlets.Dict().tag(sync=True)
     """The engine in words, at every look."""
     night = traitlets.Dict().tag(sync=True)
@@ -62,7 +62,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._lock = threading.RLock()
         self._answering: Context | None = None
         """That of the page's last message; None before it has spoken."""
-        self._untold: dict[str, Any] = {}
+        self._unsent: dict[str, Any] = {}
         self._link = Link(
             client,
             seat=self._seat,
@@ -73,13 +73,13 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._orders = PanelOrders(
             client,
             self._link,
-            self._tell,
+            self._put,
             read_only=read_only,
             stop_directly=self._stop_directly,
         )
-        super().__init__(read_only=read_only, hears_while_busy=_hears_while_busy())
-        _let_page_be_heard(self.comm)
-        self.on_msg(self._hear)
+        super().__init__(read_only=read_only, answers_while_busy=_answers_while_busy())
+        _release_reply_subshell(self.comm)
+        self.on_msg(self._receive)
         self._link.start()
 
     def stop(self) -> None:
@@ -96,20 +96,20 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         """Whether it still looks."""
         return self._link.is_running
 
-    def _hear(self, _widget: Any, content: Any, _buffers: Any) -> None:
+    def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:
         if not isinstance(content, dict):
             return
         with self._lock:
             # What is told from now on answers this message: its subshell, not the main shell,
             # then goes on hearing the page, also while a cell runs.
             self._answering = copy_context()
-            untold, self._untold = self._untold, {}
+            untold, self._unsent = self._unsent, {}
             for name, value in untold.items():
-                self._tell(name, value)
+                self._put(name, value)
         was_unseen = time.monotonic() - self._seen_s >= UNSEEN_S
         self._seen_s = time.monotonic()
         if content.get("kind") != "here":
-            self._orders.hear(content)
+            self._orders.receive(content)
         elif was_unseen:
             self._link.look_now()
 
@@ -119,27 +119,27 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 
     def _show_status(self, view: dict[str, Any]) -> None:
         self._ticks += 1
-        self._tell("status", {**view, "tick": self._ticks})
+        self._put("status", {**view, "tick": self._ticks})
 
     def _show_night(self, view: dict[str, Any], picture: bytes) -> None:
-        self._tell("night", view)
+        self._put("night", view)
         if picture != self.picture:
-            self._tell("picture", picture)
+            self._put("picture", picture)
 
-    def _tell(self, name: str, value: Any) -> None:
+    def _put(self, name: str, value: Any) -> None:
         """Give the page something, from any thread, as an answer to what it said last.
 
         Before it has spoken nothing is told: ipykernel would have the main shell hear its answer.
         """
         with self._lock:
             if self._answering is None:
-                self._untold[name] = value
+                self._unsent[name] = value
             else:
                 self._answering.copy().run(setattr, self, name, value)
-                _let_page_be_heard(self.comm)
+                _release_reply_subshell(self.comm)
 
 
-def _let_page_be_heard(comm: Any) -> None:
+def _release_reply_subshell(comm: Any) -> None:
     """Let every message of the page go to the subshell that it names.
 
     ipykernel 7.4 sends it instead to the one that the last word to the page was an answer to: the
@@ -149,7 +149,7 @@ def _let_page_be_heard(comm: Any) -> None:
         del comm._reply_subshell_id
 
 
-def _hears_while_busy() -> bool:
+def _answers_while_busy() -> bool:
     try:
         return int(version("ipykernel").partition(".")[0]) >= SUBSHELLS_SINCE
     except (PackageNotFoundError, ValueError):

@@ -43,7 +43,7 @@ POINTING = {
 }
 """The check that the list cannot tell beforehand."""
 NOTHING: dict[str, Any] = {}
-Tell = Callable[[str, dict[str, Any]], None]
+Show = Callable[[str, dict[str, Any]], None]
 """Gives the page something by name: said, asked, stop_news, goto, effect."""
 
 
@@ -54,22 +54,22 @@ class PanelOrders:
         self,
         wire: Wire,
         link: Link,
-        tell: Tell,
+        show: Show,
         *,
         read_only: bool,
         stop_directly: DirectStop | None,
     ) -> None:
-        self._wire, self._link, self._tell = wire, link, tell
+        self._wire, self._link, self._show = wire, link, show
         self._read_only = read_only
         self._stop_directly = stop_directly
         self._lock = threading.Lock()
         self._stops = 0
-        self._stop_told = (0, 0)
+        self._stop_shown = (0, 0)
         self._presses: deque[Any] = deque(maxlen=_PRESSES)
         self._effect_asked = 0
         self._goto_asked = 0
 
-    def hear(self, message: Mapping[str, Any]) -> None:
+    def receive(self, message: Mapping[str, Any]) -> None:
         """One message of the page; what is none of the known ones is passed over."""
         kind = message.get("kind")
         if kind == "stop":
@@ -85,7 +85,7 @@ class PanelOrders:
         elif kind == "try":
             self._in_thread(self._try, _mapping(message.get("settings")), message.get("number"))
         elif kind == "forget":
-            self._tell("asked", NOTHING)
+            self._show("asked", NOTHING)
 
     def _stop_once(self, press: Any) -> None:
         """A page that is not answered says it again: that is the same STOP, not one more."""
@@ -99,23 +99,23 @@ class PanelOrders:
             self._stops += 1
             number = self._stops
 
-        def news(told: StopNews) -> None:
-            self._tell_of_stop(number, told.phase, told.text)
+        def news(answer: StopNews) -> None:
+            self._show_stop(number, answer.phase, answer.text)
             self._link.look_now()
 
         Stopping(lambda: self._wire, self._stop_directly, news).begin()
-        self._tell_of_stop(number, "sent", "sent to the engine")
-        self._tell("asked", NOTHING)
-        self._tell("goto", NOTHING)
+        self._show_stop(number, "sent", "sent to the engine")
+        self._show("asked", NOTHING)
+        self._show("goto", NOTHING)
 
-    def _tell_of_stop(self, number: int, phase: str, text: str) -> None:
+    def _show_stop(self, number: int, phase: str, text: str) -> None:
         """News of one STOP; what comes late, or is of an older one, is not told."""
         with self._lock:
             rank = number, _PHASES.index(phase)
-            if rank <= self._stop_told:
+            if rank <= self._stop_shown:
                 return
-            self._stop_told = rank
-            self._tell("stop_news", {"number": number, "phase": phase, "text": text})
+            self._stop_shown = rank
+            self._show("stop_news", {"number": number, "phase": phase, "text": text})
 
     # -- orders ---------------------------------------------------------------------------------
 
@@ -124,7 +124,7 @@ class PanelOrders:
         known = COMMANDS.get(verb) if isinstance(verb, str) else None
         if known is None or not known.is_on_panel:
             return
-        self._tell("asked", NOTHING)
+        self._show("asked", NOTHING)
         try:
             command = command_of(known.verb, arguments)
         except ValueError as error:
@@ -143,11 +143,11 @@ class PanelOrders:
         if outcome.ok:
             self._say(f"{name}: {outcome.message or 'done'}", "good")
             if isinstance(command, Arm):
-                self._tell("stop_news", NOTHING)
+                self._show("stop_news", NOTHING)
         elif outcome.data.get("seat"):
             holder = str(outcome.data["seat"])
             self._say(f"{name}: not done, {holder} has control", "warning")
-            self._tell("asked", {"kind": "seat", "holder": holder})
+            self._show("asked", {"kind": "seat", "holder": holder})
         elif isinstance(command, Arm) and outcome.data.get("checks"):
             self._say("not armed", "warning")
             failed = [
@@ -156,7 +156,7 @@ class PanelOrders:
                 if isinstance(check, Mapping) and not check.get("ok")
             ]
             checks = [*failed, POINTING]
-            self._tell("asked", {"kind": "arm", "message": outcome.message, "checks": checks})
+            self._show("asked", {"kind": "arm", "message": outcome.message, "checks": checks})
         else:
             self._say(f"{name}: not done, {outcome.message}", "warning")
 
@@ -172,7 +172,7 @@ class PanelOrders:
         with self._lock:
             self._goto_asked += 1
             asked = self._goto_asked
-        told: dict[str, Any] = {"number": number, "lines": [], "may_go": False}
+        answer: dict[str, Any] = {"number": number, "lines": [], "may_go": False}
         try:
             found = self._understood(text)
             move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
@@ -180,12 +180,12 @@ class PanelOrders:
             careful = [f"careful: {found.caution}"] if found.caution else []
             preview = read_preview(outcome.data) if outcome.ok else None
             lines = preview_lines(preview) if outcome.ok else [outcome.message]
-            told["lines"] = [found.words, *careful, *lines]
-            told["may_go"] = preview is not None and not preview.refused
+            answer["lines"] = [found.words, *careful, *lines]
+            answer["may_go"] = preview is not None and not preview.refused
         except (ValueError, RsoconsoleError) as error:
-            told["lines"] = [str(error)]
+            answer["lines"] = [str(error)]
         if asked == self._goto_asked:
-            self._tell("goto", told)
+            self._show("goto", answer)
 
     def _go(self, text: str) -> None:
         """Understood again: a place beside the horizon goes by with the sky."""
@@ -194,7 +194,7 @@ class PanelOrders:
         except (ValueError, RsoconsoleError) as error:
             self._say(f"go to: not done, {error}", "warning")
             return
-        self._tell("goto", NOTHING)
+        self._show("goto", NOTHING)
         self._send(Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg))
 
     def _understood(self, text: str) -> Any:
@@ -213,22 +213,22 @@ class PanelOrders:
             self._effect_asked += 1
             asked = self._effect_asked
         live = self._link.live
-        told: dict[str, Any] = {"number": number, "rows": [], "fault": "", "frames": LAST_FRAMES}
+        answer: dict[str, Any] = {"number": number, "rows": [], "fault": "", "frames": LAST_FRAMES}
         if live is None:
-            told["fault"] = "nothing is on record yet"
+            answer["fault"] = "nothing is on record yet"
         else:
             try:
                 tried = tuned_values(settings)
-                told["rows"] = effect_rows(list(live.records), live.begun_with, tried)
+                answer["rows"] = effect_rows(list(live.records), live.begun_with, tried)
             except (ValueError, RsoconsoleError) as error:
-                told["fault"] = str(error)
+                answer["fault"] = str(error)
         if asked == self._effect_asked:
-            self._tell("effect", told)
+            self._show("effect", answer)
 
     # -- the rest -------------------------------------------------------------------------------
 
     def _say(self, words: str, level: str = "info") -> None:
-        self._tell("said", {"text": words, "level": level})
+        self._show("said", {"text": words, "level": level})
 
     def _in_thread(self, work: Callable[..., None], *arguments: Any) -> None:
         def run() -> None:

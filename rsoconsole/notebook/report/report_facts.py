@@ -185,7 +185,7 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
 def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -> Course:
     """States, events, misses of all tracks, orders and changed settings. Raises SessionError."""
     kinds = (StateChange, Event, OperatorAction, ParameterChange, Ruling)
-    told: list[tuple[int, Entry]] = []
+    entries: list[tuple[int, Entry]] = []
     actions: list[Entry] = []
     changes: list[Entry] = []
     locked: int | None = None
@@ -196,11 +196,11 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
                 state = record.after
                 locked = record.frame_id if locked is None and state == "TRACK" else locked
                 words = f"{record.before} → {record.after}: {text(record.reason)}"
-                told.append((t_utc_ns, _entry(t_utc_ns, record.frame_id, "state", words)))
+                entries.append((t_utc_ns, _entry(t_utc_ns, record.frame_id, "state", words)))
             case Event():
                 alarms += record.level == "alarm"
                 entry = _entry(t_utc_ns, record.frame_id, record.level, record.text)
-                told.append((t_utc_ns, entry))
+                entries.append((t_utc_ns, entry))
             case OperatorAction():
                 words = command_words(record.verb, record.arguments)
                 actions.append(
@@ -241,10 +241,10 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
     for frame in night.frames:
         for words in _missed(frame, tracks):
             entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", words)
-            told.append((frame.t_mid_utc_ns, entry))
-    told.sort(key=lambda pair: pair[0])
+            entries.append((frame.t_mid_utc_ns, entry))
+    entries.sort(key=lambda pair: pair[0])
     return Course(
-        entries=tuple(entry for _, entry in told),
+        entries=tuple(entry for _, entry in entries),
         actions=tuple(actions),
         changes=tuple(changes),
         locked_frame=locked,

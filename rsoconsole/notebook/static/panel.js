@@ -172,7 +172,7 @@ function render({ model, el }) {
     const lines = [...told.alerts];
     if (told.detail) lines.push(told.detail);
     if (told.reach !== "attached") lines.push("STOP goes past the engine, straight to the mount");
-    if (!model.get("hears_while_busy")) {
+    if (!model.get("answers_while_busy")) {
       lines.push(`this kernel hears STOP only between cells: meanwhile ${CLI}`);
     }
     rows(alerts, lines, put);

@@ -60,10 +60,10 @@ def bending(
     distance = np.linalg.norm(r, axis=1)
     pull = -MU_EARTH_KM3_S2 / distance[:, None] ** 3 * r - site_km_s2
     bent = (pull - 2.0 * rates[:, None] * u_rate) / ranges[:, None]
-    told = np.stack([bent @ ahead / ARCSEC_RAD, bent @ left / speed**2], axis=1)
+    bending = np.stack([bent @ ahead / ARCSEC_RAD, bent @ left / speed**2], axis=1)
     weight = weight / weight.sum()
-    mean = weight @ told
-    off = told - mean
+    mean = weight @ bending
+    off = bending - mean
     return Bending(mean=mean, covariance=(off * weight[:, None]).T @ off)
 
 

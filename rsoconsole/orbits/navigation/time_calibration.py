@@ -140,7 +140,7 @@ class TimeCalibration:
     """None where a mode has too few measurements."""
     drift_arcsec: tuple[tuple[Estimated, Estimated], ...]
     """Of each night, east and north: measured minus orbit."""
-    is_told_apart: tuple[bool, ...]
+    is_separated: tuple[bool, ...]
     """Of each night: whether its satellites tell drift from time; else the prior does."""
     place_arcsec: float
     """One sigma of what a track is off by itself."""
@@ -196,7 +196,7 @@ def calibrate(
     if lines != before.lines:
         before = replace(before, lines=lines)
         found, is_used = _rounds(seen, is_used, before)
-    return _told(seen, is_used, found, before)
+    return _calibration(seen, is_used, found, before)
 
 
 def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
@@ -361,7 +361,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
     return fit(list(_blocks(seen, before)), known)
 
 
-def _told(
+def _calibration(
     seen: TimedDirections,
     is_used: Mask,
     fit: Fit,
@@ -384,7 +384,7 @@ def _told(
             )
             for at in range(drift, drift + 2 * nights, 2)
         ),
-        is_told_apart=tuple(apart),
+        is_separated=tuple(apart),
         place_arcsec=math.sqrt(float(fit.variances[1])),
         error_scale=math.sqrt(float(fit.variances[0])),
         is_used=tuple(bool(each) for each in is_used),

@@ -53,7 +53,7 @@ def process_files(
                 result = cycle.run(frame, following, orbits=orbits.last)
                 reduction, following, outcomes = result.reduction, result.after, result.records
                 for record in (taken_record(frame), *outcomes):
-                    orbits.hear(record)
+                    orbits.receive(record)
                 outcomes = (*outcomes, *orbits.refine())
         except FrameError as error:
             yield path, error

@@ -246,16 +246,16 @@ def _near(
 def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(N, 2) measured minus predicted, arcsec, and (N, 2) the rate: east and north."""
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
-    line, told = (
+    line, measured = (
         direction_to_unit(places.ra_icrs_deg, places.dec_icrs_deg),
         direction_to_unit(ra, dec),
     )
     a, d = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
     east = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)], axis=-1)
     north = np.stack([-np.sin(d) * np.cos(a), -np.sin(d) * np.sin(a), np.cos(d)], axis=-1)
-    ahead = np.sum(line * told, axis=-1)
+    ahead = np.sum(line * measured, axis=-1)
     depth = np.where(ahead > _NEAR_COS, ahead, np.nan)
-    off = np.stack([np.sum(east * told, -1), np.sum(north * told, -1)], -1) / depth[:, None]
+    off = np.stack([np.sum(east * measured, -1), np.sum(north * measured, -1)], -1) / depth[:, None]
     rate = np.stack([places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s], axis=-1) * 3600.0
     return np.asarray(off / ARCSEC_RAD), np.asarray(rate)
 

@@ -189,12 +189,12 @@ def _by_night(
         of_it = replace(of_it, night=np.zeros_like(of_it.night))
         modes = len(found.modes)
         try:
-            told = calibrate(
+            calibrated = calibrate(
                 of_it, modes=modes, nights=1, line_time_s=line_time_s, place_arcsec=place_arcsec
             )
         except OrbitError:
             continue
-        for mode, (timing, whole) in enumerate(zip(told.modes, found.modes, strict=True)):
+        for mode, (timing, whole) in enumerate(zip(calibrated.modes, found.modes, strict=True)):
             if timing is not None and whole is not None:
                 alone.setdefault(mode, []).append(_in_row(timing, whole))
     return replace(

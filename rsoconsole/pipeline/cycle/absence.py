@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Told
+from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Unclassified
 from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
 from rsoconsole.sky import (
     GEO_RADIUS_KM,
@@ -99,7 +99,7 @@ def explain_absence(
     track: TrackState | None,
     site: Site,
     t_utc_ns: int,
-    blocked: SlewRefusal | Told | None = None,
+    blocked: SlewRefusal | Unclassified | None = None,
 ) -> Missed:
     """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
 

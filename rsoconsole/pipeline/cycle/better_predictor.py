@@ -55,23 +55,23 @@ class Rivals:
     """The last answers of both."""
 
     def __init__(self) -> None:
-        self._told: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
+        self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
         """Whether the orbit predicts better."""
         self._failed = ""
         """By how much the filter failed last; empty: not known."""
 
-    def hear(self, by_orbit: Score, by_filter: Score) -> None:
+    def compare(self, by_orbit: Score, by_filter: Score) -> None:
         """One measurement that both predicted."""
-        self._told.append((by_orbit, by_filter))
-        if len(self._told) >= _LEAST:
-            lead = fmean(theirs.score - ours.score for ours, theirs in self._told)
+        self._scores.append((by_orbit, by_filter))
+        if len(self._scores) >= _LEAST:
+            lead = fmean(theirs.score - ours.score for ours, theirs in self._scores)
             is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
             self.is_orbit_ahead = is_better and self._is_believed()
 
     def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
         """The orbit predicted what the filter did not: the NIS of the measurement by the latter."""
-        self._told.clear()
+        self._scores.clear()
         self.is_orbit_ahead = True
         known = nis is not None and gate_nis is not None
         self._failed = f": NIS {nis:.1f} by that, gate {gate_nis:.1f}" if known else ""
@@ -79,27 +79,27 @@ class Rivals:
     @property
     def is_close(self) -> bool:
         """Whether the widths that both promise come to the same: within a tenth, or as written."""
-        if not self._told:
+        if not self._scores:
             return False
-        ours, theirs = (fmean(each[n].width_arcsec for each in self._told) for n in (0, 1))
+        ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))
         return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
 
     @property
     def words(self) -> str:
         """How both have predicted the last measurements."""
-        if not self._told:
+        if not self._scores:
             return f"what was seen does not fit the filter's prediction{self._failed}"
-        ours, theirs = zip(*self._told, strict=True)
+        ours, theirs = zip(*self._scores, strict=True)
         which = "it has predicted better" if self.is_orbit_ahead else "the orbit predicts no better"
         return f"{which} (orbit {_fared(ours)}, filter {_fared(theirs)})"
 
     def _is_believed(self) -> bool:
         from scipy.special import chdtr
 
-        total = sum(ours.nis for ours, _ in self._told)
-        return bool(chdtr(2 * len(self._told), total) < _BELIEVED)
+        total = sum(ours.nis for ours, _ in self._scores)
+        return bool(chdtr(2 * len(self._scores), total) < _BELIEVED)
 
 
-def _fared(told: Sequence[Score]) -> str:
-    width = fmean(each.width_arcsec for each in told)
-    return f'±{width:.1f}", NIS {fmean(each.nis for each in told):.1f}'
+def _fared(scores: Sequence[Score]) -> str:
+    width = fmean(each.width_arcsec for each in scores)
+    return f'±{width:.1f}", NIS {fmean(each.nis for each in scores):.1f}'

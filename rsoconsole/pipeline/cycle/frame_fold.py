@@ -207,5 +207,5 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
 def _bend(
     site: Site, t_utc_ns: int, direction_deg: tuple[float, float], rate: tuple[float, float]
 ) -> Bend | None:
-    told = bending(site, t_utc_ns, direction_deg, rate)
-    return None if told is None else (told.mean, told.covariance)
+    bent = bending(site, t_utc_ns, direction_deg, rate)
+    return None if bent is None else (bent.mean, bent.covariance)

@@ -92,7 +92,7 @@ class TracksTaken:
         self._known_to = -1
         self._most_whole = WHOLE
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record."""
         match record:
             case Measurement():

@@ -42,7 +42,7 @@ class Untaken:
         self._settled: dict[int, set[str]] = {}
         """By frame: the ids that tracks took there, and those that the operator refused."""
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record; others than the four kinds that matter pass by."""
         if isinstance(record, Measurement):
             self._seen[record.measurement_id] = record

@@ -91,27 +91,27 @@ class Calibration:
         """
         if not self._settings.files:
             return evened(frame), ()
-        calibrated, told = self._calibrated(frame)
-        return evened(calibrated), told
+        calibrated, cautions = self._calibrated(frame)
+        return evened(calibrated), cautions
 
     def _calibrated(self, frame: Frame) -> tuple[Frame, tuple[Caution, ...]]:
         masters, faults = self._masters
-        told = [Caution(kind=words, words=f"{words}; frames go without it") for words in faults]
+        cautions = [Caution(kind=words, words=f"{words}; frames go without it") for words in faults]
         wanted = traits_of(frame)
         choice = self._choice(wanted)
-        told += _not_used(masters, wanted, choice)
+        cautions += _not_used(masters, wanted, choice)
         if choice is None:
-            return frame, tuple(told)
+            return frame, tuple(cautions)
         try:
             ready = self._ready(choice)
             calibrated = ready.applied(frame, self._workers)
         except (FrameError, ValueError) as error:
             words = f"the masters cannot be used: {error}; frames go without them"
-            return frame, (*told, Caution(kind="calibration", words=words))
+            return frame, (*cautions, Caution(kind="calibration", words=words))
         used = [each for each in masters if each.path in (choice.dark, choice.bias, choice.flat)]
-        told += _mismatches(used, wanted, choice)
-        told.append(_in_force(used, choice, ready.defects(frame.saturation_adu)))
-        return calibrated, tuple(told)
+        cautions += _mismatches(used, wanted, choice)
+        cautions.append(_in_force(used, choice, ready.defects(frame.saturation_adu)))
+        return calibrated, tuple(cautions)
 
     def _choice(self, wanted: Traits) -> _Choice | None:
         """None where there is neither a dark nor a bias of the frame's size."""

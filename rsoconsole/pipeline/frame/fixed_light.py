@@ -165,15 +165,15 @@ def with_words(
     rejected: list[Rejection] = []
     for each in found.detections:
         word = words.get(each, _NOTHING)
-        told = _renamed(each, word, shares, frame)
+        renamed = _renamed(each, word, shares, frame)
         if word.reason is None:
-            kept.append(told)
+            kept.append(renamed)
         else:
-            rejected.append(Rejection(detection=told, reason=word.reason))
+            rejected.append(Rejection(detection=renamed, reason=word.reason))
     for one in found.rejected:
         word = words.get(one.detection, _NOTHING)
-        told = _renamed(one.detection, word, shares, frame)
-        rejected.append(Rejection(detection=told, reason=word.reason or one.reason))
+        renamed = _renamed(one.detection, word, shares, frame)
+        rejected.append(Rejection(detection=renamed, reason=word.reason or one.reason))
     rejected.sort(key=lambda each: -each.detection.confidence)
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:

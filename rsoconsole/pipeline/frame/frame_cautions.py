@@ -42,8 +42,8 @@ def cautions(
     return (*found, *(Caution(kind=kind, words=words) for kind, words in about.items()))
 
 
-def calibration_warnings(told: Iterable[Caution]) -> Iterator[str]:
+def calibration_warnings(cautions: Iterable[Caution]) -> Iterator[str]:
     """Warnings about master frames: a comparison with the record depends on them."""
-    for each in told:
+    for each in cautions:
         if each.level == "warning" and each.kind.startswith(CALIBRATION):
             yield each.words

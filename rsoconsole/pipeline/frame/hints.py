@@ -101,10 +101,10 @@ def _wrong_scale(
     focal_length = frame.header.get("FOCALLEN")
     remedy = ""
     if isinstance(focal_length, int | float) and focal_length > 0:
-        told_by = "the camera's driver" + (" and optics.focal_length_mm" if is_configured else "")
+        setting = "the camera's driver" + (" and optics.focal_length_mm" if is_configured else "")
         remedy = (
             f"; FOCALLEN says {focal_length:g} mm, it should be"
-            f" {focal_length * hinted / found:.4g}: set it in {told_by}"
+            f" {focal_length * hinted / found:.4g}: set it in {setting}"
         )
     whose = "configured scale" if is_configured else "header's scale"
     yield WrongHint(

@@ -61,8 +61,8 @@ class Master:
     @property
     def words(self) -> str:
         """Its name with all that counts, e.g. ``dark.fits (10 s, -10 °C, 640 x 480 px)``."""
-        told = list(_exposure_and_temperature(self.traits)) if self.setting == "darks" else []
-        return f"{self.path.name} ({', '.join([*told, self.traits.size_words])})"
+        traits = list(_exposure_and_temperature(self.traits)) if self.setting == "darks" else []
+        return f"{self.path.name} ({', '.join([*traits, self.traits.size_words])})"
 
 
 def _exposure_and_temperature(traits: Traits) -> Iterable[str]:

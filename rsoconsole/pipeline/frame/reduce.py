@@ -129,7 +129,7 @@ class FrameReducer:
         """
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, "detect"):
-            even, told = self._calibration.prepare(frame)
+            even, noted = self._calibration.prepare(frame)
             analysis = self._detector.analyse(even)
         found = analysis.detections
         network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
@@ -162,7 +162,7 @@ class FrameReducer:
             fwhm_px=fwhm_px,
             absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
-            cautions=(*told, *cautions(frame, solution, self._config)),
+            cautions=(*noted, *cautions(frame, solution, self._config)),
         )
 
 

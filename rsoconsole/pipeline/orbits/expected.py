@@ -104,7 +104,7 @@ class Expected:
         self._config, self._entries = config, entries
         self._sets, self._sets_utc_ns = (), None
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record of the log."""
         match record:
             case FrameTaken():
@@ -166,7 +166,7 @@ class Expected:
             if each.norad_id not in claimed
             and not any(_may_be(each, direction, gate_deg) for direction in unnamed)
         )
-        told = ExpectedMembers(
+        members = ExpectedMembers(
             frame_id=frame.taken.frame_id,
             t_utc_ns=frame.t_utc_ns,
             compared=len(sets),
@@ -174,10 +174,10 @@ class Expected:
             unseen=unseen,
         )
         is_news = self.last is None or bool(unseen or self.last.unseen)
-        is_news = is_news or (self.last is not None and self.last.in_frame != told.in_frame)
-        self.last = told
-        words = self._words(told)
-        return (told, *words) if is_news else words
+        is_news = is_news or (self.last is not None and self.last.in_frame != members.in_frame)
+        self.last = members
+        words = self._words(members)
+        return (members, *words) if is_news else words
 
     def _claimed(self) -> set[int]:
         """Catalogue numbers that a track of the frame is of, or may be."""
@@ -191,20 +191,20 @@ class Expected:
                 found |= {m.norad_id for m in name.matches if m.probability > _MAY_BE}
         return found
 
-    def _words(self, told: ExpectedMembers) -> tuple[Event, ...]:
+    def _words(self, members: ExpectedMembers) -> tuple[Event, ...]:
         """Once of each object, when several looks have not found it where it should be whole."""
-        missing = {each.norad_id for each in told.unseen if each.is_usable and each.is_lit}
+        missing = {each.norad_id for each in members.unseen if each.is_usable and each.is_lit}
         for number in [each for each in self._missing if each not in missing]:
             if self._missing[number] < _SAID_AFTER:
                 del self._missing[number]
         words: list[Event] = []
-        for each in told.unseen:
+        for each in members.unseen:
             if each.norad_id not in missing:
                 continue
             looks = self._missing[each.norad_id] = self._missing.get(each.norad_id, 0) + 1
             if looks == _SAID_AFTER:
                 text = f"expected, not seen: {called(each)} at x {each.x_px:.0f}, y {each.y_px:.0f}"
-                words.append(Event(level="info", text=text, frame_id=told.frame_id))
+                words.append(Event(level="info", text=text, frame_id=members.frame_id))
         return tuple(words)
 
 

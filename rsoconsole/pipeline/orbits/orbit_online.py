@@ -84,7 +84,7 @@ class _Target:
     """What it was before, if it has been followed before."""
     learnt: tuple[float, float] = (0.0, 1.0)
     """Scatter (s) and variance_scale of its measurements' errors."""
-    is_told_of_none: bool = False
+    is_none_reported: bool = False
     """Of a measurement that was no direction."""
     words: list[str] = field(default_factory=list)
     """To be told with the next orbit."""
@@ -114,10 +114,10 @@ class OnlineOrbit:
         """Take new tunables."""
         self._config = config
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record of the log."""
-        self._tracks.hear(record)
-        self._untaken.hear(record)
+        self._tracks.receive(record)
+        self._untaken.receive(record)
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
@@ -193,7 +193,7 @@ class OnlineOrbit:
         if track.last.foretold_by == "orbit":
             target.rivals.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
-            target.rivals.hear(predicted.short, by_filter)
+            target.rivals.compare(predicted.short, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
         is_turn = track.last.is_lead and estimate.is_guide != was_guide
@@ -240,8 +240,8 @@ class OnlineOrbit:
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         seen = self._reduced(fresh)
-        if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
-            target.is_told_of_none = True
+        if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
+            target.is_none_reported = True
             target.words.append("a measurement that is no direction was left out of the orbit")
         known_seen = target.own if is_longer else None
         parts = [each for each in (known_seen, seen) if each is not None]
@@ -343,7 +343,7 @@ class OnlineOrbit:
         numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)
         return found if all(np.all(np.isfinite(each)) for each in numbers) else None
 
-    def _predicted(self, orbit: Orbit, measured: Measurement) -> "_Told | None":
+    def _predicted(self, orbit: Orbit, measured: Measurement) -> "_Predicted | None":
         """What the orbit before said of a measurement."""
         ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
         places = ahead.places
@@ -355,7 +355,7 @@ class OnlineOrbit:
         s = np.array([[ee, en], [en, nn]])
         if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
             return None
-        return _Told(
+        return _Predicted(
             short=Score(
                 nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
             ),
@@ -380,7 +380,7 @@ class OnlineOrbit:
         track: Track,
         orbit: Orbit,
         seen: Sightings,
-        predicted: "_Told | None",
+        predicted: "_Predicted | None",
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
@@ -424,7 +424,7 @@ def _learnt(state: TrackState) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Told:
+class _Predicted:
     short: Score
     innovation_arcsec: tuple[float, float]
     sigma_arcsec: tuple[float, float]

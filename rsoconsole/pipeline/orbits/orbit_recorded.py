@@ -29,7 +29,7 @@ def recorded_orbit(
     for seq, _, record in reader.records(kinds=TracksTaken.KINDS):
         if seq > until_seq:
             break
-        online.hear(record)
+        online.receive(record)
     refined = online.refine()
     if not refined:
         return None

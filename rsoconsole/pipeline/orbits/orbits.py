@@ -43,11 +43,11 @@ class Orbits:
         self.pairs.configure(config)
         self.expected.configure(config, self._naming.entries)
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record of the log."""
-        self.online.hear(record)
-        self.pairs.hear(record)
-        self.expected.hear(record)
+        self.online.receive(record)
+        self.pairs.receive(record)
+        self.expected.receive(record)
 
     def forget(self) -> None:
         """The clock was wrong until now."""
@@ -111,7 +111,7 @@ class Orbits:
             elif name.ledger is not None and name.ledger.is_sure:
                 names[name.track_id] = name.ledger.name
             self.names = names
-            self.expected.hear(name)
+            self.expected.receive(name)
         return found
 
     def _complaint(self, words: str) -> tuple[Event, ...]:

@@ -117,7 +117,7 @@ class Pairs:
         self._alive, self._t_utc_ns = [], None
         self._approaches = Approaches()
 
-    def hear(self, record: Record) -> None:
+    def receive(self, record: Record) -> None:
         """One record of the log."""
         if isinstance(record, FrameTaken):
             self._begin(record.frame_id)
@@ -130,7 +130,7 @@ class Pairs:
         elif isinstance(record, Measurement):
             self._measured[record.measurement_id] = record
         elif isinstance(record, TrackState):
-            self._hear_state(record)
+            self._receive_state(record)
         elif isinstance(record, StateChange):
             if record.after not in {"TRACK", "COAST"}:
                 self._alive, self.last = [], ()
@@ -144,7 +144,7 @@ class Pairs:
             recent = {n: m for n, m in self._measured.items() if m.frame_id >= oldest}
             self._measured = recent
 
-    def _hear_state(self, state: TrackState) -> None:
+    def _receive_state(self, state: TrackState) -> None:
         number = state.track_id
         if state.kind == "initial" and state.is_lead:
             # A lead that was only predicted where another begins has been given up for it.
@@ -171,15 +171,15 @@ class Pairs:
         pairs, t_utc_ns = self._looked_at(known), self._t_utc_ns
         limit = self._config.alert.separation_arcsec
         close, words = self._approaches.after(pairs, self._alive, t_utc_ns, limit)
-        told = tuple(replace(each, is_close=_ids(each) in close) for each in pairs)
-        self._known = known | {_ids(each): each for each in told}
+        marked = tuple(replace(each, is_close=_ids(each) in close) for each in pairs)
+        self._known = known | {_ids(each): each for each in marked}
         self.last = tuple(self._known[pair] for pair in sorted(self._known))
         frame_id = self._frame_id
         events = tuple(
             Event(level=level, text=text, frame_id=frame_id, topic="approach")
             for level, text in words
         )
-        return (PairMotions(frame_id=frame_id, pairs=told), *events) if told else events
+        return (PairMotions(frame_id=frame_id, pairs=marked), *events) if marked else events
 
     @property
     def _most(self) -> int:

@@ -125,7 +125,7 @@ def _tracks(reader: SessionReader) -> list[Track]:
     """Those with enough measurements, else all that have any, in order of time."""
     taken = TracksTaken()
     for _, _, record in reader.records(kinds=TracksTaken.KINDS):
-        taken.hear(record)
+        taken.receive(record)
     found = [each for each in taken.tracks() if each.measurements]
     return [each for each in found if len(each.measurements) >= _FEWEST] or found
 
@@ -143,8 +143,8 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
         raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
     if not isinstance(read, dict):
         raise OrbitError(f"{path} is no file of observations: it must be {_SHAPE}")
-    told = read.get("site")
-    site = elsewhere if told is None and elsewhere is not None else _site(told, path)
+    site_read = read.get("site")
+    site = elsewhere if site_read is None and elsewhere is not None else _site(site_read, path)
     rows = read.get("obs")
     if not isinstance(rows, list) or not rows:
         raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")

@@ -57,7 +57,7 @@ def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFold]:
     """
     walk = _Walk()
     for record in records:
-        yield from walk.hear(record)
+        yield from walk.receive(record)
     yield from walk.close()
 
 
@@ -91,7 +91,7 @@ class _Walk:
     """A decision has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
-    def hear(self, record: Record) -> Iterator[RecordedFold]:
+    def receive(self, record: Record) -> Iterator[RecordedFold]:
         """One record; gives the frame that it shows to be complete."""
         match record:
             case FrameTaken():

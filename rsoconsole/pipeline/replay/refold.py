@@ -134,7 +134,7 @@ def replay(
     """
     walk = Walk.begin(config, tried, reduce_again)
     for record in records:
-        yield from _folded(walk.hear(record))
+        yield from _folded(walk.receive(record))
     yield from _folded(walk.close())
 
 
@@ -206,7 +206,7 @@ class Walk:
             config = with_setting(config, name, value)
         return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
 
-    def hear(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
+    def receive(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
         """One record; gives the frame that it shows to be complete."""
         self.part = "other"
         match record:
@@ -234,9 +234,9 @@ class Walk:
                 if not self.is_another_night:
                     self.orbits = {**self.orbits, record.track_id: record}
             case Solution() | NotSolved() | Measurement():
-                self.part = self._hear_of_frame(record)
+                self.part = self._receive_of_frame(record)
             case TrackState() | NotFollowed() | Miss() | StateChange():
-                self.part = self._hear_of_frame(record)
+                self.part = self._receive_of_frame(record)
             case Event() if record.topic == "kept":
                 yield from self.close()
                 self.kept.given_up()
@@ -268,7 +268,7 @@ class Walk:
         else:
             frames.let_go(frame_id)
 
-    def _hear_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
+    def _receive_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
         """What was seen in a frame, or what the fold made of it."""
         is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
         if self.open_again is not None:

@@ -81,7 +81,7 @@ def retell(
         on_frame=frames.append,
     )
     for t_utc_ns, record in log:
-        telling.hear(t_utc_ns, record)
+        telling.receive(t_utc_ns, record)
     telling.close()
     return Retold(log=tuple(told), frames=tuple(frames), config=telling.config)
 
@@ -114,13 +114,13 @@ class Telling:
         self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
         """A decision whose change of state has not been told, and the states before and after."""
 
-    def hear(self, t_utc_ns: int, record: Record) -> None:
+    def receive(self, t_utc_ns: int, record: Record) -> None:
         """One record more."""
         walk = self._walk
         if _closes(record):
             self.close()
         before = walk.following.state
-        for each in walk.hear(record):
+        for each in walk.receive(record):
             self._tell_frame(each)
         if walk.open is not None or walk.open_again is not None:
             if isinstance(record, FollowedAgain):

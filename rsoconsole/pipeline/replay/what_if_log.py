@@ -136,8 +136,8 @@ class _Both:
             on_frame=self._add_tried,
         )
         for _, t_utc_ns, record in reader.records():
-            self._add_recorded(walk.hear(record))
-            telling.hear(t_utc_ns, record)
+            self._add_recorded(walk.receive(record))
+            telling.receive(t_utc_ns, record)
         self._add_recorded(walk.close())
         telling.close()
         return telling.config
@@ -175,7 +175,7 @@ def told_again(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
         on_frame=lambda _: None,
     )
     for _, t_utc_ns, record in reader.records():
-        telling.hear(t_utc_ns, record)
+        telling.receive(t_utc_ns, record)
         yield from told
         told.clear()
     telling.close()

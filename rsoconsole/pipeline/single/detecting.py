@@ -19,7 +19,7 @@ class FrameDetector:
 
     def detect(self, frame: Frame) -> tuple[Detections, tuple[str, ...]]:
         """What was found, and what is to be known of the frame, a sentence each."""
-        prepared, told = self._calibration.prepare(frame)
+        prepared, noted = self._calibration.prepare(frame)
         found = self._detector.analyse(prepared).detections
-        notes = (*told, *cautions(frame, None, self._config))
+        notes = (*noted, *cautions(frame, None, self._config))
         return found, tuple(each.words for each in notes)

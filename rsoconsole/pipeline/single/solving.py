@@ -76,10 +76,10 @@ class FrameSolver:
             wrong = wrong_hints(hint, solution, frame, self._config)
         else:
             missing = self._solver.missing_index(hint, frame.width_px, frame.height_px)
-        told = (*calibrated, *cautions(frame, solution, self._config))
+        warnings = (*calibrated, *cautions(frame, solution, self._config))
         return Solved(
             solution=solution,
             wrong=wrong,
             index_missing=tuple(series_name(number) for number in missing),
-            notes=tuple(each.words for each in told if not each.kind.endswith(" hint")),
+            notes=tuple(each.words for each in warnings if not each.kind.endswith(" hint")),
         )

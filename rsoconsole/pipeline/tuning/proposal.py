@@ -73,15 +73,15 @@ def propose(
 
 def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
     """What preset ``adaptive`` has learnt of each night by itself, and what may be made of it."""
-    told = []
+    lines = []
     for session in sessions:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
         known_s = usual_sigma_s(session.config.exposure)
         words = scatter_words(last[0], known_s) if last else None
         if words is not None:
-            told.append(f"{session.folder.name}: {words}")
-    learnt = "; ".join(told) or "no track has learnt anything yet"
+            lines.append(f"{session.folder.name}: {words}")
+    learnt = "; ".join(lines) or "no track has learnt anything yet"
     return (
         "preset adaptive weighs its motions and learns the night's scatter by itself, there is no Q"
         f" to propose ({learnt}); put the scatter into exposure.timing_sigma_s if it is the"

@@ -19,7 +19,7 @@ import numpy as np
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Reason, Told
+from rsoconsole.reasons import Reason, Unclassified
 from rsoconsole.records import OFF_RECORD, Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
@@ -142,7 +142,7 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     takes_text = str in arguments
     hints = [a for a in arguments if a not in (str, type(None))]
     others = [(_required(a), _decoder(a)) for a in hints]
-    if Told in hints:
+    if Unclassified in hints:
         return _reason_decoder(others, is_optional=type(None) in arguments)
     is_optional = type(None) in arguments
     is_one, first = len(others) == 1, others[0][1] if others else _to_str
@@ -179,7 +179,7 @@ def _reason_decoder(
         except (ValueError, TypeError, KeyError):
             if not isinstance(value.get("text"), str):
                 raise
-            return Told(words=value["text"])
+            return Unclassified(words=value["text"])
 
     return read
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, assert_never
 
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause, Missed, Reason, Told
+from rsoconsole.reasons import Cause, Missed, Reason, Unclassified
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -114,7 +114,7 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     name, read = _READ[kind]
     if isinstance(words := fields.get(name), str):
         reason = read(words)
-        if fields.get("after") == "FAULT" and isinstance(reason, Told):
+        if fields.get("after") == "FAULT" and isinstance(reason, Unclassified):
             reason = Cause(kind="instrument", detail=words)
         return {**fields, name: asdict(reason)}
     return {**fields, name: _with_parts(words)} if isinstance(words, dict) else fields
@@ -122,16 +122,16 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
 
 def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
     """A kind with its figures, and what it is made of as kinds too."""
-    told: dict[str, Any] = {}
+    fields_: dict[str, Any] = {}
     if isinstance(missed := reason.get("missed"), str):
-        told["missed"] = asdict(old_reasons.missed(missed))
+        fields_["missed"] = asdict(old_reasons.missed(missed))
     elif isinstance(missed, dict):
-        told["missed"] = _with_parts(missed)
+        fields_["missed"] = _with_parts(missed)
     if isinstance(hidden := reason.get("hidden_by"), str):
-        told["hidden_by"] = [asdict(each) for each in old_reasons.hidden_by_all(hidden)]
+        fields_["hidden_by"] = [asdict(each) for each in old_reasons.hidden_by_all(hidden)]
     if isinstance(lost := reason.get("lost"), str):
-        told["lost"] = asdict(old_reasons.track_lost(lost)) if lost else None
-    return {**reason, **told}
+        fields_["lost"] = asdict(old_reasons.track_lost(lost)) if lost else None
+    return {**reason, **fields_}
 
 
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
@@ -209,13 +209,13 @@ def with_kind(row: dict[str, Any]) -> dict[str, Any]:
 
 def in_columns(row: dict[str, Any], ids: Ids) -> dict[str, Any]:
     """A row of one of the views, with the ids that SQL cannot find in an old record."""
-    told = {
+    fields_ = {
         "track_id": ids.track_id,
         "measurement_id": ids.measurements[-1] if ids.measurements else None,
         "first_measurement_id": ids.measurements[0] if len(ids.measurements) > 1 else None,
         "is_lead": 1,
     }
-    return row | {column: value for column, value in told.items() if column in row}
+    return row | {column: value for column, value in fields_.items() if column in row}
 
 
 def _decision(record: Ruling, ids: tuple[str, ...]) -> Ruling:

@@ -26,8 +26,8 @@ from rsoconsole.reasons import (
     RuledKind,
     SlewRefusal,
     SlewRefusalKind,
-    Told,
     TrackLost,
+    Unclassified,
     done,
 )
 from rsoconsole.records import Topic
@@ -211,7 +211,7 @@ def result(words: str) -> CommandResult:  # noqa: PLR0911 -- one case a kind
     return done(words)
 
 
-def rejected(words: str) -> BelowTau | NotAStreak | Told:
+def rejected(words: str) -> BelowTau | NotAStreak | Unclassified:
     """Why a candidate was rejected."""
     found = _BELOW_TAU.fullmatch(words)
     if found is not None:
@@ -220,24 +220,24 @@ def rejected(words: str) -> BelowTau | NotAStreak | Told:
         return NotAStreak(kind=_NOT_A_STREAK[words])
     for pattern, kind, unit in _MEASURED:
         if (found := pattern.fullmatch(words)) is not None:
-            told = {name: float(figure) for name, figure in found.groupdict().items()}
-            value = None if "value" not in told else told["value"] * unit
-            return NotAStreak(kind=kind, value=value, limit=told.get("limit"))
-    return Told(words=words)
+            parts = {name: float(figure) for name, figure in found.groupdict().items()}
+            value = None if "value" not in parts else parts["value"] * unit
+            return NotAStreak(kind=kind, value=value, limit=parts.get("limit"))
+    return Unclassified(words=words)
 
 
-def not_taken(words: str) -> NotTaken | Told:
+def not_taken(words: str) -> NotTaken | Unclassified:
     """Why a track did not take a measurement."""
     if (found := _NIS.fullmatch(words)) is not None:
         return NotTaken(kind="NIS", nis=float(found["nis"]), limit=float(found["limit"]))
     if (found := _FAR.fullmatch(words)) is not None:
         return NotTaken.clipped_and_far(float(found["away"]), float(found["allowed"]))
     if words.startswith(_NO_SECOND):
-        return _no_second(words.removeprefix(_NO_SECOND)) or Told(words=words)
+        return _no_second(words.removeprefix(_NO_SECOND)) or Unclassified(words=words)
     if (mismatch := _mismatch(words)) is not None:
         return NotTaken(kind="moves otherwise", mismatch=mismatch)
     kind = _NOT_TAKEN.get(words)
-    return Told(words=words) if kind is None else NotTaken(kind=kind)
+    return Unclassified(words=words) if kind is None else NotTaken(kind=kind)
 
 
 def _mismatch(words: str) -> MotionMismatch | None:
@@ -260,11 +260,11 @@ def _no_second(words: str) -> NotTaken | None:
     return NotTaken(kind="no second frame", mismatch=mismatch)
 
 
-def missed(words: str) -> Missed | Told:
+def missed(words: str) -> Missed | Unclassified:
     """Why a frame had no measurement."""
     left, _, last = words.rpartition("; ")
     ended = track_lost(last)
-    lost = None if isinstance(ended, Told) else ended
+    lost = None if isinstance(ended, Unclassified) else ended
     left = words if lost is None else left
     if _NOT_SOLVED in left:
         hidden, _, detail = left.partition(_NOT_SOLVED)
@@ -273,13 +273,13 @@ def missed(words: str) -> Missed | Told:
     hidden, _, plain = left.rpartition("; ")
     kind = _MISSED.get(plain)
     if kind is None:
-        return Told(words=words)
+        return Unclassified(words=words)
     return Missed(kind=kind, hidden_by=hidden_by_all(hidden), lost=lost)
 
 
-def hidden_by_all(words: str) -> tuple[HiddenBy | Told, ...]:
+def hidden_by_all(words: str) -> tuple[HiddenBy | Unclassified, ...]:
     """What a miss was put down to, as joined in one sentence; a refusal may hold semicolons."""
-    left, behind = words, list[HiddenBy | Told]()
+    left, behind = words, list[HiddenBy | Unclassified]()
     while left:
         before, _, last = left.rpartition("; ")
         cause = _hidden_by(last)
@@ -290,7 +290,7 @@ def hidden_by_all(words: str) -> tuple[HiddenBy | Told, ...]:
         refusal = slew_refusal(left.removeprefix(_REFUSED))
         behind.insert(0, HiddenBy(kind="slew refused", refusal=refusal))
     elif left:
-        behind.insert(0, Told(words=left))
+        behind.insert(0, Unclassified(words=left))
     return tuple(behind)
 
 
@@ -311,47 +311,47 @@ def _hidden_by(words: str) -> HiddenBy | None:
     return HiddenBy(kind="shadow")
 
 
-def slew_refusal(words: str) -> SlewRefusal | Told:
+def slew_refusal(words: str) -> SlewRefusal | Unclassified:
     """Why a slew was refused."""
     for kind, pattern in _REFUSALS:
         if (found := pattern.fullmatch(words)) is not None:
-            told = {name: said for name, said in found.groupdict().items() if said is not None}
-            return _refusal(kind, told)
-    return Told(words=words)
+            parts = {name: said for name, said in found.groupdict().items() if said is not None}
+            return _refusal(kind, parts)
+    return Unclassified(words=words)
 
 
-def _refusal(kind: SlewRefusalKind, told: dict[str, str]) -> SlewRefusal:
+def _refusal(kind: SlewRefusalKind, parts: dict[str, str]) -> SlewRefusal:
     def figure(name: str) -> float | None:
-        return float(told[name]) if name in told else None
+        return float(parts[name]) if name in parts else None
 
-    by_deg = 0.0 if told.get("by") == "less than 0.001" else figure("by")
-    side = told.get("side")
+    by_deg = 0.0 if parts.get("by") == "less than 0.001" else figure("by")
+    side = parts.get("side")
     return SlewRefusal(
         kind=kind,
         value_deg=figure("value"),
         bound_deg=figure("bound"),
         # What was told as 0.100 was less than 0.1, which is told with one decimal.
-        by_deg=0.0999 if told.get("by") == "0.100" else by_deg,
+        by_deg=0.0999 if parts.get("by") == "0.100" else by_deg,
         azimuth_deg=figure("azimuth"),
         side="east" if side == "east" else "west" if side == "west" else None,
         later_s=figure("later"),
         ago_min=figure("ago"),
         ahead_h=figure("ahead"),
-        detail=told.get("detail", ""),
+        detail=parts.get("detail", ""),
     )
 
 
-def track_lost(words: str) -> TrackLost | Told:
+def track_lost(words: str) -> TrackLost | Unclassified:
     """What ended a track."""
     found = _LOST.fullmatch(words)
     if found is None:
-        return Told(words=words)
+        return Unclassified(words=words)
     if found["min"] is not None:
         return TrackLost(kind="coasted", coasted_min=float(found["min"]))
     return TrackLost.by_bounds(float(found["arcmin"]), fits_field=found["field"] is None)
 
 
-def cause(words: str) -> Cause | Told:  # noqa: PLR0911 -- one case a kind
+def cause(words: str) -> Cause | Unclassified:  # noqa: PLR0911 -- one case a kind
     """Why the loop passed to another state."""
     if words in _PLAIN:
         return Cause(kind=_PLAIN[words])
@@ -372,7 +372,7 @@ def cause(words: str) -> Cause | Told:  # noqa: PLR0911 -- one case a kind
     if _RULED.fullmatch(words) is not None:
         return Cause(kind="operator's word", detail=words)
     miss = missed(words)
-    return miss if isinstance(miss, Told) else Cause(kind="missed", missed=miss)
+    return miss if isinstance(miss, Unclassified) else Cause(kind="missed", missed=miss)
 
 
 def topic_of(words: str) -> Topic:

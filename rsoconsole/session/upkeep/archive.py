@@ -36,7 +36,7 @@ from rsoconsole.session.reading import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import verify_session
 
-Told: TypeAlias = Callable[[str, int, int], None]
+OnBytes: TypeAlias = Callable[[str, int, int], None]
 """Is told (what is being done, bytes so far, bytes in all)."""
 ROOM = 1.02
 """An archive takes what its files take and a little more."""
@@ -65,7 +65,7 @@ def archive_session(
     now_utc_ns: int,
     *,
     remove: bool = False,
-    on_bytes: Told | None = None,
+    on_bytes: OnBytes | None = None,
 ) -> Archive:
     """Pack a closed, sound session into ``out/NAME.tar`` and read the archive back.
 
@@ -75,8 +75,8 @@ def archive_session(
     """
     folder, out = Path(folder).resolve(), Path(out)
     target = out / f"{folder.name}.tar"
-    told = on_bytes or _tell_nobody
-    _check_fit(folder, told)
+    report = on_bytes or _report_nothing
+    _check_fit(folder, report)
     if target.exists():
         raise SessionError(f"{target} is there already: name another folder with --out")
     beside = target.with_name(target.name + PART)
@@ -86,9 +86,9 @@ def archive_session(
         try:
             with _scratch_beside(beside) as scratch:
                 sources, compressed = _stage(folder, scratch, now_utc_ns)
-                _pack(folder.name, beside, sources, told)
+                _pack(folder.name, beside, sources, report)
             read_back = verify_session(
-                beside, lambda done, total: told("reading back", done, total)
+                beside, lambda done, total: report("reading back", done, total)
             )
             if not read_back.is_sound:
                 fault = next(f for f in read_back.findings if f.severity == "damage")
@@ -116,8 +116,8 @@ def archive_session(
     )
 
 
-def _check_fit(folder: Path, told: Told) -> None:
-    found = verify_session(folder, lambda done, total: told("verifying", done, total))
+def _check_fit(folder: Path, report: OnBytes) -> None:
+    found = verify_session(folder, lambda done, total: report("verifying", done, total))
     damage = [each for each in found.findings if each.severity == "damage"]
     if damage:
         raise SessionError(
@@ -192,7 +192,7 @@ def _compress_plain(sources: dict[str, Path], scratch: Path) -> list[str]:
     return compressed
 
 
-def _pack(name: str, beside: Path, sources: Mapping[str, Path], told: Told) -> None:
+def _pack(name: str, beside: Path, sources: Mapping[str, Path], report: OnBytes) -> None:
     """Write the tar: the database first, the list of hashes last."""
     total, done = sum(path.stat().st_size for path in sources.values()), 0
     manifest: list[str] = []
@@ -203,7 +203,7 @@ def _pack(name: str, beside: Path, sources: Mapping[str, Path], told: Told) -> N
                     digest = hashlib.file_digest(content, "sha256").hexdigest()
                     done += _add(tar, f"{name}/{path}", content, sources[path].stat().st_mtime)
                 manifest.append(f"{digest}  {path}\n")
-                told("packing", done, total)
+                report("packing", done, total)
             lines = io.BytesIO("".join(manifest).encode())
             _add(tar, f"{name}/{MANIFEST}", lines, sources[DATABASE].stat().st_mtime)
         stream.flush()
@@ -236,5 +236,5 @@ def _pixels(content: bytes) -> Any:
         return next(np.array(hdu.data) for hdu in hdus if hdu.is_image and len(hdu.shape) == 2)
 
 
-def _tell_nobody(_doing: str, _done: int, _total: int) -> None:
+def _report_nothing(_doing: str, _done: int, _total: int) -> None:
     return

@@ -64,7 +64,7 @@ class FilesCheck:
                 self._found.damage(row.path, "the file is not there")
         for t_utc, number in gone.items():
             self._found.remark("files", f"{number} were pruned on {t_utc}")
-        self._tell_rewritten()
+        self._report_rewritten()
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
         judged = {row.path for row in self._rows} | set(pruned)
         self._judge_manifest(manifest, judged)
@@ -96,7 +96,7 @@ class FilesCheck:
         elif row.bytes is not None and row.bytes != size:
             self._rewritten.append(row.path)
 
-    def _tell_rewritten(self) -> None:
+    def _report_rewritten(self) -> None:
         if self._rewritten:
             others = len(self._rewritten) - 1
             self._found.remark(

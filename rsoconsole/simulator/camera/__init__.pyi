@@ -34,8 +34,8 @@ from .sensor import vignetting as vignetting
 from .shutter import TrueShutter as TrueShutter
 from .shutter import clock_offset_s as clock_offset_s
 from .shutter import header_start_utc_ns as header_start_utc_ns
+from .shutter import reported_start_utc_ns as reported_start_utc_ns
 from .shutter import scatter_sigma_s as scatter_sigma_s
-from .shutter import told_start_utc_ns as told_start_utc_ns
 from .shutter import true_shutter as true_shutter
 from .streak_snr import integrated_snr as integrated_snr
 from .traits import CameraTraits as CameraTraits

@@ -30,7 +30,7 @@ def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
     return t_start_utc_ns if step_ns == 0 else t_start_utc_ns // step_ns * step_ns
 
 
-def told_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
+def reported_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
     """The opening as an operator has it who knows the header and the camera's latency."""
     return header_start_utc_ns(world, t_start_utc_ns) + round(world.known_latency_s * NS)
 

@@ -280,7 +280,7 @@ class CameraDevice:
             return
         if generation != self._generation:
             return
-        await self._tell_of_empty_sky(pointing[1])
+        await self._report_empty_sky(pointing[1])
         self._exposing["CCD_EXPOSURE_VALUE"] = "0"
         await self._send(self._exposing, "Ok")
         self._blob["CCD1"] = file
@@ -289,7 +289,7 @@ class CameraDevice:
             timestamp=stamp(self._now_utc_ns()), state="Ok", members=["CCD1"]
         )
 
-    async def _tell_of_empty_sky(self, dec_icrs_deg: float) -> None:
+    async def _report_empty_sky(self, dec_icrs_deg: float) -> None:
         """Once when the sky becomes empty; again only after a frame with stars."""
         notice = self._scene.sky_notice(dec_icrs_deg)
         if notice is not None and not self._is_sky_empty:

@@ -176,11 +176,11 @@ class MountDevice:
 
     async def _handle_time(self, event: Any) -> None:
         try:
-            told_utc_ns = iso_to_utc_ns(event["UTC"])
+            set_utc_ns = iso_to_utc_ns(event["UTC"])
         except (KeyError, ValueError):
             await self._refuse("UTC is a time like 2023-06-22T03:04:05", self._time)
             return
-        self._clock_error_ns = told_utc_ns - self._now_utc_ns()
+        self._clock_error_ns = set_utc_ns - self._now_utc_ns()
         await self._acknowledge(self._time)
 
     async def _handle_faults(self, event: Any) -> None:

@@ -41,15 +41,15 @@ class WeatherDevice:
         word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
         if word in _LIGHT:
             self._wish["STATE"] = word
-            await self._tell(word, self._now_utc_ns())
+            await self._publish(word, self._now_utc_ns())
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
         """Tell of every change that time has passed."""
         for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
-            await self._tell(word, t_utc_ns)
+            await self._publish(word, t_utc_ns)
 
-    async def _tell(self, word: str, t_utc_ns: int) -> None:
+    async def _publish(self, word: str, t_utc_ns: int) -> None:
         # The wind alone makes the weather here.
         self._status["WEATHER_WIND_SPEED"] = _LIGHT[word]
         await self._status.send_setVector(timestamp=stamp(t_utc_ns), state=_LIGHT[word])

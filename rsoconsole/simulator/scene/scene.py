@@ -25,8 +25,8 @@ from rsoconsole.simulator.camera import (
     frame_rng,
     header_start_utc_ns,
     render,
+    reported_start_utc_ns,
     scatter_sigma_s,
-    told_start_utc_ns,
     true_shutter,
 )
 from rsoconsole.simulator.nights import Scenario
@@ -169,13 +169,13 @@ class Scene:
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
         true = true_shutter(self.world, scatter_s, t_start_utc_ns, self.scenario.t_start_utc_ns)
-        told_utc_ns = told_start_utc_ns(self.world, t_start_utc_ns)
+        reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)
         sight = Sight(
             site=self.site,
             sensor=self.sensor,
             wcs=wcs,
-            t_start_utc_ns=told_utc_ns,
+            t_start_utc_ns=reported_utc_ns,
             exposure_s=exposure_s,
             shutter_error_s=scatter_s,
             wander_px=(float(air.normal(0.0, wander_px)), float(air.normal(0.0, wander_px))),
@@ -196,7 +196,7 @@ class Scene:
         grid = content.cloud_transmission
         truth = FrameTruth(
             t_start_utc_ns=header_start_utc_ns(self.world, t_start_utc_ns),
-            t_place_utc_ns=told_utc_ns + round(exposure_s * 5e8),
+            t_place_utc_ns=reported_utc_ns + round(exposure_s * 5e8),
             t_open_utc_ns=t_start_utc_ns if true is None else true.t_open_utc_ns,
             exposure_s=exposure_s,
             boresight_ra_icrs_deg=wcs.crval_ra_deg,

@@ -32,7 +32,7 @@ def traffic(
     """What crosses this exposure, drawn, and the truth of it; Poisson numbers at the rates."""
     rng = frame_rng(seed, t_start_utc_ns, _STREAM)
     streaks: list[Streak] = []
-    told: list[TrafficTruth] = []
+    truths: list[TrafficTruth] = []
     noise_e = math.sqrt(content.sky_electrons_px + sensor.read_noise_e**2)
     for _ in range(int(rng.poisson(world.low_satellite_rate))):
         start, end, length_px = _chord(rng, sensor)
@@ -40,7 +40,7 @@ def traffic(
         peak = _log_uniform(rng, *_LOW_SATELLITE_PEAK)
         electrons = peak * noise_e * 1.06 * content.fwhm_px * length_px
         streaks.append(straight_streak(start, end, electrons))
-        told.append(TrafficTruth(kind="low satellite", start_px=start, end_px=end))
+        truths.append(TrafficTruth(kind="low satellite", start_px=start, end_px=end))
     for _ in range(int(rng.poisson(world.aircraft_rate))):
         start, end, length_px = _chord(rng, sensor)
         fwhm_px = _log_uniform(rng, *_AIRCRAFT_FWHM_PX)
@@ -49,8 +49,8 @@ def traffic(
         crossing_s = content.exposure_s * rng.uniform(0.3, 1.0)
         for shine in (np.full(2, 0.4), _strobe(rng, crossing_s)):
             streaks.append(straight_streak(start, end, electrons, shine, fwhm_px))
-        told.append(TrafficTruth(kind="aircraft", start_px=start, end_px=end))
-    return tuple(streaks), tuple(told)
+        truths.append(TrafficTruth(kind="aircraft", start_px=start, end_px=end))
+    return tuple(streaks), tuple(truths)
 
 
 def _chord(

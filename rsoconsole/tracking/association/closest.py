@@ -57,31 +57,31 @@ def pair_motion(
         other_track_id=tracks[1],
         t_utc_ns=t_utc_ns,
         frames=path.frames,
-        east_arcsec=_told(east),
-        north_arcsec=_told(north),
-        sigma_east_arcsec=_told(sigma_now[0]),
-        sigma_north_arcsec=_told(sigma_now[1]),
-        separation_arcsec=_told(np.mean(separation)),
-        sigma_separation_arcsec=_told(np.std(separation)),
-        position_angle_deg=_told(angle_deg) % 360.0,
-        sigma_position_angle_deg=_told(np.sqrt(np.mean(beside_deg**2))),
-        rate_east_arcsec_min=_told(mean_rate[0]),
-        rate_north_arcsec_min=_told(mean_rate[1]),
-        sigma_rate_east_arcsec_min=_told(sigma_rate[0]),
-        sigma_rate_north_arcsec_min=_told(sigma_rate[1]),
-        separation_rate_arcsec_min=_told(np.mean(separation_rate)),
-        sigma_separation_rate_arcsec_min=_told(np.std(separation_rate)),
+        east_arcsec=_rounded(east),
+        north_arcsec=_rounded(north),
+        sigma_east_arcsec=_rounded(sigma_now[0]),
+        sigma_north_arcsec=_rounded(sigma_now[1]),
+        separation_arcsec=_rounded(np.mean(separation)),
+        sigma_separation_arcsec=_rounded(np.std(separation)),
+        position_angle_deg=_rounded(angle_deg) % 360.0,
+        sigma_position_angle_deg=_rounded(np.sqrt(np.mean(beside_deg**2))),
+        rate_east_arcsec_min=_rounded(mean_rate[0]),
+        rate_north_arcsec_min=_rounded(mean_rate[1]),
+        sigma_rate_east_arcsec_min=_rounded(sigma_rate[0]),
+        sigma_rate_north_arcsec_min=_rounded(sigma_rate[1]),
+        separation_rate_arcsec_min=_rounded(np.mean(separation_rate)),
+        sigma_separation_rate_arcsec_min=_rounded(np.std(separation_rate)),
         closest=kind,
         closest_utc_ns=t_utc_ns + round(likely_s * NS_PER_S),
-        sigma_closest_s=_told((latest_s - soonest_s) / 2.0),
-        closest_arcsec=_told(middle),
-        closest_low_arcsec=_told(low),
-        closest_high_arcsec=_told(high),
-        closest_lowest_arcsec=_told(lowest),
-        closest_highest_arcsec=_told(highest),
-        horizon_s=_told(path.horizon_s),
+        sigma_closest_s=_rounded((latest_s - soonest_s) / 2.0),
+        closest_arcsec=_rounded(middle),
+        closest_low_arcsec=_rounded(low),
+        closest_high_arcsec=_rounded(high),
+        closest_lowest_arcsec=_rounded(lowest),
+        closest_highest_arcsec=_rounded(highest),
+        horizon_s=_rounded(path.horizon_s),
         path=_kind_of(ways, mean_rate / 60.0, since_s, likely_s + late_s),
-        close_probability=_told(np.mean(is_warned)),
+        close_probability=_rounded(np.mean(is_warned)),
     )
 
 
@@ -117,6 +117,6 @@ def _kind_of(
     return "curved" if float(np.hypot(*(mean - straight))) > sigma else "straight"
 
 
-def _told(value: np.floating[Any] | float) -> float:
+def _rounded(value: np.floating[Any] | float) -> float:
     """For the record: no more digits than it is known to."""
     return round(float(value), 3)

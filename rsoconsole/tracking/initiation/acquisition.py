@@ -54,9 +54,9 @@ def acquire(
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
     usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)
-    told_of_choice: tuple[NotFollowed, ...] = ()
+    not_chosen: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
-        told_of_choice = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
+        not_chosen = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
         usable = (seen.chosen,)
     if settings.choice == "nearest":
         usable = tuple(sorted(usable, key=_rank))
@@ -70,7 +70,7 @@ def acquire(
         for m in whole
         if m.object_class not in MAY_BE_FOLLOWED and m != seen.chosen
     )
-    aside += told_of_choice
+    aside += not_chosen
     refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
     agreed: dict[Measurement, Chain] = {}
     if settings.filter.preset == "adaptive":
@@ -104,7 +104,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     agreed: dict[Measurement, Chain],
     before: Following,
     usable: tuple[Measurement, ...],
-    told: tuple[NotFollowed, ...],
+    set_aside: tuple[NotFollowed, ...],
     seen: Seen,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
@@ -139,7 +139,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
         dropped=before.dropped,
     )
     begun = tuple(each.track for each in tracks)
-    return after, (*begun, *of_track((*refused, *told), begun[0].track_id))
+    return after, (*begun, *of_track((*refused, *set_aside), begun[0].track_id))
 
 
 def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen) -> Pattern:

@@ -14,12 +14,12 @@ def range_cautions(
 
     Empty for a camera of the kind that the confidence was calibrated with.
     """
-    told = {
+    text_of = {
         "scale": _scale_words(scale_arcsec_px),
         "exposure": _exposure_words(exposure_s),
         "size": _size_words(width_px, height_px),
     }
-    return {about: words for about, words in told.items() if words}
+    return {about: words for about, words in text_of.items() if words}
 
 
 def is_usable_scale(scale_arcsec_px: float) -> bool:

@@ -36,7 +36,7 @@ from rsoconsole.vision.streaks import (
 
 log = logging.getLogger(__name__)
 
-TOLD_CONFIDENCE = 0.01
+LEAST_RECORDED_CONFIDENCE = 0.01
 """Whom the network believes less is not on record where no line fits either."""
 
 
@@ -335,7 +335,7 @@ class Measurements:
         self.rejected += [
             Rejection(detection=each.found, reason=reason)
             for each in others
-            if TOLD_CONFIDENCE <= each.found.confidence < said
+            if LEAST_RECORDED_CONFIDENCE <= each.found.confidence < said
         ]
         self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
 
@@ -365,7 +365,7 @@ class Measurements:
 
     def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
         """Keep a candidate on record with what speaks against it, if the network believes it."""
-        if box.confidence < TOLD_CONFIDENCE:
+        if box.confidence < LEAST_RECORDED_CONFIDENCE:
             return
         found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
         self.rejected.append(Rejection(detection=found, reason=reason))

@@ -61,7 +61,7 @@ _ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
 _SURE_OF_IMAGE, _MOST_LIKE, _MOST_UNLIKE = 30.0, 4.0, 3.0
 """Chi-square that tells a line from images of stars, and the most that the logarithms of it and of
 what is left of a pixel count."""
-_HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
+_FULL_WEIGHT_FWHM, _LEAST_WEIGHT, _WEIGHT_WHERE_JOINED = 15.0, 0.25, 0.4
 _CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
 """Scatter along a line that the air and the sensor make, the same where wind or focus have made
@@ -136,8 +136,8 @@ class ConfidenceCurve:
         psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
         logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
         as_line = _DOUBT_AS_LINE if length_fwhm < MOST_FWHM else 0.0
-        heard = _heard(logit, length_fwhm, math.inf, focus.joined, as_line)
-        z = table["constant"] + table["network"] * heard
+        weighted = _weighted(logit, length_fwhm, math.inf, focus.joined, as_line)
+        z = table["constant"] + table["network"] * weighted
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
         z += max(table["extent"], 0.0) * _MOST_EXTENT
@@ -162,20 +162,22 @@ def _logit(confidence: float) -> float:
     return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
 
 
-def _heard(logit: float, length_fwhm: float, steady: float, joined: int, as_line: float) -> float:
+def _weighted(
+    logit: float, length_fwhm: float, steady: float, joined: int, as_line: float
+) -> float:
     """The network's word, worth less where pixels were joined: it knows stars that are points.
 
     Its doubt counts less, too, of what is longer than its map shows well, and of a line that every
     part of it shows clearly or, where that tells (``as_line``), one line explains better than
     points.
     """
-    word = logit if joined == 1 else _HEARD_WHERE_JOINED * logit
+    word = logit if joined == 1 else _WEIGHT_WHERE_JOINED * logit
     if word >= 0.0:
         return word
     clear = math.sqrt(_CLEAR_SNR / max(steady, 0.1)) if length_fwhm > _CLEAR_FWHM else 1.0
     word *= min(max(clear, _LEAST_CLEAR), 1.0)
     word /= 1.0 + as_line / _DOUBT_AS_LINE
-    return word * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
+    return word * min(max(_FULL_WEIGHT_FWHM / max(length_fwhm, 0.1), _LEAST_WEIGHT), 1.0)
 
 
 def confidence_features(
@@ -219,7 +221,7 @@ def confidence_features(
     rest = [other.found for other in near if other is not candidate and _is_company(other)]
     seen = (
         1.0,
-        _heard(
+        _weighted(
             _logit(found.confidence), length_px / unit_px, steady, focus.joined, max(no_ray, like)
         ),
         min(math.log(snr / 20.0), MOST_LOG_SNR),

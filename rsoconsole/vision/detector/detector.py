@@ -16,7 +16,7 @@ from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.vision.detector.candidate import Candidate, Focus
 from rsoconsole.vision.detector.candidates import (
-    TOLD_CONFIDENCE,
+    LEAST_RECORDED_CONFIDENCE,
     Measurements,
     Proposal,
     in_order,
@@ -170,23 +170,25 @@ class StreakDetector:
             rejected += [
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in taken
-                if TOLD_CONFIDENCE < d.confidence <= threshold
+                if LEAST_RECORDED_CONFIDENCE < d.confidence <= threshold
             ]
         with watch.stage("class"):
-            told = [d for d in taken if d.confidence > threshold]
+            accepted = [d for d in taken if d.confidence > threshold]
             doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
             others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
-            told, doubted, shares = named_with_shares(working.frame, seen.sky, stars, told, doubted)
+            accepted, doubted, shares = named_with_shares(
+                working.frame, seen.sky, stars, accepted, doubted
+            )
             rejected = doubted + others
             if not self._is_quick:
-                told = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in told]
+                accepted = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in accepted]
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(
                 frame_id=frame.frame_id,
                 width_px=frame.width_px,
                 height_px=frame.height_px,
-                detections=tuple(working.original(d) for d in told),
+                detections=tuple(working.original(d) for d in accepted),
                 rejected=tuple(working.originally_rejected(each) for each in rejected),
                 stage_ms=watch.stage_ms,
             ),

@@ -110,17 +110,17 @@ def _left_by_points(
         shapes = 0.5 * (erf((away + half) / blur) - erf((away - half) / blur)) / error[:, None]
     else:
         shapes = np.exp(-0.5 * (away / sigma) ** 2) / error[:, None]
-    heard = shapes.T @ value
-    is_lit = heard > _LIT_SHARE * float(heard.max())
+    projected = shapes.T @ value
+    is_lit = projected > _LIT_SHARE * float(projected.max())
     if not is_lit.any():
         return float(value @ value)
-    shapes, heard = shapes[:, is_lit], heard[is_lit]
+    shapes, projected = shapes[:, is_lit], projected[is_lit]
     gram = shapes.T @ shapes
     own = np.maximum(np.diag(gram), _SMALLEST)
     total = float(value @ value)
-    single = np.maximum(heard, 0.0) ** 2 / own
+    single = np.maximum(projected, 0.0) ** 2 / own
     best = total - float(single.max()) + _PRICE_OF_A_POINT
-    chosen = best_pair(gram, heard)
+    chosen = best_pair(gram, projected)
     for count in range(2, _MOST_POINTS + 1):
         if count > 2:
             chosen.append(_one_more(shapes, value, chosen))

@@ -282,17 +282,17 @@ def _best_line(
     places: FloatArray, target: FloatArray, u: FloatArray, step: float, half: float
 ) -> FloatArray:
     """Lights of the places, (n,), of the line that leaves least: its ends, slope and period."""
-    gram, heard = places.T @ places, places.T @ target
+    gram, projected = places.T @ places, places.T @ target
     moved = np.arange(-_END_STEPS, _END_STEPS + 1) * step
     a, b = (each.ravel() for each in np.meshgrid(-half + moved, half + moved))
     is_line = b - a > step
     shapes = _shapes(u, step, a[is_line, None], b[is_line, None])
-    gains, lights = _fitted(gram, heard, shapes[..., :2])
+    gains, lights = _fitted(gram, projected, shapes[..., :2])
     best = int(np.argmax(gains))
     phase = math.pi * _PERIODS[:, None] * shapes[best, :, 2]
     waves = np.stack([np.cos(phase), np.sin(phase)], axis=-1) * shapes[best, :, :1]
     plain = np.broadcast_to(shapes[best, :, :2], waves.shape)
-    of_period, periodic = _fitted(gram, heard, np.concatenate([plain, waves], axis=-1))
+    of_period, periodic = _fitted(gram, projected, np.concatenate([plain, waves], axis=-1))
     at = int(np.argmax(of_period))
     is_periodic = of_period[at] - _PRICE_OF_A_PERIOD > gains[best]
     return np.asarray(periodic[at] if is_periodic else lights[best])
@@ -308,11 +308,11 @@ def _shapes(u: FloatArray, step: float, low: FloatArray, high: FloatArray) -> Fl
 
 
 def _fitted(
-    gram: FloatArray, heard: FloatArray, shapes: FloatArray
+    gram: FloatArray, projected: FloatArray, shapes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Chi-square that shapes (tries, n, k) explain, and lights of the places then, (tries, n)."""
     turned = shapes.transpose(0, 2, 1)
-    g, h = turned @ gram @ shapes, turned @ heard
+    g, h = turned @ gram @ shapes, turned @ projected
     k = np.arange(g.shape[1])
     g[:, k, k] = g[:, k, k] * (1.0 + 1e-6) + _SMALLEST
     weights = np.linalg.solve(g, h[..., None])
@@ -321,34 +321,34 @@ def _fitted(
 
 def _left_by_stars(it: _Comparison, places: FloatArray, images: Float32Array, step: float) -> float:
     """Chi-square of the best few stars with their price: the best pair, then one more each."""
-    gram, heard = places.T @ places, places.T @ it.target
+    gram, projected = places.T @ places, places.T @ it.target
     own = np.maximum(np.diag(gram), _SMALLEST)
-    single = np.maximum(heard, 0.0) ** 2 / own
+    single = np.maximum(projected, 0.0) ** 2 / own
     chosen = [int(np.argmax(single))]
     left = math.inf
     for count in range(1, _MOST_STARS + 1):
         if count == 2:
-            chosen = best_pair(gram, heard)
+            chosen = best_pair(gram, projected)
         elif count > 2:
-            chosen.append(_next(gram, heard, own, chosen))
+            chosen.append(_next(gram, projected, own, chosen))
             for i in range(count):
-                chosen[i] = _next(gram, heard, own, chosen[:i] + chosen[i + 1 :])
-        rest = it.stars_leave(images[chosen], _lights(gram, heard, chosen), step)
+                chosen[i] = _next(gram, projected, own, chosen[:i] + chosen[i + 1 :])
+        rest = it.stars_leave(images[chosen], _lights(gram, projected, chosen), step)
         left = min(left, rest + count * _PRICE_OF_A_STAR)
     return left
 
 
-def _next(gram: FloatArray, heard: FloatArray, own: FloatArray, chosen: list[int]) -> int:
+def _next(gram: FloatArray, projected: FloatArray, own: FloatArray, chosen: list[int]) -> int:
     """The place where one more star explains most."""
-    rest = heard - gram[:, chosen] @ _lights(gram, heard, chosen)
+    rest = projected - gram[:, chosen] @ _lights(gram, projected, chosen)
     return int(np.argmax(np.maximum(rest, 0.0) ** 2 / own))
 
 
-def _lights(gram: FloatArray, heard: FloatArray, chosen: list[int]) -> FloatArray:
+def _lights(gram: FloatArray, projected: FloatArray, chosen: list[int]) -> FloatArray:
     """Of so many stars, none of them dark."""
     from scipy.optimize import nnls
 
     g = gram[np.ix_(chosen, chosen)] + _SMALLEST * np.eye(len(chosen))
     root = np.linalg.cholesky(g + 1e-6 * float(np.trace(g)) * np.eye(len(chosen)))
-    lights, _ = nnls(root.T, np.linalg.solve(root, heard[chosen]))
+    lights, _ = nnls(root.T, np.linalg.solve(root, projected[chosen]))
     return np.asarray(lights)

@@ -334,9 +334,9 @@ def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
         return is_good
     good = np.flatnonzero(is_good)
     reach_px = 0.5 * float(np.median(found.fwhm_px[good]))
-    told = is_good.copy()
-    told[good[on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
-    return told
+    is_free = is_good.copy()
+    is_free[good[on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
+    return is_free
 
 
 def _oblong(

@@ -134,17 +134,17 @@ def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -
     Looked for along the line a third further than ``ends`` either way, as dying light is not all
     within them; smoothed until noise is a tenth of the level.
     """
-    told = light_along(pixels, sky, _lengthened(ends, _BEYOND), width_px)
-    if told is None:
+    along = light_along(pixels, sky, _lengthened(ends, _BEYOND), width_px)
+    if along is None:
         return None
-    light = _without_stars(told.light_adu)
+    light = _without_stars(along.light_adu)
     count, length = light.size, length_of(ends)
-    begins_at = round(_BEYOND * length - told.first_px)
+    begins_at = round(_BEYOND * length - along.first_px)
     inner = slice(max(begins_at, 0), max(begins_at + round(length), 0))
     if light[inner].size < FEWEST_COLUMNS or not light[inner].mean() > 0.0:
         return None
-    noise = (told.sigma_adu / (_CALM * float(light[inner].mean()))) ** 2
-    window = 2 * int(0.5 * max(noise, told.fwhm_px)) + 1
+    noise = (along.sigma_adu / (_CALM * float(light[inner].mean()))) ** 2
+    window = 2 * int(0.5 * max(noise, along.fwhm_px)) + 1
     if window > _LONGEST_WINDOW * light[inner].size:
         return None
     calm = _smoothed(light, window)
@@ -159,7 +159,7 @@ def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -
     begins = int(before[-1]) + 1 if before.size else 0
     ends_at = int(after[0]) - 1 if after.size else count - 1
     gaps = np.count_nonzero((dark > first) & (dark < last)) / max(last - first, 1)
-    by_blur = 0.5 * math.hypot(told.fwhm_px, window)
+    by_blur = 0.5 * math.hypot(along.fwhm_px, window)
     ways = sorted(max(way - by_blur, 0.0) for way in (first - begins, ends_at - last))
     return Fading(
         shorter_px=ways[0],
@@ -174,7 +174,7 @@ def _lengthened(ends: Box, share: float) -> Box:
     return ends[0] - dx, ends[1] - dy, ends[2] + dx, ends[3] + dy
 
 
-def modulation_of(told: StreakLight) -> Modulation | None:
+def modulation_of(along: StreakLight) -> Modulation | None:
     """The regular pulse of the light; None where there is none that noise would not show.
 
     The highest peak of the periodogram of what a slow trend leaves over, normalised by the variance
@@ -183,8 +183,8 @@ def modulation_of(told: StreakLight) -> Modulation | None:
     together count as one. The peak must stand above its neighbours as well: clouds and stars in
     the way put power into all of them.
     """
-    light = _without_stars(told.light_adu)
-    count, mean = light.size, told.mean_adu
+    light = _without_stars(along.light_adu)
+    count, mean = light.size, along.mean_adu
     place = np.linspace(-1.0, 1.0, count)
     terms, _ = np.linalg.qr(np.vander(place, _TREND + 1, increasing=True))
     rest = light - terms @ (terms.T @ light)
@@ -196,7 +196,7 @@ def modulation_of(told: StreakLight) -> Modulation | None:
     power = np.abs(wave) ** 2 * 2.0 / (count * total)
     frequency = np.arange(power.size) / size
     is_asked = (frequency >= FEWEST_PERIODS / count) & (
-        frequency <= 1.0 / (_SHORTEST_PERIOD * told.fwhm_px)
+        frequency <= 1.0 / (_SHORTEST_PERIOD * along.fwhm_px)
     )
     if not is_asked.any():
         return None
@@ -205,7 +205,7 @@ def modulation_of(told: StreakLight) -> Modulation | None:
     if at == asked[0]:
         return None  # the flank of something slower
     period_px = size / at
-    alone = count / max(_ALONE_FWHM * told.fwhm_px, 1.0)
+    alone = count / max(_ALONE_FWHM * along.fwhm_px, 1.0)
     tries = max(count * (frequency[asked[-1]] - frequency[asked[0]]), 1.0)
     single = (1.0 - min(float(power[at]), 0.999999)) ** (0.5 * max(alone - 6.0, 1.0))
     false_alarm = min(tries * single, 1.0)
@@ -215,7 +215,7 @@ def modulation_of(told: StreakLight) -> Modulation | None:
     typical = median_of(others) if others.size > 2 * _OVERSAMPLED else 0.0
     if false_alarm > _FALSE_ALARM or float(power[at]) < _ABOVE_OTHERS * typical:
         return None
-    sigma = told.fwhm_px / FWHM_PER_SIGMA
+    sigma = along.fwhm_px / FWHM_PER_SIGMA
     kept = math.exp(-2.0 * (math.pi * sigma / period_px) ** 2)
     first = 2.0 * float(np.abs(wave[at])) / count / mean
     depth = _depth(light, period_px)

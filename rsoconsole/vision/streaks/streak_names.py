@@ -65,8 +65,8 @@ def named_with_shares(
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    told = [_named(frame, sky, stars, each) for each in detections]
-    found = with_company([streak for streak, _ in told], per_px)
+    named = [_named(frame, sky, stars, each) for each in detections]
+    found = with_company([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [
@@ -75,7 +75,7 @@ def named_with_shares(
     shares = {
         streak: of_all
         for streak, of_all in (
-            *zip(found, (of_all for _, of_all in told), strict=True),
+            *zip(found, (of_all for _, of_all in named), strict=True),
             *doubted,
         )
         if of_all is not None
