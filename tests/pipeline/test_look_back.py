@@ -128,6 +128,57 @@ def test_a_neighbour_that_was_half_a_streak_ahead_is_not_the_same_light():
     assert comparison(word((frames[0], then), (frames[1], now), 5800.0)) != "same light"
 
 
+def trailing(seed: int, gap: float, *, leaves_heir: bool) -> Word | None:
+    """Two satellites, the second behind the first by so many of the ways between two frames."""
+    sky = sky_with(seed)
+    then, now = plate((3.0, -2.0)), plate()
+    pace = CADENCE_S / EXPOSURE_S
+    x_a, y_a, x_b, y_b = ENDS
+    way = pace * (x_b - x_a), pace * (y_b - y_a)
+
+    def moved(ways: float, shift: tuple[float, float] = (0.0, 0.0)) -> Ends:
+        dx, dy = ways * way[0] + shift[0], ways * way[1] + shift[1]
+        return x_a + dx, y_a + dy, x_b + dx, y_b + dy
+
+    first_then, second_then = moved(gap - 1.0, (3.0, -2.0)), moved(-1.0, (3.0, -2.0))
+    first_now, second_now = moved(gap), moved(0.0)
+    lit = [60.0 * line_of_light(SHAPE, ends, 1.2) for ends in (first_then, second_then)]
+    lit_now = [60.0 * line_of_light(SHAPE, ends, 1.2) for ends in (first_now, second_now)]
+    frames = sky.frame(1, then, lit[0] + lit[1]), sky.frame(2, now, lit_now[0] + lit_now[1])
+    streaks = tuple(streak_at(ends, frames[0]) for ends in (first_then, second_then))
+    here = tuple(streak_at(ends, frames[1]) for ends in (first_now, second_now))
+    before = replace(field_of(frames[0], then), streaks=streaks)
+    after = replace(field_of(frames[1], now), streaks=here if leaves_heir else here[1:])
+    back = LookBack.of(after, before)
+    assert back is not None
+    return back.word(here[1])
+
+
+@pytest.mark.parametrize("gap", [1.0, 0.98, 1.03])
+def test_one_of_a_slot_where_another_was_a_frame_ago_is_no_star(gap):
+    """As they follow each other by the way of one cadence; what lay there lies further on."""
+    assert comparison(trailing(20, gap, leaves_heir=True)) != "same light"
+    # Unless it does not: stars in a row have no streak like it further on.
+    assert comparison(trailing(20, gap, leaves_heir=False)) == "same light"
+
+
+def test_stars_in_a_row_stay_stars_beside_a_satellite_of_the_same_length():
+    """A satellite that is elsewhere is no heir of theirs."""
+    sky = sky_with(21, 8000.0)
+    then, now = plate((6.3, -4.7)), plate()
+    x_a, y_a, x_b, y_b = ENDS
+    beside: Ends = (x_a + 40.0, y_a + 120.0, x_b + 40.0, y_b + 120.0)
+    light = 60.0 * line_of_light(SHAPE, beside, 1.2)
+    frames = sky.frame(1, then), sky.frame(2, now, light)
+    then_ends: Ends = (x_a + 6.3, y_a - 4.7, x_b + 6.3, y_b - 4.7)
+    before = replace(field_of(frames[0], then), streaks=(streak_at(then_ends, frames[0]),))
+    chain = streak_at(ENDS, frames[1], snr_of(5.4 * 8000.0))
+    after = replace(field_of(frames[1], now), streaks=(chain, streak_at(beside, frames[1])))
+    back = LookBack.of(after, before)
+    assert back is not None
+    assert comparison(back.word(chain)) == "same light"
+
+
 # -- the sensor --------------------------------------------------------------------------------
 
 

@@ -64,7 +64,12 @@ class FixedLight:
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
         """As ``Comparison`` has it; frames come in the order of the record."""
-        here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
+        here = SolvedField(
+            frame=frame,
+            stars=analysis.stars,
+            solution=solution,
+            streaks=analysis.detections.detections,
+        )
         before, self._before = self._before, here
         asked = _worth_a_look(analysis)
         return _after(here, analysis, lambda: words_of(here, before, asked, self._catalogue))

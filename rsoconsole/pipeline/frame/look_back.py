@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsoconsole.pipeline.frame.moved_on import has_moved_on
 from rsoconsole.pipeline.frame.solved_field import SolvedField, Word, ends_of, places_px, to_field
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, FloatArray, Frame
@@ -64,6 +65,8 @@ class LookBack:
             return None
         light = self._light(profile, streak, self._to_earlier, self.flux_ratio)
         found = "unclear" if light is None else light.found
+        if found == "same" and has_moved_on(streak, here, before, self.later_s):
+            return None
         if found == "same":
             return Word(comparison="same light", reason=NotAStreak(kind="fixed in the sky"))
         if self._may_be_sensors(streak):

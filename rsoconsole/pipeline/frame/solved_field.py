@@ -19,6 +19,8 @@ class SolvedField:
     frame: Frame
     stars: StarList
     solution: Solution
+    streaks: tuple[Detection, ...] = ()
+    """What was detected in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
