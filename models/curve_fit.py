@@ -209,9 +209,11 @@ def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> Fitt
     """
     is_easy = them.is_true | ~them.of_kind(*HARD)
     weights = fit_weights(them.features, them.is_true, np.where(is_easy, 1.0, HARD_COUNTS))
-    tried = FRAMES_PER_SATELLITE if frames_per_satellite is None else (frames_per_satellite,)
+    per_satellite = (
+        FRAMES_PER_SATELLITE if frames_per_satellite is None else (frames_per_satellite,)
+    )
     curves = []
-    for frames in tried:
+    for frames in per_satellite:
         scaled = _scaled(them, weights, population_weights(them, frames))
         z = them.features @ scaled
         curves.append(

@@ -148,7 +148,7 @@ def _without_login(url: str) -> tuple[str, str | None]:
 
 
 def _body(answer: Any, deadline: float) -> bytes:
-    promised = answer.headers.get("Content-Length")
+    announced = answer.headers.get("Content-Length")
     is_packed = answer.headers.get("Content-Encoding", "").strip().lower() == "gzip"
     got, parts = 0, list[bytes]()
     while chunk := answer.read1(_CHUNK):
@@ -159,7 +159,7 @@ def _body(answer: Any, deadline: float) -> bytes:
         if time.monotonic() > deadline:
             raise TimeoutError
     cut_off = FetchError(f"its answer ended after {got} bytes, before it was whole", "failed")
-    if promised is not None and promised.isdecimal() and got < int(promised):
+    if announced is not None and announced.isdecimal() and got < int(announced):
         raise cut_off
     if not is_packed:
         return b"".join(parts)

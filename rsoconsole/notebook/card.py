@@ -35,7 +35,7 @@ class Card:
     is_live: bool
     """Open, or cut off: it has not been closed."""
     branch_of: str | None
-    tried: str
+    changes: str
     """The settings of a branch, in words."""
     frames: int
     kept: int
@@ -61,7 +61,9 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
         ("NIS", nis_words(s)),
     ]
     if card.branch_of is not None:
-        rows.insert(0, ("what if", f"{card.tried or 'as recorded'}; a branch of {card.branch_of}"))
+        rows.insert(
+            0, ("what if", f"{card.changes or 'as recorded'}; a branch of {card.branch_of}")
+        )
     if card.is_live:
         rows.insert(1, ("not closed", "it goes on, or was cut off; refresh() reads what is new"))
     return rows

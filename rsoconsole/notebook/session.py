@@ -32,7 +32,7 @@ from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.notebook.panel import LivePanel
-    from rsoconsole.notebook.tried import WhatIf
+    from rsoconsole.notebook.what_if import WhatIf
     from rsoconsole.pipeline.replay import ReplayedFrame
 
 BRANCHES = "branches"
@@ -226,7 +226,7 @@ class Session(SessionPictures, NightPlots):
         ``[filter]`` by its name, e.g. ``gate_nis=9``; ``settings``: any setting by its dotted
         name. Raises ConfigError for one that there is not or that cannot be so.
         """
-        from rsoconsole.notebook.tried import WhatIf
+        from rsoconsole.notebook.what_if import WhatIf
 
         named = {
             "detector.tau": tau,
@@ -235,9 +235,11 @@ class Session(SessionPictures, NightPlots):
             "filter.r_multiplier": r,
             "filter.preset": preset,
         }
-        tried: dict[str, float | str] = {n: v for n, v in named.items() if v is not None}
-        tried |= {f"filter.{name}": value for name, value in others.items()} | dict(settings or {})
-        return WhatIf(self, tried)
+        changes: dict[str, float | str] = {n: v for n, v in named.items() if v is not None}
+        changes |= {f"filter.{name}": value for name, value in others.items()} | dict(
+            settings or {}
+        )
+        return WhatIf(self, changes)
 
     @property
     def branches(self) -> "dict[str, Session]":
@@ -308,8 +310,8 @@ class Session(SessionPictures, NightPlots):
             picture = self.picture()
         except SessionError:
             picture = None
-        parent, tried = self._about.get("branch_of"), self._about.get("tried")
-        tried = tried if isinstance(tried, Mapping) else {}
+        parent, changes = self._about.get("branch_of"), self._about.get("tried")
+        changes = changes if isinstance(changes, Mapping) else {}
         t_first, t_last = (self._log[0][1], self._log[-1][1]) if self._log else (None, None)
         return card.Card(
             title=self.title,
@@ -317,7 +319,7 @@ class Session(SessionPictures, NightPlots):
             when=card.when_words(t_first, t_last),
             is_live=not self.is_closed,
             branch_of=None if parent is None else (self.path / str(parent)).resolve().name,
-            tried=", ".join(f"{name} = {value}" for name, value in tried.items()),
+            changes=", ".join(f"{name} = {value}" for name, value in changes.items()),
             frames=self._reader.counts().frames,
             kept=len(self._kept()),
             summary=summary_of(night, self._changes()),

@@ -22,7 +22,7 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking.association import (
     NEAREST_ARCSEC,
     NO_PATTERN,
-    OTHERWISE_ARCSEC_S,
+    OTHER_MOTION_ARCSEC_S,
     BoolArray,
     Pattern,
     own_covariance,
@@ -89,7 +89,7 @@ class _Pairs:
     """(tracks, tracks, 2) from one to another, arcsec."""
     ways_covariance: FloatArray
     """(tracks, tracks, 2, 2)"""
-    is_otherwise: BoolArray
+    is_other_motion: BoolArray
     """(tracks, tracks) whether one moves otherwise than another."""
 
 
@@ -150,7 +150,7 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
         own=own,
         ways=ways,
         ways_covariance=covariances,
-        is_otherwise=apart >= OTHERWISE_ARCSEC_S,
+        is_other_motion=apart >= OTHER_MOTION_ARCSEC_S,
     )
 
 
@@ -195,7 +195,7 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
             # One end behind a star or a cloud happens: tails as of Student's law, not of Gauss's.
             cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + log_det
             # Where one stands to another that moves otherwise says less than its own prediction.
-            cost = np.where(pairs.is_otherwise[row][:, None], pairs.alone, cost)
+            cost = np.where(pairs.is_other_motion[row][:, None], pairs.alone, cost)
             cost[~may] = np.nan
             cost[row] = np.nan
             cost[row, column] = pairs.alone[row, column]

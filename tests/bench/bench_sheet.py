@@ -67,7 +67,7 @@ async def _measure(size: tuple[int, int]) -> dict[str, float]:
         for by in (1, 1, -1, 1, -1, -1):
             began = time.perf_counter()
             sheet.action_tau(by)
-            await _until(lambda: sheet.sheet.wish is None)
+            await _until(lambda: sheet.sheet.wanted is None)
             again.append((time.perf_counter() - began) * 1e3)
         pixels = sheet.sheet.pixels
         assert pixels is not None

@@ -67,7 +67,7 @@ def main() -> None:
         config = reader.config()
         figures = {
             "read_s": median_s(lambda: list(reader.records())),
-            "replay_s": median_s(lambda: list(replay(records, config, tried=TRIED))),
+            "replay_s": median_s(lambda: list(replay(records, config, changes=TRIED))),
             "what_if_s": median_s(lambda: what_if_session(folder, TRIED)),
             "command_s": median_s(lambda: command(folder)),
             "proposal_200_s": median_s(lambda: propose([short]), 1),

@@ -229,13 +229,15 @@ def test_a_night_goes_well_with_the_system_calls_of_the_service_alone(home: Path
 def test_what_needs_a_user_namespace_is_tried_before_it_is_written(
     home: Path, systemctl: Path, status: int, words: str
 ) -> None:
-    trial, tried = systemctl.parent / "bin" / "systemd-run", home / "tried"
-    trial.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {shlex.quote(str(tried))}\nexit {status}\n')
+    trial, changes = systemctl.parent / "bin" / "systemd-run", home / "tried"
+    trial.write_text(
+        f'#!/bin/sh\nprintf "%s\\n" "$@" > {shlex.quote(str(changes))}\nexit {status}\n'
+    )
     trial.chmod(0o755)
     done = rsoconsole("service", "install")
     assert done.exit_code == 0, done.output
     unit = (home / "config" / "systemd" / "user" / "rsoconsole.service").read_text()
-    asked = tried.read_text().splitlines()
+    asked = changes.read_text().splitlines()
     for line in service.namespace_lines():
         assert f"--property={line}" in asked
         assert (line in unit.splitlines()) is (status == 0)

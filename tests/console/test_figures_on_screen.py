@@ -68,10 +68,10 @@ def figures(**changes: Any) -> TrackFigures:
 # -- the tuning pane ------------------------------------------------------------------------------
 
 
-def tuned(now: TrackFigures, then: TrackFigures | None, tried: bool, **words: Any) -> str:
+def tuned(now: TrackFigures, then: TrackFigures | None, has_changes: bool, **words: Any) -> str:
     tuning = Tuning()
     tuning.see({"detector.tau": 0.1})
-    if tried:
+    if has_changes:
         tuning.step(1)
     return plain(tune_lines(tuning, now, then, words=TuneWords(**words))(47, 22))
 
@@ -123,7 +123,7 @@ def test_what_was_applied_is_named_with_both_values():
     tuning = Tuning()
     tuning.see({"filter.q_multiplier": 1.0})
     tuning.row = NAMES.index("filter.q_multiplier")
-    tuning.tried = {"filter.q_multiplier": 2.25}
+    tuning.changes = {"filter.q_multiplier": 2.25}
     tuning.apply()
     tuning.see({"filter.q_multiplier": 2.25})
     lines = plain(tune_lines(tuning, figures(), None)(60, 30))

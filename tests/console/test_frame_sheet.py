@@ -115,7 +115,7 @@ async def calm(pilot: Pilot[str], sheet: FrameSheet) -> None:
     state = sheet.sheet
     await until(
         pilot,
-        lambda: bool(state.fault) or (state.pixels is not None and state.wish is None),
+        lambda: bool(state.fault) or (state.pixels is not None and state.wanted is None),
     )
 
 

@@ -60,22 +60,22 @@ def test_a_step_there_and_back_is_no_trial():
     for row, tunable in enumerate(tuning.tunables):
         tuning.row = row
         tuning.step(-1)
-        assert set(tuning.tried) == {tunable.name}
+        assert set(tuning.changes) == {tunable.name}
         tuning.step(1)
-        assert tuning.tried == {}
+        assert tuning.changes == {}
 
 
 def test_a_number_is_typed_within_its_bounds_and_steps_go_on_from_it():
     tuning = Tuning()
     tuning.see(PRESENT)
     assert tuning.type("0.37") == ""
-    assert tuning.tried == {"detector.tau": 0.37}
+    assert tuning.changes == {"detector.tau": 0.37}
     tuning.step(1)
-    assert tuning.tried["detector.tau"] == pytest.approx(0.37 * 1.25, rel=0.01)
+    assert tuning.changes["detector.tau"] == pytest.approx(0.37 * 1.25, rel=0.01)
     assert "between 0.01 and 0.99" in tuning.type("7")
     assert "no number" in tuning.type("much")
     assert tuning.type(str(PRESENT["detector.tau"])) == ""
-    assert tuning.tried == {}
+    assert tuning.changes == {}
 
 
 def test_what_has_been_sent_is_shown_as_sent_until_it_is_in_force():
@@ -109,9 +109,9 @@ def test_steps_at_a_bound_need_not_be_gone_back():
     tuning.see(PRESENT | {"detector.tau": 0.5})
     for _ in range(20):
         tuning.step(1)
-    assert tuning.tried == {"detector.tau": 0.99}
+    assert tuning.changes == {"detector.tau": 0.99}
     tuning.step(-1)
-    assert tuning.tried["detector.tau"] < 0.99
+    assert tuning.changes["detector.tau"] < 0.99
 
 
 def test_what_was_applied_can_be_undone_once():
@@ -120,7 +120,7 @@ def test_what_was_applied_can_be_undone_once():
     tuning.step(1)
     wanted = tuning.apply()
     tuning.see(PRESENT | wanted)
-    assert tuning.tried == {}
+    assert tuning.changes == {}
     assert tuning.undo() == {"detector.tau": PRESENT["detector.tau"]}
     assert tuning.undo() == {}
 
@@ -132,7 +132,7 @@ def test_each_application_is_undone_by_itself_the_last_one_first():
     tuning = Tuning()
     tuning.see(PRESENT)
     for name, value in (("detector.tau", 0.2), ("filter.gate_nis", 14.0)):
-        tuning.tried = {name: value}
+        tuning.changes = {name: value}
         assert tuning.apply() == {name: value}
         tuning.see({**tuning.present, name: value})
     assert tuning.undo() == {"filter.gate_nis": PRESENT["filter.gate_nis"]}
@@ -145,9 +145,9 @@ def test_a_step_from_a_preset_starts_from_what_it_says():
     tuning.see(PRESENT)
     tuning.load({"detector.tau": 0.5})
     tuning.step(1)
-    assert tuning.tried == {"detector.tau": 0.625}
+    assert tuning.changes == {"detector.tau": 0.625}
     tuning.step(-1)
-    assert tuning.tried == {"detector.tau": 0.5}
+    assert tuning.changes == {"detector.tau": 0.5}
 
 
 def test_with_nothing_tried_the_figures_are_those_of_the_record(night):
@@ -257,7 +257,7 @@ def test_what_a_tried_preset_does_not_ask_for_is_tried_no_longer():
     tuning.step(1)
     tuning.row = names.index("filter.preset")
     tuning.step(1)
-    assert tuning.tried == {"filter.preset": "paper"}
+    assert tuning.changes == {"filter.preset": "paper"}
 
 
 def test_the_effect_is_a_curve_and_says_which_way_is_better():

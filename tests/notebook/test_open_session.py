@@ -322,8 +322,8 @@ def test_words_of_the_record_are_escaped(tmp_path):
     made.add_frames(writer, range(1, 6))
     writer.close()
     shown = open_session(tmp_path / "night")
-    tried = shown.what_if(q=1e-3)
-    for html in (shown._repr_html_(), tried._repr_html_()):
+    changes = shown.what_if(q=1e-3)
+    for html in (shown._repr_html_(), changes._repr_html_()):
         assert "<img src=x" not in html
         assert "&lt;img src=x" in html
     strip = strip_svg((Spell(state=evil, t_from_utc_ns=0, t_to_utc_ns=10),))
@@ -426,13 +426,13 @@ def test_a_night_without_a_track_says_so(tmp_path):
 def test_nothing_tried_gives_what_was_recorded(night):
     same = night.what_if()
     # Recorded on another machine, whose processor rounds otherwise.
-    assert is_alike(same.tried, same.recorded)
-    recorded, tried = same.nights()
+    assert is_alike(same.changed, same.recorded)
+    recorded, changes = same.nights()
     assert are_alike(
-        [f.corrected for f in tried.frames if f.corrected],
+        [f.corrected for f in changes.frames if f.corrected],
         [f.corrected for f in recorded.frames if f.corrected],
     )
-    assert [f.measured for f in tried.frames] == [f.measured for f in recorded.frames]
+    assert [f.measured for f in changes.frames] == [f.measured for f in recorded.frames]
 
 
 def test_what_if_agrees_with_the_consoles(night):
@@ -441,17 +441,17 @@ def test_what_if_agrees_with_the_consoles(night):
     other = night.what_if(q=1e-3, gate_nis=9.0)
     assert other.settings == {"filter.q_arcsec2_s3": 1e-3, "filter.gate_nis": 9.0}
     told = what_if((r for _, _, r in night.records), night.config, other.settings)
-    assert other.tried.residual_rms_arcsec == pytest.approx(told.residual_rms_arcsec)
-    assert other.tried.nis_mean == pytest.approx(told.nis_mean)
-    assert other.tried.missed == told.misses
-    assert other.tried != other.recorded
+    assert other.changed.residual_rms_arcsec == pytest.approx(told.residual_rms_arcsec)
+    assert other.changed.nis_mean == pytest.approx(told.nis_mean)
+    assert other.changed.missed == told.misses
+    assert other.changed != other.recorded
 
 
 def test_what_if_shows_old_and_new_side_by_side(night):
     other = night.what_if(q=1e-3)
     html = other._repr_html_()
     assert f"{other.recorded.residual_rms_arcsec:.3f}″" in html
-    assert f"{other.tried.residual_rms_arcsec:.3f}″" in html
+    assert f"{other.changed.residual_rms_arcsec:.3f}″" in html
     assert "q_arcsec2_s3 = 0.001" in repr(other)
     for name, panels in PLOTS.items():
         assert len(getattr(other, f"plot_{name}")().axes) == 2 * panels
@@ -460,7 +460,7 @@ def test_what_if_shows_old_and_new_side_by_side(night):
 
 def test_a_tau_above_everything_follows_nothing_and_is_shown(night):
     blind = night.what_if(tau=0.99999)
-    assert blind.tried.followed == 0
+    assert blind.changed.followed == 0
     assert "never" in blind._repr_html_()
     figure = blind.plot_residuals()
     assert len(figure.axes) == 2  # the recorded ones alone
@@ -498,15 +498,15 @@ def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
     folder = tmp_path / "night"
     shutil.copytree(SCHEMA_1, folder)
     night = open_session(folder)
-    tried = night.what_if(q=1e-3)
-    assert tried.save("loose") == folder / "branches" / "loose"
+    changes = night.what_if(q=1e-3)
+    assert changes.save("loose") == folder / "branches" / "loose"
     with pytest.raises(SessionError, match="loose"):
-        tried.save("loose")
+        changes.save("loose")
     loose = open_session(folder / "branches" / "loose")
     track = loose.track[loose.track["step"] == "updated"]
     assert list(track["nis"]) == [
         update.nis
-        for frame in tried.frames
+        for frame in changes.frames
         for update in frame.records
         if isinstance(update, TrackState) and update.kind == "updated"
     ]

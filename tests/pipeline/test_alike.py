@@ -69,6 +69,6 @@ def test_records_that_say_something_else_are_not_alike() -> None:
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:
     config = SessionReader(SCHEMA_1).config()
     q = config.filter.q_arcsec2_s3 * 1.0001
-    tried = list(replay(records, config, tried={"filter.q_arcsec2_s3": q}))
-    assert not all(frame.is_alike for frame in tried)
+    changes = list(replay(records, config, changes={"filter.q_arcsec2_s3": q}))
+    assert not all(frame.is_alike for frame in changes)
     assert all(frame.is_alike for frame in replay(records, config))

@@ -17,7 +17,7 @@ from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
@@ -85,7 +85,7 @@ def assert_replayed_alike(r: Rig) -> None:
     assert all(frame.is_as_recorded for frame in frames)
     assert frames[-1].after == r.engine.following
     assert as_recorded(log) == figures_of(frames)
-    told = retell([(n, record) for n, record in enumerate(log)], CONFIG)
+    told = rewrite_log([(n, record) for n, record in enumerate(log)], CONFIG)
     assert [record for _, record in told.log] == log
 
 

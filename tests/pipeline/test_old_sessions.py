@@ -11,7 +11,7 @@ from rsoconsole.export.night import read_night
 from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -62,7 +62,7 @@ def test_every_record_of_the_fold_comes_again_but_for_another_processors_roundin
 
 def test_told_again_with_nothing_tried_it_is_the_log_itself(old: Path) -> None:
     log = log_of(old)
-    told = retell(log, SessionReader(old).config()).log
+    told = rewrite_log(log, SessionReader(old).config()).log
     assert [record for _, record in told] == [record for _, record in log]
 
 

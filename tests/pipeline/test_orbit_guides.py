@@ -10,7 +10,7 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.absence import direction_at
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
 from rsoconsole.records import (
     Event,
@@ -122,9 +122,9 @@ def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_
     handed = [r for each in replayed for r in each.records if is_by_orbit(r)]
     assert len(handed) >= 2
     log = tuple((T0_UTC_NS, record) for record in it.memory.records)
-    assert retell(log, config).log == log
+    assert rewrite_log(log, config).log == log
     for name, value in TRIED:
-        other = retell(log, config, tried={name: value})
+        other = rewrite_log(log, config, changes={name: value})
         first = next(each.taken.frame_id for each in other.frames if not each.is_as_recorded)
         records = [record for _, record in other.log]
         assert all(r.frame_id < first for r in records if isinstance(r, OrbitEstimate))

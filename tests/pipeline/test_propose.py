@@ -160,11 +160,11 @@ def test_noise_stated_twofold_wrong_is_found_and_fresh_nights_are_then_sound(
     assert found.verdict == "change"
     assert found.gain > 3.0 * found.needed
     low, high = TRUE_R[preset]
-    assert 0.7 * low < found.tried["filter.r_multiplier"] < 1.4 * high
+    assert 0.7 * low < found.changes["filter.r_multiplier"] < 1.4 * high
     assert found.after.is_nis_in_band
     sound, was_sound = 0, 0
     for seed in (2, 3, 4, 5):
-        fresh = what_if_session(night_of(tmp_path / f"{seed}", seed, preset, r), found.tried)
+        fresh = what_if_session(night_of(tmp_path / f"{seed}", seed, preset, r), found.changes)
         sound += fresh.what_if.is_nis_sound
         was_sound += fresh.recorded.is_nis_sound
         assert fresh.what_if.inside_3sigma > 0.95
@@ -195,7 +195,7 @@ def test_the_evidence_of_a_change_is_there(proposed):
 def test_a_filter_in_tune_is_left_as_it_is(proposed, tmp_path):
     """What is proposed for one night is what a fresh one is followed with: nothing more to do."""
     first, _ = proposed("paper", 4.0)
-    settings = {k.removeprefix("filter."): v for k, v in first.tried.items()}
+    settings = {k.removeprefix("filter."): v for k, v in first.changes.items()}
     tuned = record_night(
         tmp_path / "tuned",
         frames=FRAMES,
@@ -205,7 +205,7 @@ def test_a_filter_in_tune_is_left_as_it_is(proposed, tmp_path):
     )
     found = propose([tuned])
     assert found.verdict == "no change is called for"
-    assert found.tried == {}
+    assert found.changes == {}
     assert found.after == found.before
     assert all(each.proposed == each.recorded for each in found.parameters)
 
@@ -214,7 +214,7 @@ def test_too_few_innovations_say_nothing(tmp_path):
     found = propose([night_of(tmp_path / "short", 1, "tuned", 4.0, frames=14)])
     assert found.verdict == "not enough to say"
     assert "12 of the 15" in found.words
-    assert (found.tried, found.parameters, found.hold_out) == ({}, (), None)
+    assert (found.changes, found.parameters, found.hold_out) == ({}, (), None)
 
 
 def test_of_several_nights_the_likelihood_is_one(tmp_path):
@@ -225,7 +225,7 @@ def test_of_several_nights_the_likelihood_is_one(tmp_path):
     assert together.tracks == 3
     assert together.innovations == 42
     assert together.verdict == "change"
-    assert together.tried["filter.r_multiplier"] == pytest.approx(1.0, rel=0.35)
+    assert together.changes["filter.r_multiplier"] == pytest.approx(1.0, rel=0.35)
 
 
 def test_sessions_that_cannot_be_judged_together_are_refused(tmp_path):
@@ -246,7 +246,7 @@ def test_the_verb_tells_the_proposal_and_keeps_it_as_a_branch(proposed):
     for expected in ("change: log L gains", "68 % interval", "autocorrelation", "r_multiplier ="):
         assert expected in words.stdout
     branch = folder / "branches" / "proposed"
-    assert SessionReader(branch).about()["tried"] == found.tried
+    assert SessionReader(branch).about()["tried"] == found.changes
     answer = json.loads(verb(branch, "--propose", "--json").stdout)
     assert answer["proposal"]["verdict"] == "no change is called for"
     assert answer["tried"] == answer["proposal"]["tried"] == {}
@@ -267,7 +267,7 @@ def test_a_simulated_observatorys_night_stated_wrong_is_put_right_for_the_next(t
     found = propose([branch])
     print(found)
     assert found.verdict == "change"
-    fresh = what_if_session(second, wrong | found.tried)
+    fresh = what_if_session(second, wrong | found.changes)
     stated_wrong = what_if_session(second, wrong)
     print(stated_wrong.what_if, fresh.what_if)
     assert fresh.what_if.is_nis_sound

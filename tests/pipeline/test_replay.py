@@ -260,26 +260,26 @@ def misses(replayed: list[ReplayedFrame]) -> int:
 
 
 def test_what_is_tried_holds_from_the_start_whatever_was_set_later(busy_night):
-    tried = list(replay(busy_night.records, CONFIG, tried={"filter.r_multiplier": 9.0}))
-    assert {frame.config.filter.r_multiplier for frame in tried} == {9.0}
-    assert tried[-1].config.detector.tau == 0.2
-    assert not all(frame.is_as_recorded for frame in tried)
+    changes = list(replay(busy_night.records, CONFIG, changes={"filter.r_multiplier": 9.0}))
+    assert {frame.config.filter.r_multiplier for frame in changes} == {9.0}
+    assert changes[-1].config.detector.tau == 0.2
+    assert not all(frame.is_as_recorded for frame in changes)
     same = with_setting(CONFIG, "filter.r_multiplier", 9.0)
-    assert tried[3].records == next(
+    assert changes[3].records == next(
         f.records for n, f in enumerate(replay(busy_night.records, same)) if n == 3
     )
 
 
 def test_a_higher_tau_leaves_out_what_was_less_confident(busy_night):
-    tried = list(replay(busy_night.records, CONFIG, tried={"detector.tau": 0.8}))
-    assert {m.confidence for frame in tried for m in frame.shown.measurements} == {0.9}
-    assert misses(list(replay(busy_night.records, CONFIG, tried={"detector.tau": 0.95}))) == 0
+    changes = list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.8}))
+    assert {m.confidence for frame in changes for m in frame.shown.measurements} == {0.9}
+    assert misses(list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.95}))) == 0
 
 
 def test_another_header_latency_moves_every_instant_of_the_track(busy_night):
     as_it_was = list(replay(busy_night.records, CONFIG))
-    tried = list(replay(busy_night.records, CONFIG, tried={"exposure.header_latency_s": 0.25}))
-    track, later = as_it_was[5].after.track, tried[5].after.track
+    changes = list(replay(busy_night.records, CONFIG, changes={"exposure.header_latency_s": 0.25}))
+    track, later = as_it_was[5].after.track, changes[5].after.track
     assert track is not None
     assert later is not None
     assert later.t_utc_ns - track.t_utc_ns == NS // 4
@@ -292,10 +292,10 @@ def test_a_lower_tau_measures_what_lay_below_it():
     far = straight_detection(frame_id=1, confidence=0.05)
     records = [taken(1), detections(1, faint, far), solution_at(150.0, -5.0)]
     (as_it_was,) = replay(records, CONFIG)
-    (tried,) = replay(records, CONFIG, tried={"detector.tau": 0.06})
+    (changes,) = replay(records, CONFIG, changes={"detector.tau": 0.06})
     assert as_it_was.after.state == "SEARCH"
-    assert tried.after.state == "ACQUIRE"
-    assert [m.confidence for m in tried.shown.measurements] == [0.08]
+    assert changes.after.state == "ACQUIRE"
+    assert [m.confidence for m in changes.shown.measurements] == [0.08]
 
 
 def taken(frame_id: int) -> FrameTaken:
@@ -325,9 +325,9 @@ def detections(frame_id: int, *faint: Detection) -> Detections:
 
 def test_a_setting_that_there_is_not_is_refused_with_the_remedy():
     with pytest.raises(ConfigError, match=r"did you mean filter\.sigma_arcsec"):
-        list(replay([], CONFIG, tried={"filter.sigma": 1.0}))
+        list(replay([], CONFIG, changes={"filter.sigma": 1.0}))
     with pytest.raises(ConfigError, match="must be above 0"):
-        list(replay([], CONFIG, tried={"filter.q_multiplier": -1.0}))
+        list(replay([], CONFIG, changes={"filter.q_multiplier": -1.0}))
 
 
 @pytest.mark.nights

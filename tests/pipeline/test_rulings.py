@@ -214,9 +214,9 @@ def test_what_if_a_frame_was_ruled_on_that_is_not_followed_then():
     say(r, "reject")
     r.engine.run(frames=11)
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
-    tried = list(replay(records, CONFIG, tried={"filter.r_multiplier": 3.0}))
-    assert tried[-1].after.state in {"TRACK", "COAST"}
-    assert tried[-1].after.track != r.engine.following.track
+    changes = list(replay(records, CONFIG, changes={"filter.r_multiplier": 3.0}))
+    assert changes[-1].after.state in {"TRACK", "COAST"}
+    assert changes[-1].after.track != r.engine.following.track
 
 
 def test_a_note_is_on_record_with_its_words():
@@ -323,15 +323,15 @@ def test_another_header_latency_moves_what_was_ruled_on_too():
     r.engine.run(frames=8)
     say(r, "reject")
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
-    tried = list(replay(records, CONFIG, tried={"exposure.header_latency_s": 0.1}))
-    assert tried[-1].after.state == "COAST"
+    changes = list(replay(records, CONFIG, changes={"exposure.header_latency_s": 0.1}))
+    assert changes[-1].after.state == "COAST"
     r = night(set(range(1, 12)))
     r.engine.run(frames=8)
     say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0, replaces=True)
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
-    tried = list(replay(records, CONFIG, tried={"exposure.header_latency_s": 0.1}))
-    assert tried[-1].after.taken.source == "operator"
-    assert tried[-1].after.taken.t_mid_utc_ns == r.engine.following.taken.t_mid_utc_ns + 10**8
+    changes = list(replay(records, CONFIG, changes={"exposure.header_latency_s": 0.1}))
+    assert changes[-1].after.taken.source == "operator"
+    assert changes[-1].after.taken.t_mid_utc_ns == r.engine.following.taken.t_mid_utc_ns + 10**8
 
 
 # -- what others make of it -------------------------------------------------------------------

@@ -22,7 +22,7 @@ from rsoconsole.pipeline.calibrations.timing_settings import put_together
 from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns
 from rsoconsole.pipeline.frame.shutter_state import shutter_time
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -239,7 +239,7 @@ def test_a_night_of_a_calibrated_mode_replays_as_it_was_and_has_its_times() -> N
     config = reader.config()
     exposure_config = config.exposure.model_copy(update={"calibrated": (known,)})
     config = config.model_copy(update={"exposure": exposure_config})
-    retold = retell(records, config)
+    retold = rewrite_log(records, config)
     log = [record for _, record in retold.log]
     again = list(replay(log, config))
     assert again

@@ -19,9 +19,9 @@ from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline.replay import branches as branches_module
 from rsoconsole.pipeline.replay.branches import branches_of, drop_branch, save_branch
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.pipeline.replay.what_if_log import told_again, what_if_session
+from rsoconsole.pipeline.replay.what_if_log import rewritten_log, what_if_session
 from rsoconsole.pipeline.replay.what_if_process import LogOfOneSession
 from rsoconsole.records import (
     Detections,
@@ -114,7 +114,7 @@ def test_nothing_followed_has_no_figures_and_no_nan():
 
 
 @pytest.mark.parametrize(
-    ("tried", "words"),
+    ("changes", "words"),
     [
         ({"filter.sigma": 1.0}, "did you mean"),
         ({"filter.q_multiplier": -1.0}, "must be above 0"),
@@ -125,9 +125,9 @@ def test_nothing_followed_has_no_figures_and_no_nan():
         ({"filter.q_arcsec2_s3": 1e-6, "filter.preset": "paper"}, "belongs to preset tuned"),
     ],
 )
-def test_what_cannot_be_tried_is_refused_with_the_reason(session, tried, words):
+def test_what_cannot_be_tried_is_refused_with_the_reason(session, changes, words):
     with pytest.raises(ConfigError, match=words):
-        what_if_session(session, tried)
+        what_if_session(session, changes)
 
 
 def test_a_folder_without_a_session_or_without_frames_is_an_error(tmp_path):
@@ -140,8 +140,8 @@ def test_a_folder_without_a_session_or_without_frames_is_an_error(tmp_path):
 
 
 def test_a_night_that_is_not_kept_gives_the_same_figures_and_the_same_branch(mine):
-    tried = {"filter.r_multiplier": 4.0, "detector.tau": 0.5}
-    kept, alone = what_if_session(mine, tried), what_if_session(mine, tried, keep=False)
+    changes = {"filter.r_multiplier": 4.0, "detector.tau": 0.5}
+    kept, alone = what_if_session(mine, changes), what_if_session(mine, changes, keep=False)
     assert (alone.frames, alone.log, alone.is_kept) == ((), (), False)
     blank = {"frames": (), "log": (), "is_kept": False}
     assert dataclasses.replace(kept, **blank) == alone
@@ -172,7 +172,7 @@ def test_of_a_night_that_is_not_kept_little_is_in_memory(tmp_path):
 def test_frames_that_were_reduced_again_are_not_reduced_a_second_time_unasked():
     found = what_if_session(SCHEMA_1, detector=True, keep=False)
     with pytest.raises(ValueError, match="must be kept"):
-        list(told_again(found))
+        list(rewritten_log(found))
 
 
 @pytest.mark.parametrize("most_kept", [0, 7, 10_000])
@@ -189,12 +189,14 @@ def test_the_log_that_is_asked_of_again_and_again_is_the_same_however_much_is_ke
 
 def test_a_busy_night_retold_with_nothing_tried_is_itself(busy_night):
     log = [(n, record) for n, record in enumerate(busy_night.records)]
-    assert list(retell(log, CONFIG).log) == log
+    assert list(rewrite_log(log, CONFIG).log) == log
 
 
-def retold(night: Night, **tried: Any) -> tuple[list[Any], Config, list[Any]]:
+def retold(night: Night, **changes: Any) -> tuple[list[Any], Config, list[Any]]:
     log = [(n, record) for n, record in enumerate(night.records)]
-    found = retell(log, CONFIG, tried={name.replace("__", "."): v for name, v in tried.items()})
+    found = rewrite_log(
+        log, CONFIG, changes={name.replace("__", "."): v for name, v in changes.items()}
+    )
     return [record for _, record in found.log], found.config, list(found.frames)
 
 
@@ -210,10 +212,10 @@ TRIALS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("tried", TRIALS, ids=str)
-def test_a_retold_night_replays_into_itself_bit_for_bit(busy_night, tried):
+@pytest.mark.parametrize("changes", TRIALS, ids=str)
+def test_a_retold_night_replays_into_itself_bit_for_bit(busy_night, changes):
     """Misses, clouds, moves by hand, STOP, limits, faults and changed settings between them."""
-    records, config, frames = retold(busy_night, **tried)
+    records, config, frames = retold(busy_night, **changes)
     again = list(replay([decode(*encode(r)[::2]) for r in records], config))
     assert all(frame.is_as_recorded for frame in again)
     assert [frame.records for frame in again] == [frame.records for frame in frames]
@@ -242,15 +244,15 @@ def test_the_states_of_a_retold_night_follow_one_another(busy_night):
 def test_what_another_tau_leaves_out_can_be_let_in_again(busy_night):
     """Nothing is lost by a branch: what lay below its tau is among its candidates."""
     records, config, _ = retold(busy_night, detector__tau=0.8)
-    back = list(replay(records, config, tried={"detector.tau": 0.1}))
-    plain = list(replay(busy_night.records, CONFIG, tried={"detector.tau": 0.1}))
+    back = list(replay(records, config, changes={"detector.tau": 0.1}))
+    plain = list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.1}))
     assert [len(f.shown.detections.detections) for f in back] == [
         len(f.shown.detections.detections) for f in plain
     ]
 
 
 @given(
-    tried=st.fixed_dictionaries(
+    changes=st.fixed_dictionaries(
         {},
         optional={
             "filter.q_multiplier": st.floats(1e-3, 1e3),
@@ -262,8 +264,8 @@ def test_what_another_tau_leaves_out_can_be_let_in_again(busy_night):
     )
 )
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
-def test_whatever_is_tried_the_retold_log_replays_into_itself(session, tried):
-    found = retell(log_of(session), SessionReader(session).config(), tried=tried)
+def test_whatever_is_tried_the_retold_log_replays_into_itself(session, changes):
+    found = rewrite_log(log_of(session), SessionReader(session).config(), changes=changes)
     again = list(replay((record for _, record in found.log), found.config))
     assert [frame.records for frame in again] == [frame.records for frame in found.frames]
     assert all(frame.is_as_recorded for frame in again)
@@ -274,8 +276,8 @@ def test_the_operators_word_has_its_frames_followed_again_in_the_retold_night(se
     config = SessionReader(session).config()
     log = log_of(session)
     ruled = ruled_log(log, config, 30)
-    assert list(retell(ruled, config).log) == ruled
-    found = retell(ruled, config, tried={"filter.r_multiplier": 4.0})
+    assert list(rewrite_log(ruled, config).log) == ruled
+    found = rewrite_log(ruled, config, changes={"filter.r_multiplier": 4.0})
     told = [record for _, record in found.log]
     assert sum(isinstance(record, FollowedAgain) for record in told) == 3
     again = list(replay(told, found.config))
@@ -309,15 +311,15 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
 
 def test_a_branch_is_a_session_that_replays_into_itself_and_the_record_stays(mine):
     before = bytes_in(mine)
-    tried = {"filter.r_multiplier": 4.0, "detector.tau": 0.5}
-    found = what_if_session(mine, tried)
+    changes = {"filter.r_multiplier": 4.0, "detector.tau": 0.5}
+    found = what_if_session(mine, changes)
     folder = save_branch(found, "calmer")
     assert folder == mine / "branches" / "calmer"
     assert bytes_in(mine) == before
     reader = SessionReader(folder)
     about = reader.about()
     assert about["branch_of"] == "../.."
-    assert about["tried"] == tried
+    assert about["tried"] == changes
     assert about["is_closed"] is True
     assert about["figures"]["what_if"]["updates"] == found.what_if.updates
     assert reader.config() == found.config
@@ -334,10 +336,10 @@ def test_a_name_that_is_taken_is_refused_and_replaced_only_by_force(mine):
     second = what_if_session(mine, {"filter.r_multiplier": 9.0})
     with pytest.raises(SessionError, match="--force"):
         save_branch(second, "one")
-    assert branches_of(mine)[0].tried == first.tried
+    assert branches_of(mine)[0].changes == first.changes
     save_branch(second, "one", force=True)
     (branch,) = branches_of(mine)
-    assert branch.tried == second.tried
+    assert branch.changes == second.changes
     assert branch.t_made_utc_ns is not None
     assert sorted(p.name for p in (mine / "branches").iterdir()) == ["one"]
 

@@ -29,8 +29,8 @@ def process():
     process.close()
 
 
-def question(tried=WIDER, **more):
-    return Question(folder=SCHEMA_1, config=CONFIG, tried=tried, **more)
+def question(changes=WIDER, **more):
+    return Question(folder=SCHEMA_1, config=CONFIG, changes=changes, **more)
 
 
 def test_the_figures_are_those_computed_here(process):
@@ -48,7 +48,7 @@ def test_one_process_answers_all_and_what_cannot_be_tried_is_said(process):
     with pytest.raises(ConfigError, match="must be above 0"):
         process.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        process.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, tried=WIDER))
+        process.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, changes=WIDER))
     process.ask(question())
     assert process.pid == pid
 
@@ -77,7 +77,7 @@ def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
 
 def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(process, caplog):
     with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
-        process.ask(Question(folder=SCHEMA_1, config=cast(Config, None), tried=WIDER))
+        process.ask(Question(folder=SCHEMA_1, config=cast(Config, None), changes=WIDER))
     assert "Traceback" not in str(caught.value)
     assert "Traceback" in caplog.text
     process.ask(question())

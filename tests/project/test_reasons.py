@@ -19,7 +19,7 @@ from rsoconsole.console.timeline.night_line import TimelineFold
 from rsoconsole.notebook.panel.live_night import _line
 from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.retell import retell
+from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import what_if
 from rsoconsole.reasons import (
     Cause,
@@ -88,7 +88,7 @@ def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     log = [(t_utc_ns, record) for _, t_utc_ns, record in old.records()]
     if refused:
         blocked = [(t_utc_ns, with_refusal(record, REFUSAL)) for t_utc_ns, record in log]
-        log = list(retell(blocked, CONFIG, tried={}).log)
+        log = list(rewrite_log(blocked, CONFIG, changes={}).log)
     writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
     for t_utc_ns, record in log:
         writer.append(record, t_utc_ns)
@@ -140,10 +140,10 @@ def decided(folder: Path) -> dict[str, Any]:
             (f.taken.frame_id, f.state, f.after, f.is_as_recorded) for f in replay(records, CONFIG)
         ],
         "recorded": [(f.taken.frame_id, f.state, len(f.records)) for f in recorded_frames(records)],
-        "what-if": [what_if(records, CONFIG, tried) for tried in TRIED],
+        "what-if": [what_if(records, CONFIG, changes) for changes in TRIED],
         "retold": [
-            [type(record).__name__ for _, record in retell(log, CONFIG, tried=tried).log]
-            for tried in TRIED
+            [type(record).__name__ for _, record in rewrite_log(log, CONFIG, changes=changes).log]
+            for changes in TRIED
         ],
         "alarms": alarms(folder, log),
         "log": log_lines(folder, log),
@@ -295,7 +295,7 @@ def test_the_nights_hold_the_reasons_that_are_worded_as_nonsense(tmp_path: Path)
     """Else the tests above would show nothing of them."""
     old = SessionReader(old_session(tmp_path / "old", "busy"))
     log = [(t_utc_ns, with_refusal(r, REFUSAL)) for _, t_utc_ns, r in old.records()]
-    misses = [r.reason for _, r in retell(log, CONFIG, tried={}).log if isinstance(r, Miss)]
+    misses = [r.reason for _, r in rewrite_log(log, CONFIG, changes={}).log if isinstance(r, Miss)]
     told = [each for each in misses if isinstance(each, Missed)]
     assert any(each.lost == TrackLost(kind="coasted", coasted_min=2.0) for each in told)
     hidden = [by for each in told for by in each.hidden_by]

@@ -112,8 +112,8 @@ def test_a_candidate_has_one_id_whichever_lets_it_in() -> None:
     chosen = r.memory.of(Ruling)[-1].taken
     assert chosen.measurement_id == "8-1"
     records = [each for each in r.memory.records if not isinstance(each, Ruling)]
-    tried = list(replay(records, CONFIG, tried={"detector.tau": 0.01}))
-    (frame,) = [f for f in tried if f.taken.frame_id == 8][:1]
+    changes = list(replay(records, CONFIG, changes={"detector.tau": 0.01}))
+    (frame,) = [f for f in changes if f.taken.frame_id == 8][:1]
     ids = [m.measurement_id for m in frame.shown.measurements]
     assert "8-1" in ids
     assert len(set(ids)) == len(ids)

@@ -134,7 +134,7 @@ def test_a_session_that_is_not_closed_has_no_digest(tmp_path: Path) -> None:
 
 def test_a_branch_shows_the_files_of_its_session_and_its_own_before_them(night: Path) -> None:
     branch = night / "branches" / "narrow"
-    writer = begin(branch, branch_of="../..", tried={"filter.q": 0.1})
+    writer = begin(branch, branch_of="../..", changes={"filter.q": 0.1})
     add_frames(writer, range(1, 7))
     writer.save_preview(2, np.zeros((4, 5), np.uint8))
     writer.close()

@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wish:
+class _Request:
     """What was asked for, checked."""
 
     session: Path
@@ -101,13 +101,13 @@ def export(
 
     Example: rsoconsole export sessions/intelsat-14 --format tdm --norad 36097 --out -
     """
-    wish = _Wish(session=session, kind=format_, out=out, is_forced=force)
+    request = _Request(session=session, kind=format_, out=out, is_forced=force)
     if out == STDOUT and (json_ or format_ in FOLDER_KINDS):
         raise typer.BadParameter(
             "--out - prints one text: not with --json, not for fits or regions"
         )
     if format_ == "html":
-        _report(wish, json_)
+        _report(request, json_)
         return
     from rsoconsole.export import ExportOptions, Target, parse_numbers
 
@@ -125,22 +125,24 @@ def export(
         )
     except (ValueError, ExportError) as error:
         raise typer.BadParameter(str(error)) from error
-    _export(wish, options, json_)
+    _export(request, options, json_)
 
 
-def _export(wish: _Wish, options: Any, json_: bool) -> None:
+def _export(request: _Request, options: Any, json_: bool) -> None:
     from rsoconsole.export import export as write
     from rsoconsole.export import render
 
-    kind: Any = wish.kind
-    new_folder = _folder_to_make(wish)
-    if wish.out == STDOUT:
+    kind: Any = request.kind
+    new_folder = _folder_to_make(request)
+    if request.out == STDOUT:
         with progress(f"export {kind}"):
-            text, made = render(wish.session, kind, options)
+            text, made = render(request.session, kind, options)
         output.hand_over(text)
     else:
         with progress(f"export {kind}"):
-            made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
+            made = write(
+                request.session, kind, None if request.out is None else Path(request.out), options
+            )
     if json_:
         output.emit_json(
             {
@@ -153,23 +155,23 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
                 "simulated": made.is_simulated,
             }
         )
-    elif wish.out != STDOUT:
+    elif request.out != STDOUT:
         for path in made.files:
             output.say(str(path))
     _say_created(new_folder)
     _say_left_out(made)
     if made.format in MESSAGES and not options.target.is_known:
-        _say_recorded_name(wish.session)
+        _say_recorded_name(request.session)
 
 
-def _folder_to_make(wish: _Wish) -> Path | None:
+def _folder_to_make(request: _Request) -> Path | None:
     """The folder that --out names and that is not there yet; None where there is nothing to make.
 
     The session's own folder for exports needs no word.
     """
-    if wish.out is None or wish.out == STDOUT:
+    if request.out is None or request.out == STDOUT:
         return None
-    folder = Path(wish.out) if wish.kind in FOLDER_KINDS else Path(wish.out).parent
+    folder = Path(request.out) if request.kind in FOLDER_KINDS else Path(request.out).parent
     return None if folder.exists() else folder
 
 
@@ -204,18 +206,18 @@ def _say_left_out(made: Any) -> None:
         output.complain("this night was simulated: send it to nobody")
 
 
-def _report(wish: _Wish, json_: bool) -> None:
+def _report(request: _Request, json_: bool) -> None:
     from rsoconsole.export import default_path, write_file
     from rsoconsole.notebook.report import render_report
 
     with progress("report"):
-        report = render_report(wish.session)
-    if wish.out == STDOUT:
+        report = render_report(request.session)
+    if request.out == STDOUT:
         output.hand_over(report.html)
         return
-    path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
-    new_folder = _folder_to_make(wish)
-    write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
+    path = default_path(request.session, "html") if request.out is None else Path(request.out)
+    new_folder = _folder_to_make(request)
+    write_file(path, report.html.encode("utf-8"), is_forced=request.is_forced)
     _say_created(new_folder)
     if json_:
         output.emit_json(

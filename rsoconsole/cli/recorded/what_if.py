@@ -130,13 +130,15 @@ def what_if(
         "filter.gate_nis": gate,
         "filter.preset": preset,
     }
-    tried: dict[str, float | str] = {k: v for k, v in named.items() if v is not None}
+    changes: dict[str, float | str] = {k: v for k, v in named.items() if v is not None}
     for pair in set_ or ():
         name, _, value = pair.partition("=")
         if not name or not value:
             raise typer.BadParameter("it takes a name and a value", param_hint="--set")
-        tried[name] = _number_or_text(value)
-    _check_usage(tried=bool(tried) or detector or solver, propose=propose, list_=list_, drop=drop)
+        changes[name] = _number_or_text(value)
+    _check_usage(
+        changes=bool(changes) or detector or solver, propose=propose, list_=list_, drop=drop
+    )
     if (list_ or drop is not None) and len(sessions) > 1:
         raise typer.BadParameter("--list and --drop look at one session")
     if list_:
@@ -151,7 +153,7 @@ def what_if(
     questions = [
         Question(
             session=path,
-            tried=tried,
+            changes=changes,
             detector=detector,
             solver=solver,
             save=save,
@@ -170,8 +172,8 @@ def what_if(
     _answer(questions, pool, json_)
 
 
-def _check_usage(*, tried: bool, propose: bool, list_: bool, drop: str | None) -> None:
-    wanted = [tried, propose, list_, drop is not None]
+def _check_usage(*, changes: bool, propose: bool, list_: bool, drop: str | None) -> None:
+    wanted = [changes, propose, list_, drop is not None]
     if sum(wanted) > 1:
         raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
 
@@ -238,9 +240,9 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
             check_name(session, save, force=force)
     with progress("filter run") as on_evaluation:
         found = propose(sessions, on_evaluation=on_evaluation)
-    effects = [what_if_session(folder, found.tried) for folder in found.sessions]
+    effects = [what_if_session(folder, found.changes) for folder in found.sessions]
     branches: list[Path] = []
-    if save is not None and found.tried:
+    if save is not None and found.changes:
         branches = [save_branch(effect, save, force=force) for effect in effects]
     if json_:
         output.emit_json(proposal_report(found, effects, branches))
@@ -267,15 +269,15 @@ def _list_branches(session: Path, json_: bool) -> None:
                 "branch": branch.name,
                 "folder": str(branch.folder),
                 "made_utc": None if made is None else utc_ns_to_iso(made),
-                "tried": branch.tried,
+                "tried": branch.changes,
                 **(branch.figures or {"recorded": None, "what_if": None}),
                 "fault": branch.fault,
             }
             output.emit_json(report)
             continue
-        tried = ", ".join(f"{name} {value}" for name, value in branch.tried.items())
+        changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
         when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
-        output.say(f"{branch.name:20} {when}{branch.fault or tried or 'nothing tried'}")
+        output.say(f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}")
 
 
 def _drop_branch(session: Path, name: str, json_: bool) -> None:

@@ -24,14 +24,16 @@ def proposal_report(
         }
         for each in effects
     ]
+    fields = asdict(proposal)
+    fields["tried"] = fields.pop("changes")
     alone = figures[0] if len(figures) == 1 else dict.fromkeys(("session", "recorded", "what_if"))
     return {
         **alone,
-        "tried": dict(proposal.tried),
+        "tried": dict(proposal.changes),
         "sessions": figures,
         "branches": [str(folder) for folder in branches],
         "proposal": {
-            **asdict(proposal),
+            **fields,
             "sessions": [str(folder) for folder in proposal.sessions],
             "before": _soundness_report(proposal.before),
             "after": _soundness_report(proposal.after),
@@ -71,7 +73,7 @@ def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterato
     yield from _evidence(proposal, proposal.before, proposal.after)
     for warning in proposal.warnings:
         yield f"  ! {warning}"
-    if not proposal.tried:
+    if not proposal.changes:
         return
     for effect in effects:
         yield ""
@@ -80,7 +82,7 @@ def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterato
     yield ""
     yield "  to use it, in the configuration:"
     yield "    [filter]"
-    for name, value in proposal.tried.items():
+    for name, value in proposal.changes.items():
         yield f"    {name.removeprefix('filter.')} = {value:g}"
 
 

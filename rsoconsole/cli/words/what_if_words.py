@@ -24,7 +24,7 @@ def answer_report(answer: "Answer") -> dict[str, Any]:
     assert answer.recorded is not None
     assert answer.what_if is not None
     return {
-        "tried": dict(answer.tried),
+        "tried": dict(answer.changes),
         "recorded_settings": dict(answer.before),
         "recorded": figures_report(answer.recorded),
         "what_if": figures_report(answer.what_if),
@@ -39,9 +39,9 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
     assert answer.recorded is not None
     assert answer.what_if is not None
     yield session
-    for name, value in answer.tried.items():
+    for name, value in answer.changes.items():
         yield f"  tried  {name}: {_plain(answer.before.get(name))} → {_plain(value)}"
-    if not answer.tried:
+    if not answer.changes:
         yield "  nothing tried: the recorded settings"
     if answer.rerun is not None:
         kept, gone = answer.rerun.rerun, answer.rerun.not_kept + answer.rerun.unreadable
@@ -54,7 +54,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
         )
     yield from figures_lines(answer.recorded, answer.what_if)
     carried = answer.recorded.carried_by_orbit
-    if carried and answer.tried:
+    if carried and answer.changes:
         yield (
             f"  that night the orbit carried the track on {carried} times where the filter failed;"
             " from the first other frame on the filter stands alone here"

@@ -106,9 +106,9 @@ class TuneActions:
 
     def show(self) -> None:
         """Draw the pane; what is in force comes from the record."""
-        was_tried = bool(self.tuning.tried)
+        had_changes = bool(self.tuning.changes)
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
-        if was_tried and not self.tuning.tried:
+        if had_changes and not self.tuning.changes:
             self.figures = (self.figures[0], None)
             self.compute()  # what was tried is in force: its figures are those of the night
         lines = tune_lines(self.tuning, *self.figures, words=self.words)
@@ -146,7 +146,7 @@ class TuneActions:
         self._watch.ask(
             seat.night.folder,
             seat.night.config,
-            self.tuning.tried,
+            self.tuning.changes,
             until_seq=until_seq,
             last=last,
         )
@@ -229,7 +229,7 @@ class TuneActions:
         seat = self._seat
         if not seat.may_act():
             return
-        if not self.tuning.tried:
+        if not self.tuning.changes:
             seat.say("nothing is tried: ←→ changes the chosen setting")
             return
 
@@ -239,7 +239,7 @@ class TuneActions:
             if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
                 seat.say(f"{text!r} is no number of frames from 1 to {MOST_FRAMES}", "warn")
                 return
-            self._set(self.tuning.tried, int(text))
+            self._set(self.tuning.changes, int(text))
 
         dialog = LineDialog("apply for so many frames", "how many", f"{USUAL_FRAMES}")
         seat.ask(dialog, decided)
@@ -272,7 +272,7 @@ class TuneActions:
 
     def _save(self) -> None:
         seat = self._seat
-        present = self.tuning.present | self.tuning.tried
+        present = self.tuning.present | self.tuning.changes
         path = default_config_path().with_name(PRESETS)
 
         def decided(name: str | None) -> None:

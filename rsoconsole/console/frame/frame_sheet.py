@@ -167,30 +167,30 @@ class FrameSheet(SheetActions):
                 self.process()
             case Done():
                 sheet.done, sheet.failure = news, ""
-                self._settle(news.wish)
-            case Fault(wish=None):
+                self._settle(news.wanted)
+            case Fault(wanted=None):
                 sheet.fault = news.text
             case Fault():
                 sheet.failure = news.text
-                self._settle(news.wish)
+                self._settle(news.wanted)
         self.show()
 
-    def _settle(self, wish: object) -> None:
-        if self.sheet.wish == wish:
-            self.sheet.wish = None
+    def _settle(self, wanted: object) -> None:
+        if self.sheet.wanted == wanted:
+            self.sheet.wanted = None
 
     def process(self) -> None:
         """Ask for the frame with what is tried now."""
-        sheet, wish = self.sheet, self.sheet.wished()
-        sheet.began_s, sheet.wish = time.monotonic(), wish
-        self._worker.ask(wish)
+        sheet, wanted = self.sheet, self.sheet.wanted_settings()
+        sheet.began_s, sheet.wanted = time.monotonic(), wanted
+        self._worker.ask(wanted)
         self.show()
 
     # -- what is shown -------------------------------------------------------------------------
 
     def _look(self) -> None:
         """What goes by itself: the seconds, and the telescope's state."""
-        if self.sheet.pixels is None or self.sheet.wish is not None:
+        if self.sheet.pixels is None or self.sheet.wanted is not None:
             self._show_panel()
         if self.sheet.pixels is None and not self.sheet.fault:
             self.picture.redraw()

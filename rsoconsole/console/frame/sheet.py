@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.console.picture import STRETCHES, Stretch, View
 from rsoconsole.console.tuning import Tunable
-from rsoconsole.console.watches import Done, Opened, Wish
+from rsoconsole.console.watches import Done, FrameSettings, Opened
 from rsoconsole.records import MapMode, Solution
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Sheet:
     tau_steps: int = 0
     map_mode: MapMode | None = None
     solves_again: bool = False
-    wish: Wish | None = None
+    wanted: FrameSettings | None = None
     """The one under way."""
     is_marking: bool = False
     first_px: tuple[float, float] | None = None
@@ -105,9 +105,9 @@ class Sheet:
             found = self.opened.recorded.seen.solution
         return found if isinstance(found, Solution) else None
 
-    def wished(self) -> Wish:
+    def wanted_settings(self) -> FrameSettings:
         """What is to be processed now."""
-        return Wish(
+        return FrameSettings(
             tau=self.tau if self.tau_steps else None,
             map_mode=self.map_mode,
             solves_again=self.solves_again,

@@ -67,10 +67,10 @@ def _settings(sheet: Sheet, width: int) -> list[Line]:
     return lines
 
 
-def _setting(label: str, before: str, tried: str | None, key: str, width: int) -> Line:
-    line: Line = [(f" {label:<{LABEL_COLUMNS - 1}}", ""), (before, "dim" if tried else "")]
-    if tried is not None:
-        line.append((f" → {tried}", "warn"))
+def _setting(label: str, before: str, now: str | None, key: str, width: int) -> Line:
+    line: Line = [(f" {label:<{LABEL_COLUMNS - 1}}", ""), (before, "dim" if now else "")]
+    if now is not None:
+        line.append((f" → {now}", "warn"))
     columns = sum(len(text) for text, _ in line)
     return [*line, (key.rjust(max(width - columns - 1, 0)), "dim")]
 
@@ -79,7 +79,7 @@ def _course(sheet: Sheet, width: int) -> list[tuple[str, Ink]]:
     """How the work goes: under way, done in so long, or not done and why."""
     if sheet.fault:
         return [("no pixels, nothing to process", "warn")]
-    if sheet.wish is not None or sheet.pixels is None:
+    if sheet.wanted is not None or sheet.pixels is None:
         what = "reading" if sheet.pixels is None else "processing"
         return [(f"{what} … {time.monotonic() - sheet.began_s:.1f} s", "dim")]
     if sheet.failure:
@@ -201,9 +201,9 @@ def _summary(sheet: Sheet) -> list[Line]:
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     tau, mode = sheet.tau, sheet.map_mode or sheet.recorded_mode
-    is_tried = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_again
-    head: Line = [(f" τ {tau:.3g} {mode}  ", "warn" if is_tried else "")]
-    if sheet.done is not None and sheet.wish is None and not sheet.failure:
+    has_changes = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_again
+    head: Line = [(f" τ {tau:.3g} {mode}  ", "warn" if has_changes else "")]
+    if sheet.done is not None and sheet.wanted is None and not sheet.failure:
         head.append((f"{sheet.done.result.stage_ms['total']:.0f} ms", "dim"))
     else:
         head += _course(sheet, 200)[:1]

@@ -42,16 +42,16 @@ def tune_lines(
     """What builds the pane's lines: settings, then figures now and with what is tried."""
 
     def build(width: int, height: int) -> list[Line]:
-        waiting = sum(tuning.sent.get(name) == value for name, value in tuning.tried.items())
-        changed = f"{len(tuning.tried) - waiting} tried" if tuning.tried else "nothing tried"
-        if not tuning.tried and tuning.applied_words:
+        waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
+        changed = f"{len(tuning.changes) - waiting} tried" if tuning.changes else "nothing tried"
+        if not tuning.changes and tuning.applied_words:
             changed = f"nothing tried, {tuning.applied_words}"
         if waiting:
             changed = f"{waiting} sent, in force from the next frame"
-        then_now = then if tuning.tried else None
+        then_now = then if tuning.changes else None
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
-        figures = _figures(now, then_now, frames, is_tried=bool(tuning.tried))
+        figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
         cautions = _comparison(tuning, now, then_now, words.of_present, width)
         cautions += _cautions(now, then_now, words.of_present)
         figures += cautions[: max(height - 2 - len(figures) - LEAST_BESIDE, 0)]
@@ -93,10 +93,10 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
     sign = "▸" if is_chosen else " "
     line: Line = [
         (f" {sign} {tunable.label:<{LABEL_COLUMNS - 4}}", "title" if is_chosen else ""),
-        (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.tried else ""),
+        (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.changes else ""),
     ]
-    if tunable.name in tuning.tried:
-        value = tuning.tried[tunable.name]
+    if tunable.name in tuning.changes:
+        value = tuning.changes[tunable.name]
         is_sent = tuning.sent.get(tunable.name) == value
         # In force when the record shows it: from the next frame.
         line.append((f"  → {tunable.words(value)}", "good" if is_sent else "warn"))
@@ -106,7 +106,7 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
 
 
 def _figures(
-    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, is_tried: bool
+    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, has_changes: bool
 ) -> list[Line]:
     head = f" {frames}".ljust(LABEL_COLUMNS + 4)
     lines: list[Line] = [
@@ -122,7 +122,7 @@ def _figures(
     )
     for label, words in rows:
         line: Line = [(f"  {label:<{LABEL_COLUMNS + 2}}", "")]
-        for figures, is_coming in ((now, True), (then, is_tried)):
+        for figures, is_coming in ((now, True), (then, has_changes)):
             absent: tuple[str, Ink] = ("…" if is_coming else "-", "dim")
             text, ink = absent if figures is None else words(figures)
             line.append((f"{text:>{VALUE_COLUMNS}}", ink))

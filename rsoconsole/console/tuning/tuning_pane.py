@@ -92,7 +92,7 @@ class Tuning:
     """What is in force, what is tried, and what was in force before that was applied."""
 
     present: dict[str, Value | None] = field(default_factory=dict)
-    tried: dict[str, Value] = field(default_factory=dict)
+    changes: dict[str, Value] = field(default_factory=dict)
     before: list[dict[str, Value]] = field(default_factory=list)
     """What each application changed, the last one at the end."""
     steps: dict[str, int] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Tuning:
     @property
     def tunables(self) -> tuple[Tunable, ...]:
         """Those that have a part with the preset that is tried, or in force."""
-        preset = self.tried.get(PRESET, self.present.get(PRESET))
+        preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
 
     @property
@@ -126,9 +126,9 @@ class Tuning:
     @property
     def against_words(self) -> str:
         """What is tried, against what: Q× 2.25 against 1."""
-        if len(self.tried) != 1:
-            return f"{len(self.tried)} settings tried"
-        ((name, value),) = self.tried.items()
+        if len(self.changes) != 1:
+            return f"{len(self.changes)} settings tried"
+        ((name, value),) = self.changes.items()
         tunable, label = BY_NAME[name], BY_NAME[name].label.replace(" ×", "×")
         return f"{label} {tunable.words(value)} against {tunable.words(self.present.get(name))}"
 
@@ -136,10 +136,10 @@ class Tuning:
         """What is in force now; what is tried and has become so is no trial any more."""
         self.present = dict(present)
         self.row = min(self.row, len(self.tunables) - 1)
-        self.tried = {n: v for n, v in self.tried.items() if self.present.get(n) != v}
-        self.steps = {n: k for n, k in self.steps.items() if n in self.tried}
-        self.loaded = {n: v for n, v in self.loaded.items() if n in self.tried}
-        self.sent = {n: v for n, v in self.sent.items() if self.tried.get(n) == v}
+        self.changes = {n: v for n, v in self.changes.items() if self.present.get(n) != v}
+        self.steps = {n: k for n, k in self.steps.items() if n in self.changes}
+        self.loaded = {n: v for n, v in self.loaded.items() if n in self.changes}
+        self.sent = {n: v for n, v in self.sent.items() if self.changes.get(n) == v}
 
     def step(self, by: int) -> None:
         """Change the chosen one."""
@@ -151,16 +151,16 @@ class Tuning:
         steps = before + by
         from_preset = self.loaded.get(tunable.name)
         stepped = tunable.stepped(present if from_preset is None else from_preset, steps)
-        if before and stepped == self.tried.get(tunable.name):
+        if before and stepped == self.changes.get(tunable.name):
             return  # at its bound: no step that would have to be gone back
         if (steps == 0 and from_preset is None) or stepped == present:
-            self.tried.pop(tunable.name, None)
+            self.changes.pop(tunable.name, None)
             self.steps.pop(tunable.name, None)
         else:
-            self.tried[tunable.name], self.steps[tunable.name] = stepped, steps
+            self.changes[tunable.name], self.steps[tunable.name] = stepped, steps
         if tunable.name == PRESET:
             names = {each.name for each in self.tunables}
-            self.tried = {n: v for n, v in self.tried.items() if n in names}
+            self.changes = {n: v for n, v in self.changes.items() if n in names}
 
     def type(self, text: str) -> str:
         """Try the number that was typed for the chosen one; what is wrong with it, else nothing."""
@@ -177,9 +177,9 @@ class Tuning:
             if not tunable.low <= value <= tunable.high:
                 return f"{tunable.label} lies between {tunable.low:g} and {tunable.high:g}"
         if self.present.get(tunable.name) == value:
-            self.tried.pop(tunable.name, None)
+            self.changes.pop(tunable.name, None)
         else:
-            self.tried[tunable.name] = value
+            self.changes[tunable.name] = value
         self.steps.pop(tunable.name, None)
         # The steps go on from here.
         self.loaded[tunable.name] = value
@@ -187,12 +187,12 @@ class Tuning:
 
     def load(self, preset: Mapping[str, Value]) -> None:
         """Try what a preset says."""
-        self.tried = {n: v for n, v in preset.items() if self.present.get(n) != v}
-        self.loaded, self.steps = dict(self.tried), {}
+        self.changes = {n: v for n, v in preset.items() if self.present.get(n) != v}
+        self.loaded, self.steps = dict(self.changes), {}
 
     def apply(self) -> dict[str, Value]:
         """What is to be set; it can be undone."""
-        wanted = dict(self.tried)
+        wanted = dict(self.changes)
         present = {name: self.present.get(name) for name in wanted}
         if wanted:
             self.before.append({n: value for n, value in present.items() if value is not None})
@@ -202,7 +202,7 @@ class Tuning:
     def undo(self) -> dict[str, Value]:
         """What is to be set so that it is as it was before the last application."""
         wanted = self.before.pop() if self.before else {}
-        self.tried.clear()
+        self.changes.clear()
         self.steps.clear()
         return wanted
 

@@ -38,7 +38,7 @@ class WhatIfWatch:
         self,
         folder: Path,
         config: Config,
-        tried: Mapping[str, Value],
+        changes: Mapping[str, Value],
         *,
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
@@ -51,7 +51,7 @@ class WhatIfWatch:
         self._asked = Question(
             folder=folder,
             config=config,
-            tried=dict(tried),
+            changes=dict(changes),
             until_seq=until_seq,
             last=last,
             of_lead=True,
@@ -97,6 +97,6 @@ class WhatIfWatch:
 
         records = self._log.until(asked.folder, asked.until_seq)
         now = as_recorded(records, asked.last, of_lead=asked.of_lead)
-        then = self._process.ask(asked) if asked.tried else None
+        then = self._process.ask(asked) if asked.changes else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")

@@ -14,11 +14,11 @@ from .messages import WhatIfSeen as WhatIfSeen
 from .outlook_watch import OutlookWatch as OutlookWatch
 from .sheet_worker import Done as Done
 from .sheet_worker import Fault as Fault
+from .sheet_worker import FrameSettings as FrameSettings
 from .sheet_worker import Loaded as Loaded
 from .sheet_worker import News as News
 from .sheet_worker import Opened as Opened
 from .sheet_worker import SheetWorker as SheetWorker
-from .sheet_worker import Wish as Wish
 from .sheet_worker import detail_of as detail_of
 from .watch import EngineWatch as EngineWatch
 from .watch import SessionWatch as SessionWatch

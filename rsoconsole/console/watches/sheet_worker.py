@@ -32,7 +32,7 @@ STEP_BACK = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class FrameSettings:
     """With which settings the frame is to be processed; None: as they were in force."""
 
     tau: float | None = None
@@ -66,7 +66,7 @@ class Loaded:
 class Done:
     """A wish is fulfilled."""
 
-    wish: Wish
+    wanted: FrameSettings
     result: "Reprocessed"
     maps: tuple["FrameMap", ...]
 
@@ -76,7 +76,7 @@ class Fault:
     """What could not be done, in words that say what helps."""
 
     text: str
-    wish: Wish | None = None
+    wanted: FrameSettings | None = None
     """None: the frame itself cannot be had."""
 
 
@@ -92,7 +92,7 @@ class SheetWorker:
         """``on_news`` is called from the thread and must return at once."""
         self._folder, self._frame_id, self._config = folder, frame_id, config
         self._on_news = on_news
-        self._wish: Wish | None = None
+        self._wanted: FrameSettings | None = None
         self._wake = threading.Event()
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="console-sheet", daemon=True)
@@ -101,9 +101,9 @@ class SheetWorker:
         """Begin to read."""
         self._thread.start()
 
-    def ask(self, wish: Wish) -> None:
+    def ask(self, wanted: FrameSettings) -> None:
         """Process with these settings next (any thread)."""
-        self._wish = wish
+        self._wanted = wanted
         self._wake.set()
 
     def close(self) -> None:
@@ -125,9 +125,9 @@ class SheetWorker:
             while processor is not None and not self._is_closing:
                 self._wake.wait()
                 self._wake.clear()
-                wish, self._wish = self._wish, None
-                if wish is not None and not self._is_closing:
-                    self._fulfil(processor, wish)
+                wanted, self._wanted = self._wanted, None
+                if wanted is not None and not self._is_closing:
+                    self._fulfil(processor, wanted)
         except RsoconsoleError as error:
             # The session is known; its path would take the room that the remedy needs.
             self._post(Fault(text=str(error).replace(f"{self._folder}/", "")))
@@ -166,17 +166,17 @@ class SheetWorker:
         self._post(Loaded(pixels=pixels))
         return Reprocessor(recorded, frame)
 
-    def _fulfil(self, processor: "Reprocessor", wish: Wish) -> None:
+    def _fulfil(self, processor: "Reprocessor", wanted: FrameSettings) -> None:
         try:
-            result = processor.run(wish.tau, wish.map_mode, solves_again=wish.solves_again)
-            maps = processor.maps(result.map_mode) if wish.wants_map else ()
+            result = processor.run(wanted.tau, wanted.map_mode, solves_again=wanted.solves_again)
+            maps = processor.maps(result.map_mode) if wanted.wants_map else ()
         except RsoconsoleError as error:
-            self._post(Fault(text=str(error), wish=wish))
+            self._post(Fault(text=str(error), wanted=wanted))
         except Exception as error:  # another try may go well
             log.exception("frame %d cannot be processed", self._frame_id)
-            self._post(Fault(text=f"the frame cannot be processed: {error}", wish=wish))
+            self._post(Fault(text=f"the frame cannot be processed: {error}", wanted=wanted))
         else:
-            self._post(Done(wish=wish, result=result, maps=maps))
+            self._post(Done(wanted=wanted, result=result, maps=maps))
 
     def _post(self, news: News) -> None:
         if not self._is_closing:

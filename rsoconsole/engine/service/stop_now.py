@@ -34,7 +34,7 @@ def stop_now(
     raises, which it should not.
     """
     known = threading.Event()
-    telling = threading.Lock()
+    rewriter = threading.Lock()
     ordered_ms: list[float] = []
     found: list[StopResult] = []
     broken: list[Exception] = []
@@ -46,7 +46,7 @@ def stop_now(
             settle(news)
 
     def settle(result: StopResult) -> None:
-        with telling:
+        with rewriter:
             if not found:
                 on_known(result)
                 found.append(result)

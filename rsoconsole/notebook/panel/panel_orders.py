@@ -218,8 +218,8 @@ class PanelOrders:
             answer["fault"] = "nothing is on record yet"
         else:
             try:
-                tried = tuned_values(settings)
-                answer["rows"] = effect_rows(list(live.records), live.begun_with, tried)
+                changes = tuned_values(settings)
+                answer["rows"] = effect_rows(list(live.records), live.begun_with, changes)
             except (ValueError, RsoconsoleError) as error:
                 answer["fault"] = str(error)
         if asked == self._effect_asked:
@@ -257,7 +257,7 @@ def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
 
 
 def effect_rows(
-    records: list[Any], config: Config, tried: Mapping[str, float | str]
+    records: list[Any], config: Config, changes: Mapping[str, float | str]
 ) -> list[list[str]]:
     """[what, as it was, if tried] of the last frames.
 
@@ -266,7 +266,7 @@ def effect_rows(
     """
     from rsoconsole.pipeline.replay import what_if
 
-    was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, tried))
+    was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, changes))
 
     def number(value: float | None, form: str, unit: str = "") -> str:
         return "-" if value is None else f"{value:{form}}{unit}"

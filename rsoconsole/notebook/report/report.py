@@ -156,12 +156,12 @@ def _span(night: Night) -> str:
 def _about(exported: ExportedNight) -> dict[str, Any]:
     """The head's facts: when, where, and what kind of record this is."""
     about = exported.about
-    tried = about.get("tried")
+    changes = about.get("tried")
     return {
         "is_simulated": exported.is_simulated,
         "is_closed": about.get("is_closed") is True,
         "is_branch": bool(about.get("branch_of")),
-        "tried": tried_words(tried) if isinstance(tried, Mapping) else "",
+        "tried": changes_words(changes) if isinstance(changes, Mapping) else "",
     }
 
 
@@ -315,6 +315,6 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     ]
 
 
-def tried_words(tried: Mapping[str, Any]) -> str:
+def changes_words(changes: Mapping[str, Any]) -> str:
     """Settings of a branch, as ``name = value``."""
-    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in tried.items())
+    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in changes.items())

@@ -266,15 +266,15 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
                 return unknowns, False
             # Never more than a factor of e in range at once.
             step = step * min(1.0, 1.0 / max(abs(float(step[4])), 1e-300))
-            tried_value, tried_slopes = problem.rows(unknowns + step)
-            tried_cost = _cost(problem, tried_value)
-            if tried_cost <= cost:
+            trial_value, trial_slopes = problem.rows(unknowns + step)
+            trial_cost = _cost(problem, trial_value)
+            if trial_cost <= cost:
                 break
             damping = max(damping * 10.0, 1e-9)
         else:
             return unknowns, bool(np.isfinite(cost))
-        gain = cost - tried_cost
-        unknowns, value, slopes, cost = unknowns + step, tried_value, tried_slopes, tried_cost
+        gain = cost - trial_cost
+        unknowns, value, slopes, cost = unknowns + step, trial_value, trial_slopes, trial_cost
         damping = damping / 10.0 if damping > 1e-14 else 0.0
         if gain < 1e-7 * (1.0 + cost):
             return unknowns, True

@@ -220,13 +220,13 @@ def _shortened(
     searches: _Searches, at: FloatArray, miss: FloatArray, step: FloatArray
 ) -> FloatArray:
     """The ranges after the longest share of a step that lessens the miss; unmoved if none does."""
-    tried = at + _SHARES[:, None, None] * step
+    trial = at + _SHARES[:, None, None] * step
     count = len(at)
-    misses = searches.times(len(_SHARES)).miss(tried.reshape(-1, 2)).reshape(-1, count, 2)
+    misses = searches.times(len(_SHARES)).miss(trial.reshape(-1, 2)).reshape(-1, count, 2)
     lessens = _size(misses) < _size(miss)
     first = np.argmax(lessens, axis=0)
     is_better = np.any(lessens, axis=0)
-    return np.where(is_better[:, None], tried[first, np.arange(count)], at)
+    return np.where(is_better[:, None], trial[first, np.arange(count)], at)
 
 
 def _size(miss: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ class Question:
     """What is asked of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
 
     session: Path
-    tried: Mapping[str, float | str] = field(default_factory=dict)
+    changes: Mapping[str, float | str] = field(default_factory=dict)
     detector: bool = False
     solver: bool = False
     save: str | None = None
@@ -30,7 +30,7 @@ class Question:
 class Answer:
     """The figures without the night itself, which may be large."""
 
-    tried: Mapping[str, float | str]
+    changes: Mapping[str, float | str]
     before: Mapping[str, object] = field(default_factory=dict)
     recorded: TrackFigures | None = None
     what_if: TrackFigures | None = None
@@ -48,7 +48,7 @@ def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> A
             check_name(question.session, question.save, force=question.force)
         found = what_if_session(
             question.session,
-            question.tried,
+            question.changes,
             detector=question.detector,
             solver=question.solver,
             # Frames that were reduced again are not reduced a second time to be written.
@@ -61,7 +61,7 @@ def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> A
     except (RsoconsoleError, OSError) as error:
         return no_answer(question, str(error))
     return Answer(
-        tried=dict(found.tried),
+        changes=dict(found.changes),
         before=dict(found.before),
         recorded=found.recorded,
         what_if=found.what_if,
@@ -73,4 +73,4 @@ def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> A
 
 def no_answer(question: Question, reason: str) -> Answer:
     """For a question that came to nothing."""
-    return Answer(tried=dict(question.tried), error=reason)
+    return Answer(changes=dict(question.changes), error=reason)

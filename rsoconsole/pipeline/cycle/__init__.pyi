@@ -3,7 +3,7 @@ from .absence import direction_at as direction_at
 from .absence import is_geostationary_like as is_geostationary_like
 from .absence import next_eclipse_utc_ns as next_eclipse_utc_ns
 from .alike import are_alike as are_alike
-from .better_predictor import Rivals as Rivals
+from .better_predictor import PredictorComparison as PredictorComparison
 from .better_predictor import Score as Score
 from .better_predictor import may_guide as may_guide
 from .cycle import Cycle as Cycle

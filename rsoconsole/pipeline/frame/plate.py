@@ -109,19 +109,19 @@ class PlateFinder:
         end_s = started_s + deadline_s
         first = found = self._attempt(frame, stars, hint, deadline_s)
         weaker = relaxed(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
-        tried = 0
+        attempts = 0
         for number, less in enumerate(weaker):
             left_s = end_s - time.monotonic()
             if isinstance(found, Solution) or left_s < LEAST_S:
                 break
             # The last one may take all that is left: it is the one that knows nothing.
             found = self._attempt(frame, stars, less, left_s / (len(weaker) - number))
-            tried += 1
+            attempts += 1
         ms = 1e3 * (time.monotonic() - started_s)
         if isinstance(found, Solution):
             return replace(found, ms=ms)
         words = first.reason if isinstance(first, NotSolved) else ""
-        if tried and tried == len(weaker):
+        if attempts and attempts == len(weaker):
             words += "; nor without these hints"
         return NotSolved(frame_id=frame.frame_id, reason=words, ms=ms)
 

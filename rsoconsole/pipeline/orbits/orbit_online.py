@@ -23,7 +23,14 @@ from rsoconsole.orbits.determination import (
 )
 from rsoconsole.orbits.first import Sightings, State
 from rsoconsole.orbits.motion import elements_of, predict
-from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
+from rsoconsole.pipeline.cycle import (
+    PredictorComparison,
+    Score,
+    Track,
+    TracksTaken,
+    Untaken,
+    may_guide,
+)
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
@@ -76,7 +83,7 @@ class _Target:
     sought_from: int = 0
     """The number of directions with which every start is tried again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
-    rivals: Rivals = field(default_factory=Rivals)
+    rivals: PredictorComparison = field(default_factory=PredictorComparison)
     label: str = ""
     first: Alone | None = None
     """Of the first of its tracks, once that was asked for."""

@@ -1,7 +1,7 @@
 """Branches of a session: what-ifs that were given a name.
 
 ``SESSION/branches/NAME`` holds a database of the session's own schema, with the whole log as it
-would have been; ``meta`` says of what it is a branch (``branch_of``), what was tried (``tried``),
+would have been; ``meta`` says of what it is a branch (``branch_of``), what was tried (``changes``),
 and the figures before and after. The session itself is never written to. Pictures and frames stay
 with the session, where the reader looks for what a branch does not hold.
 """
@@ -17,7 +17,7 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError
-from rsoconsole.pipeline.replay.what_if_log import WhatIf, told_again
+from rsoconsole.pipeline.replay.what_if_log import WhatIf, rewritten_log
 from rsoconsole.session.files import put_in_place
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.reading import SessionReader
@@ -43,7 +43,7 @@ class Branch:
 
     name: str
     folder: Path
-    tried: dict[str, Any]
+    changes: dict[str, Any]
     figures: dict[str, Any]
     """``recorded`` and ``what_if``, as they were when it was made."""
     t_made_utc_ns: int | None
@@ -138,7 +138,7 @@ def _branch(folder: Path) -> Branch:
         return Branch(
             name=folder.name,
             folder=folder,
-            tried={},
+            changes={},
             figures={},
             t_made_utc_ns=None,
             fault=str(error),
@@ -147,7 +147,7 @@ def _branch(folder: Path) -> Branch:
     return Branch(
         name=folder.name,
         folder=folder,
-        tried=dict(about.get("tried") or {}),
+        changes=dict(about.get("tried") or {}),
         figures=dict(about.get("figures") or {}),
         t_made_utc_ns=made if isinstance(made, int) else None,
     )
@@ -160,7 +160,7 @@ def _write(what_if: WhatIf, name: str, folder: Path) -> None:
     about |= {
         "title": f"{title} · {name}",
         "branch_of": "../..",
-        "tried": dict(what_if.tried),
+        "tried": dict(what_if.changes),
         "rerun": None if what_if.rerun is None else asdict(what_if.rerun),
         "figures": {
             "recorded": asdict(what_if.recorded),
@@ -173,7 +173,7 @@ def _write(what_if: WhatIf, name: str, folder: Path) -> None:
         about["model_sha256"] = what_if.model_sha256
     records = 0
     with _writing(folder, what_if, about) as writer:
-        for t_utc_ns, record in told_again(what_if):
+        for t_utc_ns, record in rewritten_log(what_if):
             writer.append(record, t_utc_ns)
             records += 1
     if SessionReader(folder).counts().records != records:

@@ -25,7 +25,7 @@ from rsoconsole.pipeline.cycle import (
     looked_at,
 )
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
-from rsoconsole.pipeline.replay.otherwise import at_instant, at_tau
+from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
 from rsoconsole.reasons import FROM_OUTSIDE, Cause, Missed
 from rsoconsole.records import (
     Closeup,
@@ -118,13 +118,13 @@ def replay(
     records: Iterable[Record],
     config: Config,
     *,
-    tried: Mapping[str, float | str] | None = None,
+    changes: Mapping[str, float | str] | None = None,
     reduce_again: ReduceAgain | None = None,
 ) -> Iterator[ReplayedFrame]:
     """Every frame that the session folded, in order, each as soon as its records are complete.
 
     ``records``: a session's log in its order, of all kinds. ``config``: that of the session's
-    beginning; recorded changes are made as they come. ``tried``: settings by dotted name that
+    beginning; recorded changes are made as they come. ``changes``: settings by dotted name that
     hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
     out candidates by their recorded confidence, a tried header latency moves all instants;
     everything else that made the measurements is taken as it was, unless ``reduce_again`` makes
@@ -132,7 +132,7 @@ def replay(
 
     Raises ConfigError for a setting that there is not, or a value that it cannot have.
     """
-    walk = Walk.begin(config, tried, reduce_again)
+    walk = Walk.begin(config, changes, reduce_again)
     for record in records:
         yield from _folded(walk.receive(record))
     yield from _folded(walk.close())
@@ -197,11 +197,11 @@ class Walk:
     def begin(
         cls,
         config: Config,
-        tried: Mapping[str, float | str] | None = None,
+        changes: Mapping[str, float | str] | None = None,
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
         """At the beginning of a log. Raises ConfigError as ``replay`` does."""
-        held = dict(tried or {})
+        held = dict(changes or {})
         for name, value in held.items():
             config = with_setting(config, name, value)
         return cls(config=config, held=frozenset(held), reduce_again=reduce_again)

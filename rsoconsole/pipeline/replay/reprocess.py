@@ -248,8 +248,8 @@ class Reprocessor:
         on record. Raises ConfigError for a value that cannot be, ModelError without a network.
         """
         config, recorded = self._recorded.config, self._recorded
-        tried = {TAU: tau, MAP_MODE: map_mode}
-        for name, value in tried.items():
+        changes = {TAU: tau, MAP_MODE: map_mode}
+        for name, value in changes.items():
             if value is not None:
                 config = with_setting(config, name, value)
         network = self._network

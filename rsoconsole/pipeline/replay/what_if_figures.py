@@ -224,13 +224,13 @@ def as_recorded(
 def what_if(
     records: Iterable[Record],
     config: Config,
-    tried: Mapping[str, float | str],
+    changes: Mapping[str, float | str],
     last: int | None = None,
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
     """The same night with other settings. Raises ConfigError for one that cannot be."""
-    return figures_of(replay(records, config, tried=tried), last, of_lead=of_lead)
+    return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
 
 
 def _of_lead(records: Sequence[Record]) -> list[Record]:

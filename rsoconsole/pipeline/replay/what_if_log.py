@@ -9,7 +9,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline.replay.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk
 from rsoconsole.pipeline.replay.rerun import RerunCounts, open_rerun
-from rsoconsole.pipeline.replay.retell import Telling
+from rsoconsole.pipeline.replay.rewrite_log import LogRewriter
 from rsoconsole.pipeline.replay.what_if_figures import FigureSum, TrackFigures
 from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
@@ -35,7 +35,7 @@ class WhatIf:
     """A session as it was recorded and as it would have been."""
 
     session: Path
-    tried: Mapping[str, float | str]
+    changes: Mapping[str, float | str]
     before: Mapping[str, Any]
     """What the session began with in their places."""
     recorded: TrackFigures
@@ -58,7 +58,7 @@ class WhatIf:
 
 def what_if_session(
     folder: Path,
-    tried: Mapping[str, float | str] | None = None,
+    changes: Mapping[str, float | str] | None = None,
     *,
     detector: bool = False,
     solver: bool = False,
@@ -75,31 +75,31 @@ def what_if_session(
     """
     reader = SessionReader(folder)
     config = reader.config()
-    tried = dict(tried or {})
-    check_tried(tried, config, detector=detector, solver=solver)
+    changes = dict(changes or {})
+    check_changes(changes, config, detector=detector, solver=solver)
     frames: list[ReplayedFrame] = []
     log: list[tuple[int, Record]] = []
     both = _Both(config, keep=(frames, log) if keep else None)
     counts, sha256 = None, None
     if detector or solver:
         begun_with = config
-        for name, value in tried.items():
+        for name, value in changes.items():
             begun_with = with_setting(begun_with, name, value)
         with open_rerun(
             reader, begun_with, with_detector=detector, with_solver=solver, on_frame=on_frame
         ) as (rerun, sha256):
-            begun_with = both.go_through(reader, tried, rerun)
+            begun_with = both.go_through(reader, changes, rerun)
         counts = rerun.counts
     else:
-        begun_with = both.go_through(reader, tried, None)
+        begun_with = both.go_through(reader, changes, None)
     if not len(both.recorded):
         raise SessionError(f"{folder} holds no frame that was followed: there is nothing to try on")
     return WhatIf(
         session=Path(folder),
-        tried=tried,
-        before={name: _value(config, name) for name in tried},
+        changes=changes,
+        before={name: _value(config, name) for name in changes},
         recorded=both.recorded.figures(),
-        what_if=both.tried.figures(),
+        what_if=both.changed.figures(),
         is_reproduced=both.is_reproduced,
         config=begun_with,
         frames=tuple(frames),
@@ -119,28 +119,28 @@ class _Both:
         keep: tuple[list[ReplayedFrame], list[tuple[int, Record]]] | None,
     ) -> None:
         self._config, self._keep = config, keep
-        self.recorded, self.tried = FigureSum(), FigureSum()
+        self.recorded, self.changed = FigureSum(), FigureSum()
         self.is_reproduced = True
 
     def go_through(
         self,
         reader: SessionReader,
-        tried: Mapping[str, float | str],
+        changes: Mapping[str, float | str],
         reduce_again: ReduceAgain | None,
     ) -> Config:
         """Each record is read once; the configuration that the other log begins with."""
         walk = Walk.begin(self._config)
-        telling = Telling(
-            Walk.begin(self._config, tried, reduce_again),
+        rewriter = LogRewriter(
+            Walk.begin(self._config, changes, reduce_again),
             on_record=self._keep_record,
-            on_frame=self._add_tried,
+            on_frame=self._add_changed,
         )
         for _, t_utc_ns, record in reader.records():
             self._add_recorded(walk.receive(record))
-            telling.receive(t_utc_ns, record)
+            rewriter.receive(t_utc_ns, record)
         self._add_recorded(walk.close())
-        telling.close()
-        return telling.config
+        rewriter.close()
+        return rewriter.config
 
     def _add_recorded(self, closed: Iterable[ReplayedFrame | LookedAt]) -> None:
         for each in closed:
@@ -148,8 +148,8 @@ class _Both:
                 self.is_reproduced = self.is_reproduced and each.is_alike
                 self.recorded.add(each)
 
-    def _add_tried(self, frame: ReplayedFrame) -> None:
-        self.tried.add(frame)
+    def _add_changed(self, frame: ReplayedFrame) -> None:
+        self.changed.add(frame)
         if self._keep is not None:
             self._keep[0].append(frame)
 
@@ -158,7 +158,7 @@ class _Both:
             self._keep[1].append((t_utc_ns, record))
 
 
-def told_again(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
+def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
     """The log of a what-if as it would have been: what was kept, else it is made once more.
 
     Raises ValueError where that would mean to reduce all frames once more.
@@ -168,26 +168,26 @@ def told_again(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
         return
     if what_if.rerun is not None:
         raise ValueError("frames were reduced again for it: its log must be kept")
-    reader, told = SessionReader(what_if.session), list[tuple[int, Record]]()
-    telling = Telling(
-        Walk.begin(reader.config(), what_if.tried),
-        on_record=lambda t_utc_ns, record: told.append((t_utc_ns, record)),
+    reader, rewritten = SessionReader(what_if.session), list[tuple[int, Record]]()
+    rewriter = LogRewriter(
+        Walk.begin(reader.config(), what_if.changes),
+        on_record=lambda t_utc_ns, record: rewritten.append((t_utc_ns, record)),
         on_frame=lambda _: None,
     )
     for _, t_utc_ns, record in reader.records():
-        telling.receive(t_utc_ns, record)
-        yield from told
-        told.clear()
-    telling.close()
-    yield from told
+        rewriter.receive(t_utc_ns, record)
+        yield from rewritten
+        rewritten.clear()
+    rewriter.close()
+    yield from rewritten
 
 
-def check_tried(
-    tried: Mapping[str, float | str], config: Config, *, detector: bool, solver: bool
+def check_changes(
+    changes: Mapping[str, float | str], config: Config, *, detector: bool, solver: bool
 ) -> None:
     """Raises ConfigError for what cannot be tried, with the reason."""
     reduced = (("detector.", detector, "--detector"), ("solver.", solver, "--solver"))
-    for name, value in tried.items():
+    for name, value in changes.items():
         with_setting(config, name, value)
         if name.startswith(OF_THE_FOLD):
             continue
@@ -198,9 +198,9 @@ def check_tried(
                 break
         else:
             raise ConfigError(f"{name} has no part in what is followed: there is nothing to try")
-    preset = tried.get("filter.preset", config.filter.preset)
+    preset = changes.get("filter.preset", config.filter.preset)
     for name, belongs_to in OF_A_PRESET.items():
-        if name in tried and preset != belongs_to:
+        if name in changes and preset != belongs_to:
             raise ConfigError(
                 f"{name} belongs to preset {belongs_to}: --preset {belongs_to} has it"
             )

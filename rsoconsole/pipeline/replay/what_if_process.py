@@ -50,7 +50,7 @@ class Question:
     folder: Path
     config: Config
     """That of the session's beginning."""
-    tried: Mapping[str, float | str]
+    changes: Mapping[str, float | str]
     until_seq: int | None = None
     """As of that place of the log; None: its end."""
     last: int | None = None
@@ -213,7 +213,9 @@ def main(socket_fd: int) -> None:
         answer: TrackFigures | RsoconsoleError | Unexpected
         try:
             records = session.until(asked.folder, asked.until_seq)
-            answer = what_if(records, asked.config, asked.tried, asked.last, of_lead=asked.of_lead)
+            answer = what_if(
+                records, asked.config, asked.changes, asked.last, of_lead=asked.of_lead
+            )
         except RsoconsoleError as error:
             answer = error
         except Exception as error:  # the seat must hear of it, whatever it is

@@ -53,14 +53,14 @@ def propose(
         raise ConfigError(_nothing_to_propose(sessions))
     if len(presets) > 1:
         raise ConfigError("sessions of the presets tuned and paper share no Q: propose them apart")
-    arcs, tried, rounds = _arcs(sessions, None), {}, 0
+    arcs, changes, rounds = _arcs(sessions, None), {}, 0
     inquiry = Inquiry(arcs, presets[0], on_evaluation)
     evaluations = 0
     while inquiry.count >= LEAST and rounds < MOST_ROUNDS:
         rounds += 1
-        tried = inquiry.run()
+        changes = inquiry.run()
         evaluations += inquiry.search.evaluations
-        again = _arcs(sessions, tried)
+        again = _arcs(sessions, changes)
         if rounds == MOST_ROUNDS or _taken(again) == _taken(arcs):
             break
         arcs = again
@@ -95,14 +95,14 @@ def _load(folder: Path) -> _Session:
     return _Session(folder=folder, records=records, config=reader.config())
 
 
-def _arcs(sessions: Sequence[_Session], tried: Mapping[str, float] | None) -> list[Arc]:
+def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[Arc]:
     """Tracks as they would be with what is tried; None: with what was recorded."""
     arcs: list[Arc] = []
-    wide = FIRST_GATE_NIS if tried is None else GATE_NIS
+    wide = FIRST_GATE_NIS if changes is None else GATE_NIS
     for session in sessions:
         gate = max(session.config.filter.gate_nis, wide)
-        held = {**(tried or {}), "filter.gate_nis": gate}
-        arcs.extend(arcs_of(replay(session.records, session.config, tried=held)))
+        held = {**(changes or {}), "filter.gate_nis": gate}
+        arcs.extend(arcs_of(replay(session.records, session.config, changes=held)))
     return arcs
 
 
@@ -116,7 +116,7 @@ def _not_enough(folders: tuple[Path, ...], preset: str, count: int, tracks: int)
         preset=preset,
         verdict="not enough to say",
         words=f"not enough to say: {count} of the {LEAST} innovations that it takes",
-        tried={},
+        changes={},
         innovations=count,
         tracks=tracks,
         gain=None,

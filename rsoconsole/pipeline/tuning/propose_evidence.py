@@ -76,7 +76,7 @@ class Proposal:
     verdict: Verdict
     words: str
     """The verdict in a sentence."""
-    tried: Mapping[str, float]
+    changes: Mapping[str, float]
     """Settings that are proposed, by dotted name; empty where none is."""
     innovations: int
     tracks: int

@@ -149,7 +149,7 @@ class Inquiry:
             preset=self._preset,
             verdict=verdict,
             words=f"{verdict}: {words}",
-            tried=self._chosen.settings(),
+            changes=self._chosen.settings(),
             innovations=self.count,
             tracks=len(self._arcs),
             gain=gain,

@@ -27,20 +27,20 @@ class WeatherDevice:
         self._status = lights(
             "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
         )
-        self._wish = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
+        self._options = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
         connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
         interface = texts(
             "DRIVER_INFO",
             "General Info",
             {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "128"},
         )
-        self.device = Device(name, [connection, self._status, self._wish, interface])
+        self.device = Device(name, [connection, self._status, self._options, interface])
 
     async def handle(self, event: Any) -> None:
         """What a client asks for comes true, until the schedule has the next word."""
         word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
         if word in _LIGHT:
-            self._wish["STATE"] = word
+            self._options["STATE"] = word
             await self._publish(word, self._now_utc_ns())
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 

@@ -24,9 +24,9 @@ from rsoconsole.sky import (
 )
 from rsoconsole.sky.limits import refusals
 from rsoconsole.sky.limits.axes import Way, side_after, ways
-from rsoconsole.sky.limits.held import (
+from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
-    Held,
+    Margin,
     Track,
     hour_angle_deg,
     sun_altitude_deg,
@@ -105,10 +105,10 @@ class Limits:
         t_ns = _instants(arrival_ns, max(arrival_ns, t_until_utc_ns), _SLEW_STEP_S)
         for side in dict.fromkeys(side for _, side in candidates):
             track = self._track(epoch, ra_icrs_deg, dec_icrs_deg, side)
-            for held in self._while_tracking(track, t_ns, lifted):
-                worst = int(np.argmax(held.excess_deg))
-                if held.excess_deg[worst] > 0.0:
-                    return held.refusal_at(worst, (int(t_ns[worst]) - start.t_utc_ns) / NS_PER_S)
+            for margin in self._while_tracking(track, t_ns, lifted):
+                worst = int(np.argmax(margin.excess_deg))
+                if margin.excess_deg[worst] > 0.0:
+                    return margin.refusal_at(worst, (int(t_ns[worst]) - start.t_utc_ns) / NS_PER_S)
         if "Sun" not in lifted:
             fault = self._sun_on(epoch, (way for way, _ in candidates), start.t_utc_ns)
         if fault is None and "twilight" not in lifted:
@@ -163,15 +163,17 @@ class Limits:
             return fault
         was_deg = {}
         if is_slewing and before is not None and _instant_fault(before.t_utc_ns) is None:
-            was_deg = {held.limit: held.excess_deg[0] for held in self._slewing_at(before, lifted)}
-        for held in (
+            was_deg = {
+                margin.limit: margin.excess_deg[0] for margin in self._slewing_at(before, lifted)
+            }
+        for margin in (
             self._slewing_at(pose, lifted) if is_slewing else self._tracking_at(pose, lifted)
         ):
-            excess_deg = held.excess_deg[0]
-            before_deg = was_deg.get(held.limit, 0.0)
+            excess_deg = margin.excess_deg[0]
+            before_deg = was_deg.get(margin.limit, 0.0)
             is_way_out = before_deg > 0.0 and excess_deg <= before_deg + LESS_BAD_DEG
             if excess_deg > 0.0 and not is_way_out:
-                return held.refusal_at(0)
+                return margin.refusal_at(0)
         return None
 
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
@@ -185,8 +187,8 @@ class Limits:
         )
         if fault is not None:
             return ()
-        held = self._tracking_at(pose, ())
-        margins = ((each.limit, -float(each.excess_deg[0])) for each in held)
+        margin = self._tracking_at(pose, ())
+        margins = ((each.limit, -float(each.excess_deg[0])) for each in margin)
         return tuple(sorted(margins, key=lambda margin: margin[1]))
 
     def next_limit(
@@ -244,13 +246,13 @@ class Limits:
 
     def _while_tracking(
         self, track: Track, t_ns: IntArray, lifted: Collection[LimitName]
-    ) -> Iterator[Held]:
+    ) -> Iterator[Margin]:
         return while_tracking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
-    def _tracking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Held]:
+    def _tracking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         return self._while_tracking(self._pose_track(pose), np.array([pose.t_utc_ns]), lifted)
 
-    def _slewing_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Held]:
+    def _slewing_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
         return while_slewing(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
@@ -282,9 +284,9 @@ def _instants(from_ns: int, to_ns: int, step_s: float) -> IntArray:
     return np.asarray(from_ns + (to_ns - from_ns) * np.arange(steps + 1) // steps, np.int64)
 
 
-def _first_violation(held: Iterable[Held]) -> tuple[int, Held] | None:
+def _first_violation(margin: Iterable[Margin]) -> tuple[int, Margin] | None:
     """The earliest instant at which any limit is violated; of two at once the graver."""
-    violated = [(int(np.argmax(one.excess_deg > 0.0)), one) for one in held]
+    violated = [(int(np.argmax(one.excess_deg > 0.0)), one) for one in margin]
     violated = [(index, one) for index, one in violated if one.excess_deg[index] > 0.0]
     return min(violated, key=lambda found: found[0]) if violated else None
 

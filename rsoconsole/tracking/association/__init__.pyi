@@ -19,7 +19,7 @@ from .neighbours import Neighbour as Neighbour
 from .neighbours import best_match as best_match
 from .neighbours import remembered as remembered
 from .pattern import NO_PATTERN as NO_PATTERN
-from .pattern import OTHERWISE_ARCSEC_S as OTHERWISE_ARCSEC_S
+from .pattern import OTHER_MOTION_ARCSEC_S as OTHER_MOTION_ARCSEC_S
 from .pattern import Pattern as Pattern
 from .pattern import Place as Place
 from .pattern import learnt_error_arcsec as learnt_error_arcsec

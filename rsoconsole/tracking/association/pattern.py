@@ -19,7 +19,7 @@ from rsoconsole.tracking.filters import Plane, lqe, streak_axis
 BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
 """One sigma of how fast one may move against another before two frames have shown it."""
-OTHERWISE_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
+OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
 """Faster by their own rates they are no members of one slot: those rates are believed."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
@@ -185,7 +185,7 @@ def _shown(
     rates = np.array([none if e is None else e.rate_arcsec_s for e in each])
     own = np.array([np.full((2, 2), np.nan) if e is None else e.covariance for e in each])
     R, rate = own[i] + own[j], rates[j] - rates[i]
-    rate[np.hypot(*rate.T) < OTHERWISE_ARCSEC_S] = 0.0
+    rate[np.hypot(*rate.T) < OTHER_MOTION_ARCSEC_S] = 0.0
     means = np.concatenate([places[j] - places[i], rate], axis=1)
     covariances = np.zeros((len(i), 4, 4))
     covariances[:, 2, 2] = covariances[:, 3, 3] = _RATE_ARCSEC_S**2

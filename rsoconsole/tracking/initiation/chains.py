@@ -172,7 +172,7 @@ def _of_points(
 
 def _by_chance(
     tracklet: Tracklet,
-    company: Sequence[Tracklet],
+    neighbours: Sequence[Tracklet],
     counts: Sequence[int],
     t_s: Sequence[float],
     known: Motion,
@@ -182,7 +182,7 @@ def _by_chance(
     Any two points make a chain with any motion. A point more has to lie on its line; another chain,
     or a track, has to have its motion.
     """
-    alike = [each for each in company if _is_alike(each, tracklet, t_s, known)]
+    alike = [each for each in neighbours if _is_alike(each, tracklet, t_s, known)]
     anyhow = math.pi * known.largest_speed**2
     number = 1.0
     for place, each in enumerate(sorted(alike, key=lambda each: -len(each.points))):

@@ -20,7 +20,7 @@ from rsoconsole.records import FloatArray
 _GATE = 4.0
 """In sigma, on either axis."""
 _HYPOTHESES = 4000
-_COMMON_TRIED = 24
+_COMMON_TRIALS = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,12 +184,12 @@ def _common_motion(hypotheses: Sequence[_Hypothesis], known: Motion) -> FloatArr
         return np.array(known.common)
     plain = _gains(hypotheses, None, known)
     best, found = 0.0, None
-    for n in np.argsort(-plain, kind="stable")[:_COMMON_TRIED]:
-        tried = hypotheses[n].velocity
-        gains = _gains(hypotheses, tried, known)
+    for n in np.argsort(-plain, kind="stable")[:_COMMON_TRIALS]:
+        trial = hypotheses[n].velocity
+        gains = _gains(hypotheses, trial, known)
         total = sum(gains[m] for m in _greedy([each.points for each in hypotheses], gains))
         if total > best:
-            best, found = total, tried
+            best, found = total, trial
     return found
 
 

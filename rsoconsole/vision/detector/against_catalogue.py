@@ -74,12 +74,12 @@ def catalogue_light(
     total = float(light.sum())
     if not columns.is_inside.all() or total <= 0.0:
         return None
-    places, promised = _on_it(stars_px, stars_adu, ends, fwhm)
+    places, predicted = _on_it(stars_px, stars_adu, ends, fwhm)
     owner = np.abs(u - places[:, None]) < _REACH * fwhm
     is_theirs = owner.any(axis=0)
     # A column that two stars may own counts once.
     theirs = float(light[is_theirs].sum())
-    theirs = min(theirs, _MOST_TIMES * float(promised.sum()))
+    theirs = min(theirs, _MOST_TIMES * float(predicted.sum()))
     is_rest = ~is_theirs
     rest = float(light[is_rest].sum())
     window = 2 * round(fwhm) + 1

@@ -168,7 +168,7 @@ class Measurements:
     sky: Background
     stars: StarList
     focus: Focus
-    promise: Callable[[Candidate], bool] = lambda _: True
+    is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Whether a candidate as it was traced is worth the time of a fit."""
     lights: ShortLights | None = None
     """What short ones are held against; None: nothing."""
@@ -227,7 +227,7 @@ class Measurements:
             return
         measured: StreakFit | None = None
         traced = None if trace is None else self._from_trace(box, trace)
-        is_promising = traced is None or self.promise(traced)
+        is_promising = traced is None or self.is_worth_fitting(traced)
         if box.length_px <= LONGEST_FIT_PX and is_promising:
             fit = fit_streak(
                 self.frame.pixels,

@@ -78,7 +78,7 @@ _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
-_COMPANY_LONG, _COMPANY_ROUGH, _COMPANY_UNEVEN = 4.0, 0.4, 0.8
+_CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
 _MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
@@ -218,7 +218,7 @@ def confidence_features(
     unlike = _UNLIKE if is_sharp else _UNLIKE_WHERE_JOINED
     # Drawn-out stars keep everything company.
     near = others if focus.trail_px == 0.0 else ()
-    rest = [other.found for other in near if other is not candidate and _is_company(other)]
+    rest = [other.found for other in near if other is not candidate and _is_context(other)]
     seen = (
         1.0,
         _weighted(
@@ -273,11 +273,11 @@ def _shown(focus: Focus) -> tuple[float, float]:
     return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 
 
-def _is_company(other: Candidate) -> bool:
+def _is_context(other: Candidate) -> bool:
     """Whether another candidate is a light that tells of this one, no few stars in a row."""
     found, light = other.found, other.light
-    is_line = found.length_px > _COMPANY_LONG * found.width_px
-    is_even = light.roughness < _COMPANY_ROUGH and found.unevenness < _COMPANY_UNEVEN
+    is_line = found.length_px > _CONTEXT_LONG * found.width_px
+    is_even = light.roughness < _CONTEXT_ROUGH and found.unevenness < _CONTEXT_UNEVEN
     return is_line and is_even and found.snr / light.confusion > _BRIGHT_SNR
 
 

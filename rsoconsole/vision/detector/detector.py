@@ -290,10 +290,10 @@ class StreakDetector:
         ordered = in_order(seen.proposals)
         curve = self._curve
 
-        def promises(candidate: Candidate) -> bool:
+        def is_worth_fitting(candidate: Candidate) -> bool:
             return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
 
-        measured = Measurements(frame, seen.sky, stars, focus, promises, lights)
+        measured = Measurements(frame, seen.sky, stars, focus, is_worth_fitting, lights)
         hopeful: list[Proposal] = []
         others: list[Proposal] = []
         for each in ordered:

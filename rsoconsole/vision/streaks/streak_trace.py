@@ -368,19 +368,19 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     if np.count_nonzero(used) < 5:
         return place, 0.25 * length
     u, light, weight = inner[used], profile.light[used], 1.0 / profile.error[used] ** 2
-    tried = edge + np.linspace(-reach, reach, 4 * math.ceil(reach) + 1)
-    shape = 0.5 * (1.0 + erf((u - tried[:, None]) / (math.sqrt(2.0) * sigma)))
+    trial = edge + np.linspace(-reach, reach, 4 * math.ceil(reach) + 1)
+    shape = 0.5 * (1.0 + erf((u - trial[:, None]) / (math.sqrt(2.0) * sigma)))
     norm = np.maximum((shape**2) @ weight, _SMALLEST)
     height = np.maximum((shape @ (weight * light)) / norm, 0.0)
     gain = height**2 * norm
     best = int(np.argmax(gain))
     # Two sigma to either side: of a faint step the likelihood is no parabola.
     close = gain > gain[best] - 4.0
-    spread = 0.25 * float(tried[close].max() - tried[close].min())
+    spread = 0.25 * float(trial[close].max() - trial[close].min())
     # Where a star hides it, it is anywhere behind it.
-    is_near = np.abs(inner - tried[best]) < _HIDDEN_PX + 2.0 * sigma
+    is_near = np.abs(inner - trial[best]) < _HIDDEN_PX + 2.0 * sigma
     hidden = float(np.count_nonzero(is_near & ~profile.is_known)) / math.sqrt(12.0)
-    return float(tried[best]) * sense, max(spread, hidden, 0.1)
+    return float(trial[best]) * sense, max(spread, hidden, 0.1)
 
 
 def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) -> float:

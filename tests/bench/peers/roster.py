@@ -38,8 +38,8 @@ class Peer:
 
     def grid(self) -> tuple[Mapping[str, Any], ...]:
         """What is tried beside them when tuning."""
-        tried: tuple[Mapping[str, Any], ...] = self._module().GRID
-        return tried
+        changes: tuple[Mapping[str, Any], ...] = self._module().GRID
+        return changes
 
     def open(self, settings: Mapping[str, Any]) -> Callable[[Frame], list[Candidate]]:
         """The detector, loaded."""

@@ -21,7 +21,7 @@ well swing through the place below the horizon where it is; also one that is par
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Held:
+class Margin:
     """One limit at N instants; an excess above 0 is a violation."""
 
     limit: AngleLimit
@@ -72,7 +72,7 @@ def while_tracking(
     t_ns: IntArray,
     *,
     lifted: Collection[LimitName],
-) -> Iterator[Held]:
+) -> Iterator[Margin]:
     """Every limit but twilight at (N,) instants, the gravest first."""
     if "Sun" not in lifted:
         yield _from_sun(site, limits, track, t_ns)
@@ -92,7 +92,7 @@ def while_tracking(
     if mount.type == "german" and track.side is not None and "pier" not in lifted:
         past_deg = limits.past_meridian_deg if track.side == "west" else -limits.past_meridian_deg
         excess_deg = ha_deg - past_deg if track.side == "west" else past_deg - ha_deg
-        yield Held(
+        yield Margin(
             limit="pier",
             value_deg=ha_deg,
             bound_deg=np.full(ha_deg.shape, past_deg),
@@ -109,7 +109,7 @@ def while_slewing(
     t_ns: IntArray,
     *,
     lifted: Collection[LimitName],
-) -> Iterator[Held]:
+) -> Iterator[Margin]:
     """What holds on the way too: the Sun's cone, and how far the polar axis has turned.
 
     A flip leads past the pole, where the hour angle may be anything: there it is the axis that
@@ -128,7 +128,7 @@ def while_slewing(
         axis_deg = np.array([polar_deg(float(one), track.side) for one in ha_deg])
         past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
         bound_deg = np.full(ha_deg.shape, limits.past_meridian_deg)
-        yield Held(
+        yield Margin(
             limit="pier",
             value_deg=past_deg,
             bound_deg=bound_deg,
@@ -144,19 +144,19 @@ def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
     return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
 
 
-def _from_sun(site: Site, limits: LimitsConfig, track: Track, t_ns: IntArray) -> Held:
+def _from_sun(site: Site, limits: LimitsConfig, track: Track, t_ns: IntArray) -> Margin:
     """How deep in the Sun's cone; by night there is none to be deep in."""
     sun_ra_deg, sun_dec_deg = track.epoch.sun_date_deg(t_ns)
     distance_deg = from_sun_deg(track.ra_deg, track.dec_deg, sun_ra_deg, sun_dec_deg)
-    held = _at_least("Sun", distance_deg, limits.sun_cone_deg)
+    margin = _at_least("Sun", distance_deg, limits.sun_cone_deg)
     is_harmless = sun_altitude_deg(site, track.epoch, t_ns) <= SUN_HARMLESS_DEG
-    return replace(held, excess_deg=np.where(is_harmless, -np.inf, held.excess_deg))
+    return replace(margin, excess_deg=np.where(is_harmless, -np.inf, margin.excess_deg))
 
 
-def _within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Held:
+def _within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
     bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
     excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
-    return Held(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
+    return Margin(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
 
 
 def _at_least(
@@ -164,9 +164,9 @@ def _at_least(
     value_deg: FloatArray,
     bound_deg: float | FloatArray,
     azimuth_deg: FloatArray | None = None,
-) -> Held:
+) -> Margin:
     bound = np.broadcast_to(bound_deg, value_deg.shape)
-    return Held(
+    return Margin(
         limit=limit,
         value_deg=value_deg,
         bound_deg=bound,

@@ -50,15 +50,15 @@ class Recorded(Protocol):
 class WhatIf(NightPlots):
     """Made by ``Session.what_if``; its figures show both nights side by side."""
 
-    def __init__(self, session: Recorded, tried: Mapping[str, float | str]) -> None:
+    def __init__(self, session: Recorded, changes: Mapping[str, float | str]) -> None:
         """Follow the night again. Raises ConfigError for a setting that cannot be."""
         self.session = session
-        self.settings = dict(tried)
+        self.settings = dict(changes)
         log = session.records
-        self.frames = tuple(replay((r for _, _, r in log), session.config, tried=tried))
+        self.frames = tuple(replay((r for _, _, r in log), session.config, changes=changes))
         """Every folded frame; ``recorded`` is what was made of it then, ``records`` now."""
-        config = _with(session.config, tried)
-        title = f"tried {self.words}" if tried else "as recorded"
+        config = _with(session.config, changes)
+        title = f"tried {self.words}" if changes else "as recorded"
         self._night = _night_of(title, config, log, self.frames)
         self._recorded = session.nights()[0]
 
@@ -73,7 +73,7 @@ class WhatIf(NightPlots):
         return self.session.summary
 
     @property
-    def tried(self) -> Summary:
+    def changed(self) -> Summary:
         """How it would have gone."""
         changes = (r for each in self.frames for r in each.records if isinstance(r, StateChange))
         return summary_of(self._night, changes)
@@ -94,7 +94,7 @@ class WhatIf(NightPlots):
 
     def rows(self) -> Iterator[tuple[str, str, str]]:
         """(what, as recorded, as tried) in words."""
-        old, new = self.recorded, self.tried
+        old, new = self.recorded, self.changed
         for what, words in _FIGURES:
             yield what, words(old), words(new)
 
@@ -121,8 +121,8 @@ class WhatIf(NightPlots):
         )
 
 
-def _with(config: Config, tried: Mapping[str, float | str]) -> Config:
-    for name, value in tried.items():
+def _with(config: Config, changes: Mapping[str, float | str]) -> Config:
+    for name, value in changes.items():
         config = with_setting(config, name, value)
     return config
 

@@ -55,7 +55,7 @@ OF_TRACK = (OrbitEstimate, Identified, PairMotions, ExpectedMembers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Retold:
+class RewrittenLog:
     """A log, and the replayed frames in it."""
 
     log: tuple[tuple[int, Record], ...]
@@ -65,28 +65,28 @@ class Retold:
     """With what was tried: the one that the log begins with."""
 
 
-def retell(
+def rewrite_log(
     log: Iterable[tuple[int, Record]],
     config: Config,
     *,
-    tried: Mapping[str, float | str] | None = None,
+    changes: Mapping[str, float | str] | None = None,
     reduce_again: ReduceAgain | None = None,
-) -> Retold:
+) -> RewrittenLog:
     """Retell a log of (t_utc_ns, record); arguments and errors beside it as ``replay``'s."""
-    told: list[tuple[int, Record]] = []
+    rewritten: list[tuple[int, Record]] = []
     frames: list[ReplayedFrame] = []
-    telling = Telling(
-        Walk.begin(config, tried, reduce_again),
-        on_record=lambda t_utc_ns, record: told.append((t_utc_ns, record)),
+    rewriter = LogRewriter(
+        Walk.begin(config, changes, reduce_again),
+        on_record=lambda t_utc_ns, record: rewritten.append((t_utc_ns, record)),
         on_frame=frames.append,
     )
     for t_utc_ns, record in log:
-        telling.receive(t_utc_ns, record)
-    telling.close()
-    return Retold(log=tuple(told), frames=tuple(frames), config=telling.config)
+        rewriter.receive(t_utc_ns, record)
+    rewriter.close()
+    return RewrittenLog(log=tuple(rewritten), frames=tuple(frames), config=rewriter.config)
 
 
-class Telling:
+class LogRewriter:
     """Walks along a log and hands on another, record by record: a night may be a long one."""
 
     def __init__(
@@ -100,7 +100,7 @@ class Telling:
         frame that was folded, as soon as it is complete."""
         self.config = walk.config
         """With what is tried: the one that the other log begins with."""
-        self._tell = on_record
+        self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk
         self._held: list[tuple[int, Record, Part]] = []
@@ -121,37 +121,37 @@ class Telling:
             self.close()
         before = walk.following.state
         for each in walk.receive(record):
-            self._tell_frame(each)
+            self._write_frame(each)
         if walk.open is not None or walk.open_again is not None:
             if isinstance(record, FollowedAgain):
                 self._begin_again(t_utc_ns, record)
             else:
                 self._held.append((t_utc_ns, record, walk.part))
             return
-        self._tell_other(t_utc_ns, record, before)
+        self._write_other(t_utc_ns, record, before)
 
     def close(self) -> None:
         """The open frame is complete."""
         for each in self._walk.close():
-            self._tell_frame(each)
+            self._write_frame(each)
         self._is_void = False
 
     def _begin_again(self, t_utc_ns: int, record: FollowedAgain) -> None:
-        self._tell_ruled()
-        self._tell(t_utc_ns, record)
+        self._write_ruled()
+        self._on_record(t_utc_ns, record)
         self._t_open_ns, self._is_again = t_utc_ns, True
 
-    def _tell_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
+    def _write_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
         """A record that belongs to no frame that is open."""
         match record:
             case FollowedAgain():
-                self._tell_ruled()
+                self._write_ruled()
                 # What marks by hand led to stands as it was told.
                 self._is_void = not self._walk.is_by_hand
             case Ruling():
                 self._ruled = (t_utc_ns, record, before, self._walk.following.state)
             case StateChange():
-                self._tell_change(t_utc_ns, record, before)
+                self._write_change(t_utc_ns, record, before)
                 return
             case TrackState() | NotFollowed() | Miss():
                 if self._is_void:
@@ -180,19 +180,19 @@ class Telling:
                 pass  # told as it was
             case _:
                 assert_never(record)
-        self._tell(t_utc_ns, record)
+        self._on_record(t_utc_ns, record)
 
-    def _tell_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
+    def _write_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
         """A change of state that belongs to no frame that is open."""
         if is_from_outside(record):
             change = _passage(record, before, self._walk.following.state)
-            self._tell(t_utc_ns, change)
+            self._on_record(t_utc_ns, change)
         elif self._walk.is_ruled:
-            self._tell_ruled(record)
+            self._write_ruled(record)
         elif not self._is_void:
-            self._tell(t_utc_ns, record)
+            self._on_record(t_utc_ns, record)
 
-    def _tell_ruled(self, recorded: StateChange | None = None) -> None:
+    def _write_ruled(self, recorded: StateChange | None = None) -> None:
         """The change of state that a decision leads to, if it does."""
         if self._ruled is None:
             return
@@ -203,7 +203,7 @@ class Telling:
         again = Cause(kind="operator's word", detail="followed again by the operator's word")
         reason = again if recorded is None else recorded.reason
         change = StateChange(frame_id=decision.frame_id, before=before, after=after, reason=reason)
-        self._tell(t_utc_ns, change)
+        self._on_record(t_utc_ns, change)
 
     def _at_instant(self, measurement: Measurement) -> Measurement:
         """What the operator marked, at its frame's instant."""
@@ -217,7 +217,7 @@ class Telling:
             measurement, t_mid_ns, shutter_time(again.shown.taken, again.config.exposure)
         )
 
-    def _tell_frame(self, closed: ReplayedFrame | LookedAt) -> None:
+    def _write_frame(self, closed: ReplayedFrame | LookedAt) -> None:
         """A complete frame: its inputs, what the fold makes of them, and what came beside."""
         held, self._held = self._held, []
         is_again, self._is_again = self._is_again, False
@@ -232,15 +232,19 @@ class Telling:
         self._is_another_night = self._is_another_night or not is_same
         if is_same and not self._is_another_night:
             for t_utc_ns, record, _ in held:
-                self._tell(t_utc_ns, record)
+                self._on_record(t_utc_ns, record)
             return
         held = list(_without_orbits(held))
         t_inputs_ns = next((t for t, _, part in held if part == "input"), self._t_open_ns)
         t_folded_ns = next((t for t, _, part in held if part == "folded"), t_inputs_ns)
         others = [(t, record) for t, record, part in held if part == "other"]
-        told = [*((t_inputs_ns, r) for r in inputs), *((t_folded_ns, r) for r in folded), *others]
-        for t_utc_ns, record in told:
-            self._tell(t_utc_ns, record)
+        rewritten = [
+            *((t_inputs_ns, r) for r in inputs),
+            *((t_folded_ns, r) for r in folded),
+            *others,
+        ]
+        for t_utc_ns, record in rewritten:
+            self._on_record(t_utc_ns, record)
 
 
 def _without_orbits(
