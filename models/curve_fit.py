@@ -36,7 +36,7 @@ SHARES: Mapping[str, float] = {
 }
 """Of all frames, the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
-"""One clear or cloudy frame in so many holds one to three satellites: which are tried."""
+"""Clear or cloudy frames for each that holds one to three satellites: the numbers to try."""
 ALTERED_PER_SATELLITE = 4
 """Altered frames of which one holds a satellite: who looks for one through wind or out of focus
 knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
@@ -68,7 +68,7 @@ class Candidates:
     """How many frames of each kind were looked at."""
 
     def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
-        """Some of them, from so many frames."""
+        """Some of them, and the number of frames that they are from."""
         return Candidates(
             features=self.features[chosen],
             is_true=self.is_true[chosen],
@@ -176,7 +176,7 @@ def fit_scale(z: FloatArray, is_true: BoolArray, weights: FloatArray) -> tuple[f
 
 
 def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame: float) -> float:
-    """z above which so many false candidates are expected in a frame of these kinds."""
+    """z above which this number of false candidates is expected in a frame of these kinds."""
     frames = sum(them.frames.get(kind, 0) for kind in kinds)
     false_z = z[~them.is_true & them.of_kind(*kinds)]
     if not frames:

@@ -18,7 +18,7 @@ TOO_DEEP = "its brackets are nested too deeply"
 
 
 def read_foreign(path: Path, *, most_bytes: int = MOST_BYTES, encoding: str = "utf-8") -> str:
-    """The text of a plain file of at most so many bytes.
+    """The text of a plain file of at most ``most_bytes``.
 
     Raises OSError (also for what is no plain file, and for what is larger) and UnicodeDecodeError.
     """

@@ -28,7 +28,7 @@ MOST_S = 300.0
 
 
 async def taken(frames: int, session: Path) -> str:
-    """The screen as SVG, when so many frames of the demo have been followed."""
+    """The screen as SVG, when a number of frames of the demo have been followed."""
     from rsoconsole.cli.demo.demo import demo_config
     from rsoconsole.cli.demo.demo_night import Night, NightProcess
     from rsoconsole.console.app import ConsoleApp

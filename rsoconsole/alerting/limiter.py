@@ -1,4 +1,4 @@
-"""How often the operator is told: a kind rests after a message, an hour holds so many. Pure."""
+"""How often the operator is told: a kind rests after a message, an hour has a limit. Pure."""
 
 from collections import deque
 from collections.abc import Collection

@@ -268,7 +268,7 @@ def variables_set() -> list[str]:
 
 
 def unknown_setting(name: str, known: Iterable[str]) -> str:
-    """That there is none of this name, with the one that was probably meant."""
+    """That there is no setting of this name, with the name that was probably meant."""
     near = nearest(name, known)
     remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
     return f"there is no setting {name!r}: {remedy}"

@@ -123,7 +123,7 @@ def _no_engine(path: Path) -> str:
 
 
 def _connect(wire: socket.socket, address: str, deadline: float) -> None:
-    """Connect, also where so many wait to be let in that the system turns the next one away.
+    """Connect, also where the queue is full and the system turns the next connection away.
 
     Raises TimeoutError when that has not ended at the deadline, OSError for everything else.
     """

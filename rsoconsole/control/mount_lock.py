@@ -62,7 +62,7 @@ def running_engines() -> list[RunningEngine]:
 
 
 def engine_behind(socket: Path) -> RunningEngine | None:
-    """The one that listens there, or did before its socket was removed."""
+    """The engine that listens there, or did before its socket was removed."""
     return next((each for each in running_engines() if each.socket == socket), None)
 
 

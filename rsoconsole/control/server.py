@@ -36,7 +36,7 @@ SPARE = 8
 """Places beside them in which only a STOP is heard: who holds the others cannot keep it out."""
 MAX_WAITING = 64
 BACKLOG = 128
-"""So many may knock at once before the system turns one away."""
+"""Connections that may wait at once before the system turns one away."""
 
 
 Handler = Callable[[Request], Outcome]

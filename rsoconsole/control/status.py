@@ -119,7 +119,7 @@ class TrackNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextAim:
-    """Where the telescope looks in the exposure after the one that is under way or ordered."""
+    """Where the telescope looks in the exposure after the present or ordered one."""
 
     ra_icrs_deg: float = 0.0
     dec_icrs_deg: float = 0.0
@@ -203,7 +203,7 @@ class Status:
     faults: tuple[str, ...] = ()
     last_stop: LastStop | None = None
     temporary: Mapping[str, int] = field(default_factory=dict)
-    """Settings that hold for so many frames more."""
+    """Settings that hold for a number of further frames."""
     health: tuple[Health, ...] = ()
     machine: Machine | None = None
     """Heat, power, disk and time source."""

@@ -68,7 +68,7 @@ class Stopping:
         self._directly = directly
         self._on_news = on_news
         self._lock = threading.RLock()
-        self._telling = threading.Lock()
+        self._reporting = threading.Lock()
         """News go out one after the other; nothing that ends motion waits for them."""
         self._ways_open = 1
         self._has_gone_past = False
@@ -192,7 +192,7 @@ class Stopping:
                 self._is_over = True
                 self._ended = news
         try:
-            with self._telling:
+            with self._reporting:
                 if is_end or not self._is_over:
                     self._on_news(news)
         except Exception:  # who only hears of a STOP may not end it

@@ -37,7 +37,7 @@ class ExportOptions:
     """What may be asked for beside session and format."""
 
     everything: bool = False
-    """Tables also hold what the operator refused and what his word replaced."""
+    """Tables also hold what the operator refused and what their decision replaced."""
     track: int | None = None
     """TDM, IOD and UDL of this track alone."""
     target: Target = field(default_factory=Target)

@@ -150,7 +150,7 @@ class _FrameStory:
 
     taken: FrameTaken
     seen: list[Measurement] = field(default_factory=list)
-    """By the detector; the operator's own belong to what his word led to."""
+    """By the detector; the operator's own belong to what their decision led to."""
     decision: Ruling | None = None
     folds: list[_Followed] = field(default_factory=lambda: [_Followed()])
 
@@ -171,7 +171,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     """Gather a session's or a branch's measurements, no matter who took them.
 
     Without ``everything`` only what counts: not what the operator refused, and of frames that
-    were followed again by his word only the last reading. Raises SessionError.
+    were followed again by their decision only the last reading. Raises SessionError.
     """
     reader = SessionReader(session)
     about = reader.about()

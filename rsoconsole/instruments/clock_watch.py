@@ -22,7 +22,7 @@ LATELY_S = 2.0
 LEAST_APART_S = 0.02
 """Of two looks, where their readings are to tell how fast a clock moves."""
 MOST_PACE = 10.0
-"""What moves by so many seconds in one is set, however often."""
+"""A clock that moves by more than this, in seconds a second, is set, however often."""
 STEADY_S = 10.0
 """So long it must run right before it is believed again."""
 LEAST_SLEEP_S = 0.5

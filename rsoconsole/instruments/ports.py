@@ -220,7 +220,7 @@ class CameraPort(Protocol):
         """
 
     def set_binning(self, binning: int) -> int:
-        """Join so many pixels on each axis of those that the camera was set to join before.
+        """Join a number of pixels on each axis, of those that the camera was set to join before.
 
         1: as it was. Between exposures. Returns what holds from now on. Raises InstrumentError
         where the camera cannot or is silent.

@@ -22,7 +22,7 @@ VISIBLE_SNR = 20.0
 BESIDE_FWHM = 4.0
 """How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
 BETWEEN = 2.0
-"""Not so many times as far from one middle as from another, a streak is of both."""
+"""A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0
 """Lines nearer to each other, in widths of the frame's stars, are one streak to a camera."""
 

@@ -276,7 +276,7 @@ class Session(SessionPictures, NightPlots):
     def live(self, socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
         """The panel on the engine that writes this session (needs ``rsoconsole[notebook]``).
 
-        Raises ControlError when no engine runs, or the one that does writes another session.
+        Raises ControlError when no engine runs, or where it writes another session.
         """
         from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
         from rsoconsole.errors import ControlError

@@ -20,13 +20,13 @@ from rsoconsole.tracking.filters import Plane, estimator, lqe, streak_motion
 from rsoconsole.tracking.joint import Assignment, Weighed
 
 WIDTHS = 2.5
-"""Beside each other closer than so many widths of a star, two streaks are found as one."""
+"""Distance, in widths of a star, below which two streaks beside each other are found as one."""
 USUAL_WIDTH_ARCSEC = 3.5
 """Of a star, where nobody measured it."""
 _LIGHT_SIGMA = 0.5
 """Of where across the pair the streak lies, in its distance: the same in every frame, so that a
 uniform law's 0.29 would be believed too much after some."""
-_TELLING_ARCSEC = 12.0
+_APART_ARCSEC = 12.0
 """Along each other further apart than that a streak's length says whether it is of both."""
 
 
@@ -111,7 +111,7 @@ def _of_both(
     length = expected_motion(states[0], seen.exposure_s).length_arcsec
     if streak is None or streak.length_arcsec > 1.5 * (length + apart_along):
         return None
-    if apart_along > _TELLING_ARCSEC and streak.length_arcsec - length < apart_along / 2.0:
+    if apart_along > _APART_ARCSEC and streak.length_arcsec - length < apart_along / 2.0:
         return None  # as long as one of them
     ee, en, nn = m.cov_sky_arcsec2
     spread = np.array([[ee, en], [en, nn]]) + covariance / 4.0

@@ -300,7 +300,7 @@ def _weighed_by(
 
 
 def _nearest(weighed: Weighed, settings: FollowSettings) -> Measurement | None:
-    """Of those that fit the one that a track takes which is asked alone."""
+    """The measurement that a track takes when it is asked alone, of those that fit."""
     fitting = weighed.fitting
     if not fitting or settings.choice != "nearest":
         return next(iter(fitting), None)

@@ -218,7 +218,7 @@ def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
 
 
 def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
-    """Whether a streak beside the one that a track took is as long: no part of the same."""
+    """Whether a streak beside the measurement of a track is as long: no part of the same."""
     if step.after is None:
         return False
     expected = expected_motion(step.after.track, seen.exposure_s)

@@ -19,7 +19,7 @@ from rsoconsole.tracking.association import (
 from rsoconsole.tracking.takeover import Step
 
 MOST_DROPPED = 12
-"""Of so many dropped tracks the streaks are known: those dropped last."""
+"""Dropped tracks whose streaks are known: those dropped last."""
 DROPPED = NotTaken(kind="dropped")
 
 

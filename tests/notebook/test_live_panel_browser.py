@@ -35,7 +35,7 @@ FIRST, PANEL, BUSY = 0, 1, 2
 
 
 @dataclass
-class CommandHandler:
+class NotebookUser:
     """Somebody at a notebook, and what is at the other end."""
 
     page: Page
@@ -88,7 +88,7 @@ def show_panel(page: Page) -> None:
 
 
 @pytest.fixture(scope="module")
-def command_handler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandHandler]:
+def user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NotebookUser]:
     expect_browser()
     folder = tmp_path_factory.mktemp("lab")
     notebooks = folder / "notebooks"
@@ -114,17 +114,15 @@ def command_handler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Comman
             page = Page(driver, address, "panel.ipynb")
             page.run_cell(FIRST)
             show_panel(page)
-            yield CommandHandler(page, engine, sky)
+            yield NotebookUser(page, engine, sky)
 
 
 def test_the_page_shows_the_engine_its_picture_and_its_record(
-    command_handler: CommandHandler,
+    user: NotebookUser,
 ) -> None:
-    command_handler.armed()
-    page = command_handler.page
-    page.wait(
-        lambda: page.text(".rso-state") == command_handler.engine.status()["state"], "its state"
-    )
+    user.armed()
+    page = user.page
+    page.wait(lambda: page.text(".rso-state") == user.engine.status()["state"], "its state")
     page.wait(lambda: page.text(".rso-holder") == "autonomy has the mount", "who has the mount")
     page.wait(lambda: page.all(".rso-image[src^=blob]"), "a picture")
     image = page.all(".rso-image")[0]
@@ -134,122 +132,94 @@ def test_the_page_shows_the_engine_its_picture_and_its_record(
     assert "frame" in page.text("figcaption")
 
 
-def test_stop_acts_at_once_though_a_cell_runs(command_handler: CommandHandler) -> None:
-    command_handler.page.run_cell(BUSY)
-    command_handler.moving()
-    command_handler.press("STOP")
-    command_handler.page.wait(
-        lambda: "motion ended" in command_handler.page.text(".rso-banner"), "its end", 5.0
-    )
-    assert not is_slewing(mount_by_itself(command_handler.sky))
-    wait_for(
-        lambda: command_handler.engine.status()["holder"] == "nobody", "a disarmed engine", 3.0
-    )
-    busy = command_handler.page.all(".jp-CodeCell .jp-InputPrompt")[BUSY]
+def test_stop_acts_at_once_though_a_cell_runs(user: NotebookUser) -> None:
+    user.page.run_cell(BUSY)
+    user.moving()
+    user.press("STOP")
+    user.page.wait(lambda: "motion ended" in user.page.text(".rso-banner"), "its end", 5.0)
+    assert not is_slewing(mount_by_itself(user.sky))
+    wait_for(lambda: user.engine.status()["holder"] == "nobody", "a disarmed engine", 3.0)
+    busy = user.page.all(".jp-CodeCell .jp-InputPrompt")[BUSY]
     assert busy.text.strip() == "[*]:"
 
 
-def test_arming_asks_which_failed_checks_are_overridden(command_handler: CommandHandler) -> None:
-    command_handler.engine.send("disarm")
-    command_handler.page.wait(
-        lambda: command_handler.button("Arm"), "a disarmed engine on the page"
-    )
-    command_handler.press("Arm")
-    command_handler.page.wait(
-        lambda: command_handler.button("Arm, overriding the ticked"), "the checklist"
-    )
-    failed = command_handler.page.all(".rso-dialog input")
+def test_arming_asks_which_failed_checks_are_overridden(user: NotebookUser) -> None:
+    user.engine.send("disarm")
+    user.page.wait(lambda: user.button("Arm"), "a disarmed engine on the page")
+    user.press("Arm")
+    user.page.wait(lambda: user.button("Arm, overriding the ticked"), "the checklist")
+    failed = user.page.all(".rso-dialog input")
     names = {each.get_attribute("value") for each in failed}
     assert names == {"sun", "pointing"}
-    command_handler.press("Stay disarmed")
-    command_handler.page.wait(
-        lambda: not command_handler.button("Stay disarmed"), "the checklist put away"
-    )
-    assert command_handler.engine.status()["holder"] == "nobody"
-    command_handler.press("Arm")
-    command_handler.page.wait(
-        lambda: command_handler.button("Arm, overriding the ticked"), "the checklist again"
-    )
-    for each in command_handler.page.all(".rso-dialog input"):
+    user.press("Stay disarmed")
+    user.page.wait(lambda: not user.button("Stay disarmed"), "the checklist put away")
+    assert user.engine.status()["holder"] == "nobody"
+    user.press("Arm")
+    user.page.wait(lambda: user.button("Arm, overriding the ticked"), "the checklist again")
+    for each in user.page.all(".rso-dialog input"):
         each.click()
-    command_handler.press("Arm, overriding the ticked")
-    wait_for(lambda: command_handler.engine.status()["holder"] == "autonomy", "an armed engine")
-    assert set(command_handler.engine.status()["lifted"]) >= names
-    command_handler.page.wait(
-        lambda: "overridden" in command_handler.page.text(".rso-alerts"), "what was overridden"
-    )
+    user.press("Arm, overriding the ticked")
+    wait_for(lambda: user.engine.status()["holder"] == "autonomy", "an armed engine")
+    assert set(user.engine.status()["lifted"]) >= names
+    user.page.wait(lambda: "overridden" in user.page.text(".rso-alerts"), "what was overridden")
 
 
-def test_hold_and_resume(command_handler: CommandHandler) -> None:
-    command_handler.armed()
-    command_handler.press("Hold")
-    wait_for(lambda: command_handler.engine.status()["is_held"], "a held engine")
-    command_handler.page.wait(
-        lambda: "HELD" in command_handler.page.text(".rso-state"), "the hold on the page"
-    )
-    command_handler.press("Resume")
-    wait_for(lambda: not command_handler.engine.status()["is_held"], "an engine that goes on")
+def test_hold_and_resume(user: NotebookUser) -> None:
+    user.armed()
+    user.press("Hold")
+    wait_for(lambda: user.engine.status()["is_held"], "a held engine")
+    user.page.wait(lambda: "HELD" in user.page.text(".rso-state"), "the hold on the page")
+    user.press("Resume")
+    wait_for(lambda: not user.engine.status()["is_held"], "an engine that goes on")
 
 
 def test_go_to_shows_the_way_first_and_is_refused_below_the_horizon(
-    command_handler: CommandHandler,
+    user: NotebookUser,
 ) -> None:
-    command_handler.armed()
-    command_handler.fill(".rso-where", LOW_TEXT)
-    command_handler.page.wait(
-        lambda: "REFUSED" in command_handler.page.text(".rso-way"), "a refusal"
-    )
-    assert command_handler.button("Go there") is None
-    command_handler.fill(".rso-where", NEAR_TEXT)
-    command_handler.page.wait(lambda: "way " in command_handler.page.text(".rso-way"), "the way")
-    assert command_handler.engine.status()["holder"] == "autonomy"
-    command_handler.press("Go there")
-    wait_for(lambda: command_handler.engine.status()["holder"] == "operator", "a move by hand")
+    user.armed()
+    user.fill(".rso-where", LOW_TEXT)
+    user.page.wait(lambda: "REFUSED" in user.page.text(".rso-way"), "a refusal")
+    assert user.button("Go there") is None
+    user.fill(".rso-where", NEAR_TEXT)
+    user.page.wait(lambda: "way " in user.page.text(".rso-way"), "the way")
+    assert user.engine.status()["holder"] == "autonomy"
+    user.press("Go there")
+    wait_for(lambda: user.engine.status()["holder"] == "operator", "a move by hand")
     ra_deg, dec_deg = (float(word) for word in NEAR_TEXT.split())
 
     def is_there() -> bool:
-        told = command_handler.engine.status()
+        told = user.engine.status()
         near = abs(told["mount_ra"] - ra_deg) < 0.1 and abs(told["mount_dec"] - dec_deg) < 0.1
         return near and not told["is_slewing"]
 
     wait_for(is_there, "a telescope that looks there")
-    command_handler.press("Resume")
-    wait_for(lambda: command_handler.engine.status()["holder"] == "autonomy", "autonomy again")
+    user.press("Resume")
+    wait_for(lambda: user.engine.status()["holder"] == "autonomy", "autonomy again")
 
 
-def test_tuning_shows_its_effect_and_applies(command_handler: CommandHandler) -> None:
-    command_handler.armed()
-    command_handler.page.all(".rso-tune summary")[0].click()
-    command_handler.fill('.rso-tuned [name="filter.q_multiplier"]', "4")
-    command_handler.page.wait(
-        lambda: "if tried" in command_handler.page.text(".rso-effect"), "the effect"
-    )
-    command_handler.press("Apply")
+def test_tuning_shows_its_effect_and_applies(user: NotebookUser) -> None:
+    user.armed()
+    user.page.all(".rso-tune summary")[0].click()
+    user.fill('.rso-tuned [name="filter.q_multiplier"]', "4")
+    user.page.wait(lambda: "if tried" in user.page.text(".rso-effect"), "the effect")
+    user.press("Apply")
 
     def changes() -> list[ParameterChange]:
-        found = command_handler.engine.reader.records(kinds=(ParameterChange,))
+        found = user.engine.reader.records(kinds=(ParameterChange,))
         return [r for _, _, r in found if r.name == "filter.q_multiplier"]
 
     (change,) = wait_for(changes, "the change on record")
     assert change.after == 4.0
     assert change.by.startswith("console ")
-    field = command_handler.page.all('.rso-tuned [name="filter.q_multiplier"]')[0]
-    command_handler.page.wait(
-        lambda: "rso-tried" not in field.get_attribute("class"), "the value in force"
-    )
+    field = user.page.all('.rso-tuned [name="filter.q_multiplier"]')[0]
+    user.page.wait(lambda: "rso-tried" not in field.get_attribute("class"), "the value in force")
 
 
-def test_stop_goes_past_an_engine_that_is_gone(command_handler: CommandHandler) -> None:
-    command_handler.moving()
-    command_handler.engine.kill()
-    command_handler.page.wait(
-        lambda: command_handler.page.text(".rso-state") == "ENGINE GONE", "the engine's end"
-    )
-    assert command_handler.button("Hold") is None
-    command_handler.press("STOP")
-    command_handler.page.wait(
-        lambda: "past the engine" in command_handler.page.text(".rso-banner"), "its end", 5.0
-    )
-    wait_for(
-        lambda: not is_slewing(mount_by_itself(command_handler.sky)), "a mount that stands", 3.0
-    )
+def test_stop_goes_past_an_engine_that_is_gone(user: NotebookUser) -> None:
+    user.moving()
+    user.engine.kill()
+    user.page.wait(lambda: user.page.text(".rso-state") == "ENGINE GONE", "the engine's end")
+    assert user.button("Hold") is None
+    user.press("STOP")
+    user.page.wait(lambda: "past the engine" in user.page.text(".rso-banner"), "its end", 5.0)
+    wait_for(lambda: not is_slewing(mount_by_itself(user.sky)), "a mount that stands", 3.0)

@@ -161,7 +161,7 @@ def control_socket(scratch: Path) -> Path | None:
 
 
 class NightProcess:
-    """A night in a process of its own; it outlives the one that started it."""
+    """A night in a process of its own; it outlives the process that started it."""
 
     def __init__(
         self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info

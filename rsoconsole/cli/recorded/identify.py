@@ -206,7 +206,7 @@ def _report(
 def _tracks_of(
     path: Path, ask: "ReadAs", track: int | None
 ) -> "tuple[tuple[Observed, ...], Observed]":
-    """All that are named together, and the one that is told in full."""
+    """All that are named together, and the object that is reported in full."""
     from rsoconsole.export import read_observations
 
     groups = read_observations(path, ask)

@@ -22,7 +22,7 @@ def identify_field(
 ) -> None:
     """Read the frames one after another, then answer. A frame that cannot be used ends nothing.
 
-    ``frame_count``: so many of the files are frames, the others hold elements.
+    ``frame_count``: how many of the files are frames; the others hold elements.
     """
     from rsoconsole.cli.words import frame_lines, movers_lines, source_lines
     from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames

@@ -215,10 +215,10 @@ def archive(
 def prune(
     *,
     keep_days: Annotated[
-        float | None, typer.Option(min=0, help="Leave sessions younger than so many days.")
+        float | None, typer.Option(min=0, help="Leave sessions younger than this, in days.")
     ] = None,
     keep_last: Annotated[
-        int | None, typer.Option(min=0, help="Leave so many newest sessions.")
+        int | None, typer.Option(min=0, help="Number of newest sessions to leave.")
     ] = None,
     free: Annotated[
         float | None,

@@ -41,7 +41,7 @@ SetOption = Annotated[
     ),
 ]
 SHARED_FROM = 8
-"""So many sessions before a refold alone is worth other processes."""
+"""Sessions from which on a refold alone is worth other processes."""
 
 
 class _SetTakesTwo(TyperCommand):
@@ -69,8 +69,8 @@ def what_if(
     sessions: SessionsArgument,
     *,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
-    q: Annotated[float | None, typer.Option("--q", help="Q so many times.")] = None,
-    r: Annotated[float | None, typer.Option("--r", help="R so many times.")] = None,
+    q: Annotated[float | None, typer.Option("--q", help="Factor on Q.")] = None,
+    r: Annotated[float | None, typer.Option("--r", help="Factor on R.")] = None,
     sigma: Annotated[
         float | None, typer.Option(help="Sigma of preset paper, in arcseconds.")
     ] = None,

@@ -36,7 +36,7 @@ class Bar:
         self._task = task
 
     def __call__(self, steps: int = 1) -> None:
-        """So many steps more."""
+        """Advance by a number of steps."""
         if self._bars is not None and self._task is not None:
             self._bars.advance(self._task, steps)
 

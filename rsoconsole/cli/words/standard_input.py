@@ -1,4 +1,4 @@
-"""Files that are named elsewhere than on the command line, and the one that comes through a pipe.
+"""Files that are named elsewhere than on the command line, and a file that comes through a pipe.
 
 ``-`` is a file's content on standard input, as for cat and wc; names of files are read by
 ``--files-from``, as for tar and rsync.

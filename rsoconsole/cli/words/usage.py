@@ -73,7 +73,7 @@ def help_of(error: Any) -> str:
 
 
 def _near_option(words: str, error: Any) -> str:
-    """A wrong option with the one that was meant, where there is a likely one."""
+    """A wrong option with the option that was probably meant, where there is one."""
     if type(error).__name__ != "NoSuchOption" or error.ctx is None:
         return words
     options = [each for one in error.ctx.command.params for each in one.opts if each[:2] == "--"]

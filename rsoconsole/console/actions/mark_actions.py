@@ -43,7 +43,7 @@ class MarkingSeat(ActingSeat, Protocol):
 
 
 class MarkActions:
-    """The mark that is being made, and the one that was made last."""
+    """The mark that is being made, and the mark that was made last."""
 
     def __init__(self, seat: MarkingSeat) -> None:
         self._seat = seat

@@ -13,7 +13,7 @@ from rsoconsole.control import Command
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20
-"""Among so many of the log's last lines is what a command came to."""
+"""Last lines of the log in which the result of a command is looked for."""
 
 
 class LookingSeat(Protocol):
@@ -51,7 +51,7 @@ class ActingSeat(LookingSeat, Protocol):
         """Seconds of a clock that nobody sets."""
 
     def set_timer(self, delay: float, callback: Callable[[], None]) -> object:
-        """Have it called once, so many seconds from now."""
+        """Have it called once, ``delay`` seconds from now."""
 
 
 def open_unasked(

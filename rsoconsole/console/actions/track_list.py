@@ -24,7 +24,7 @@ class TrackList:
     """Whether the list says who stands next to whom."""
 
     def chosen(self, night: NightView) -> FollowedTrack | None:
-        """The one that was chosen; None for the lead, or where it has ended."""
+        """The chosen track; None for the lead, or where it has ended."""
         return next((each for each in night.tracks if each.track_id == self.chosen_id), None)
 
     def at_cursor(self, night: NightView) -> FollowedTrack | None:
@@ -50,7 +50,7 @@ class TrackList:
         return partial(track_list_lines, night, chosen, now, next_aim=engine.next_aim)
 
     def move(self, night: NightView, by: int) -> None:
-        """The cursor, by so many rows."""
+        """Move the cursor by a number of rows."""
         tracks = night.tracks
         if not tracks:
             return

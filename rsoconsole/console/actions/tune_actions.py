@@ -241,7 +241,7 @@ class TuneActions:
                 return
             self._set(self.tuning.changes, int(text))
 
-        dialog = LineDialog("apply for so many frames", "how many", f"{USUAL_FRAMES}")
+        dialog = LineDialog("apply for a number of frames", "how many", f"{USUAL_FRAMES}")
         seat.ask(dialog, decided)
 
     def _undo(self) -> None:

@@ -131,7 +131,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "abort_exposure",
         "b",
         "Abort the exposure",
-        "give up the one that runs; the next begins as planned",
+        "give up the running exposure; the next begins as planned",
         "telescope",
         acts=True,
         sends=Abort(),

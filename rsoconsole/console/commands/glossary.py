@@ -113,7 +113,7 @@ TERMS: tuple[tuple[str, str], ...] = (
 
 
 def glossary_text(columns: int = 70) -> str:
-    """All terms, wrapped to so many columns."""
+    """All terms, wrapped to ``columns``."""
     return "\n".join(line for term, words in TERMS for line in _entry(term, words, columns))
 
 

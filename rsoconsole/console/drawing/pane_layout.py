@@ -116,7 +116,7 @@ def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
 
 
 def timeline_rows(height: int) -> int:
-    """How many rows a terminal of so many lines gives to a time line."""
+    """How many rows a terminal of that height gives to a time line."""
     if height < LOW_LINES:
         return 1
     return 2 if height < LARGE[1] else 3
@@ -241,7 +241,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
 
 
 def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect: float) -> int:
-    """The picture and its close-up in so many rows; returns the columns that they take."""
+    """The picture and its close-up in a number of rows; returns the columns that they take."""
     frame_rows = min(round(rows * 0.64), math.ceil(at_most / aspect / 2) + 2)
     columns = max(_frame_columns(frame_rows - 2, aspect, at_most), min(at_most, 58))
     boxes["frame"] = Box(x=0, y=all_.y, width=columns, height=frame_rows)
@@ -251,7 +251,7 @@ def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect
 
 
 def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:
-    """Panes of so many rows each, one under the other; returns the row below the last."""
+    """Panes with the rows of each, one under the other; returns the row below the last."""
     y = where.y
     for name, n in rows.items():
         _put(boxes, name, Box(x=where.x, y=y, width=where.width, height=n))

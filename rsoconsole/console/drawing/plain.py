@@ -90,7 +90,7 @@ def spelled(texts: Sequence[str]) -> list[str]:
 
 
 def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
-    """Where so many cells can be taken out of a gap that keeps one; None where there is none."""
+    """Where cells can be taken out of a gap that keeps one; None where there is no such gap."""
     line = "".join(sign for sign, _ in cells)
     before = line[:at]
     width = len(before) - len(before.rstrip(" "))

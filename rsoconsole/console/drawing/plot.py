@@ -17,7 +17,7 @@ NIS_HEADROOM = 1.6
 """How far the axis goes beyond the upper bound of the band."""
 REFUSED = "×"
 LEAST_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
-"""Of so many residuals that share makes the axis; what is so many times as large lies beyond it."""
+"""Least residuals, share of them that makes the axis, factor on it beyond which one is outside."""
 MAX_SPREAD = 3
 """Cells an exposure takes at most, while there are few."""
 _BRAILLE = 0x2800
@@ -253,7 +253,7 @@ def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Col
 
 
 def cells_a_frame(columns: int, frames: int) -> int:
-    """How many cells one frame takes among so many in a plot."""
+    """How many cells one frame takes in a plot of ``frames``."""
     return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
 
 

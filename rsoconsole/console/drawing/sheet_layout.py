@@ -5,10 +5,10 @@ from typing import Literal
 from rsoconsole.console.drawing.pane_layout import Box
 
 BESIDE_COLUMNS = 72
-"""From so many on the panel stands beside the picture."""
+"""Columns from which on the panel stands beside the picture."""
 PANEL_COLUMNS = (34, 46)
 BELOW_ROWS = 24
-"""From so many on it has a third of the screen below it; in fewer it is a summary."""
+"""Rows from which on it has a third of the screen below it; in fewer it is a summary."""
 SUMMARY_ROWS = 2
 
 Name = Literal["status", "alert", "picture", "panel", "keys"]

@@ -60,7 +60,7 @@ class SheetPane(FramePane):
         return self._shares_of(finer, 2 * finer)
 
     def _shares_of(self, across: int, down: int) -> LightImage:
-        """Of so many parts across and down a cell."""
+        """Parts of a cell, across and down."""
         from rsoconsole.console.picture import map_shares
 
         sheet = self._sheet

@@ -51,7 +51,7 @@ def alerts_between(
 
 
 def _is_sought(night: NightView) -> bool:
-    """Whether it is the operator's own doing: he looks for it again, or has rejected it."""
+    """Whether it is the operator's own doing: they search for it again, or have rejected it."""
     return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
 
 

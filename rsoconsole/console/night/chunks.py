@@ -5,7 +5,7 @@ from typing import TypeAlias, TypeVar
 
 Item = TypeVar("Item")
 Chunks: TypeAlias = tuple[tuple[Item, ...], ...]
-"""The items, in order, so many at a time."""
+"""The items, in order, in chunks of one size."""
 CHUNK = 256
 
 

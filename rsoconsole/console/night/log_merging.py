@@ -11,7 +11,7 @@ from rsoconsole.sky import utc_ns_to_iso
 
 LOOK_BACK_LINES = 6
 FOLLOWED_AGAIN_LINES = 100
-"""Among so many of the last lines are those of the frames that can be followed again."""
+"""Last lines among which are those of the frames that can be followed again."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:

@@ -23,7 +23,7 @@ from rsoconsole.records import (
 from rsoconsole.tracking.initiation import ON_TRIAL
 
 MOST_ROWS = 400
-"""Of a track so many of its last frames are kept for its plots."""
+"""Last frames of a track that are kept for its plots."""
 SAME_PLACE_PX = 1.0
 PAIRS_KEPT_NS = 3_600_000_000_000
 """A pair that was not looked at for longer is of tracks that have ended."""

@@ -12,7 +12,7 @@ class TimelinePane(LinesPane):
     """A click goes there, and so does the mouse while it is drawn along."""
 
     class Pointed(Message):
-        """A cell of the strip, of so many."""
+        """A cell of the strip, and the number of its cells."""
 
         def __init__(self, column: int, columns: int) -> None:
             super().__init__()

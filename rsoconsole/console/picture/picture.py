@@ -178,7 +178,7 @@ def draw_closeup(
 def _pixels_a_square(
     marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
 ) -> int:
-    """So many that the streak nearest to the middle has room."""
+    """As many as the streak nearest to the middle needs."""
     streaks = [mark for mark in marks if mark.ends_px is not None]
     if not streaks:
         return 1

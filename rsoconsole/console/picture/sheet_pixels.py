@@ -148,7 +148,7 @@ def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     out = np.empty((-(-height // block), -(-width // block)), np.float32)
 
     def fill(row: int, column: int, rows: int, columns: int) -> None:
-        """So many blocks from there; beyond the last whole one, what is left of it."""
+        """A number of blocks from there; beyond the last whole one, what is left of it."""
         y, x = slice(row * block, (row + rows) * block), slice(column * block, None)
         piece = np.ascontiguousarray(pixels[y, x][:, : columns * block], np.float32)
         made = cv2.resize(piece, (columns, rows), interpolation=cv2.INTER_AREA)

@@ -14,7 +14,7 @@ STEPS = (1, 4, 16, 64)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """A frame seen through so many cells, each two squares high, with a cross at one place."""
+    """A frame seen through a grid of cells, each two squares high, with a cross at one place."""
 
     width_px: int
     height_px: int
@@ -76,7 +76,7 @@ class View:
         return replace(self, zoom=None if zoom > farthest else zoom)
 
     def moved(self, across: float, down: float) -> "View":
-        """With the cross so many squares further; it stays in the frame."""
+        """With the cross moved by some squares; it stays in the frame."""
         step = self.px_per_square
         return self.at(self.x_px + across * step, self.y_px + down * step)
 

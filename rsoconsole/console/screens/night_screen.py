@@ -340,7 +340,7 @@ class NightScreen(Seat):
         self.key_line.place()
 
     def timeline_rows(self, height: int) -> int:
-        """How many rows over the keys a time line takes, in a terminal of so many lines."""
+        """How many rows over the keys a time line takes, in a terminal of that height."""
         _ = height
         return 0
 

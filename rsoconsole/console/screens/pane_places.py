@@ -36,7 +36,7 @@ class PlacedScreen(Protocol):
         """Of the shown picture: width over height."""
 
     def timeline_rows(self, height: int) -> int:
-        """How many rows over the keys a time line takes, in a terminal of so many lines."""
+        """How many rows over the keys a time line takes, in a terminal of that height."""
 
     def pane(self, name: str) -> LinesPane:
         """The pane of that name."""

@@ -29,7 +29,7 @@ def line_text(line: LogLine) -> str:
 
 
 class ReadingDialog(Dialog[str | None]):
-    """Messages in full, the newest first; gives the one that is to be copied."""
+    """Messages in full, the newest first; gives the message that is to be copied."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """

@@ -67,7 +67,7 @@ HEAD = "head"
 
 
 class ReviewScreen(NightScreen):
-    """A recorded night, or the past of the one that goes on."""
+    """A recorded night, or the past of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
     PANES: ClassVar[tuple[Name, ...]] = (*NightScreen.PANES, "timeline")
@@ -92,11 +92,11 @@ class ReviewScreen(NightScreen):
         self.lines: tuple[LogLine, ...] = ()
         """Of the whole log, as far as it has been read."""
         self.moment: Moment | None = None
-        """The one that is shown; None before the first."""
+        """The moment that is shown; None before the first."""
         self.kept: Moment | None = None
         """The one to compare with, A; None while none is kept."""
         self.seq = 0
-        """The one that is wanted."""
+        """The moment that is wanted."""
         self.is_at_head = False
         """Whether a night that goes on is followed."""
         self.kind: str = ANY

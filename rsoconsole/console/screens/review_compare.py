@@ -12,7 +12,7 @@ class ComparedScreen(MovedScreen, Protocol):
     """The screen that shows the moment, and keeps another."""
 
     moment: Moment | None
-    """The one that is shown; None before the first."""
+    """The moment that is shown; None before the first."""
     kept: Moment | None
     """A; None while none is kept."""
 
@@ -32,7 +32,7 @@ class ReviewCompare:
         self._review.kept = self._other_seq = None
 
     def action_compare(self) -> None:
-        """Keep this moment, or show it beside the one that is kept."""
+        """Keep this moment, or show it beside the kept one."""
         review = self._review
         moment = review.moment
         self._is_asked_early = moment is None or moment.seq != review.seq

@@ -67,7 +67,7 @@ class ReviewLogPane(LogPane):
         self.filter("")
 
     def action_choose(self, by: int) -> None:
-        """The line so many below."""
+        """The line ``by`` below."""
         found = self.found
         if self.chosen is None or self.chosen not in found:
             return

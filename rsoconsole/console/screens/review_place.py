@@ -17,7 +17,7 @@ class ReviewedNight(ComparedScreen, Protocol):
 
 
 def place_of(review: ReviewedNight, moves: ReviewMoves) -> Place:
-    """The moment that is wanted, the one that is kept, and what is jumped to."""
+    """The wanted moment, the kept moment, and what is jumped to."""
     return Place(
         seq=review.seq,
         words=tuple(word for word in _words(review, moves) if word),

@@ -190,7 +190,7 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
 
 
 def _word(name: str, columns: int) -> str:
-    """The state's name, or its letter, where a run of so many cells has room for it."""
+    """The state's name, or its letter, where a run of that length has room for it."""
     if columns > len(name) + 1:
         return name
     return name[:1] if columns > 2 else ""

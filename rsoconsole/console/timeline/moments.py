@@ -1,6 +1,6 @@
 """A session at any place of its log: folded once to its end, with places to begin again from.
 
-While the log is read, the fold is kept every so many frames. A moment is the fold from the
+While the log is read, the fold is kept at intervals of frames. A moment is the fold from the
 nearest kept place before it. What has not been read yet is shown from a little before it, and
 said to be so.
 """
@@ -23,7 +23,7 @@ KEPT_EVERY_FRAMES = 50
 KEPT_EVERY_RECORDS = 1000
 """Where a log has few frames."""
 FRAMES_BEFORE = 60
-"""Of a moment that has not been read yet: so many frames before it are."""
+"""Of a moment that has not been read yet: frames before it that are read."""
 PICTURES, MOMENTS = 12, 4
 """How many of the last ones shown are at hand."""
 

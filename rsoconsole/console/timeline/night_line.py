@@ -107,7 +107,7 @@ class Timeline:
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
 
     def step(self, seq: int, by: int) -> int | None:
-        """The end of the frame so many on (or back, below 0); None where there is none at all.
+        """The end of the frame ``by`` on (or back, below 0); None where there is none at all.
 
         From a place within a frame, one on is that frame's own end.
         """

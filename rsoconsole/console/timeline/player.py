@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from rsoconsole.console.timeline.night_line import Timeline
 
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1000.0)
-"""So many times faster than it was."""
+"""Paces of replay, as factors on the night's own."""
 GAP_CADENCES = 10.0
-"""A time without frames that is so many times longer than usual is not waited through."""
+"""A gap between frames longer than this many times the usual one is skipped."""
 
 
 def speed_words(speed: float) -> str:

@@ -20,7 +20,7 @@ READ_AT_ONCE_S = 0.02
 BREATH_S = 0.2
 """So long the reading rests after a moment was shown: drawing it comes first."""
 REPORT_S, REPORT_RECORDS = 0.3, 40_000
-"""So often the time line is told while the log is read, of one with so many records."""
+"""Seconds between reports while the log is read, of a log with this number of records."""
 CLOSED_CHECK_S = 2.0
 
 OnTimeline = Callable[[Path, Timeline, tuple[LogLine, ...]], None]

@@ -41,7 +41,7 @@ class TrackQuality:
 
 
 def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | None:
-    """Of the lead's last so many frames; None before it has been measured against a prediction."""
+    """Of the lead's last frames; None before it has been measured against a prediction."""
     rows = frames_of_track(night, last)
     measured = [
         (row.residual_arcsec, row.sigma_arcsec, row.nis)
@@ -75,7 +75,7 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
 
 
 def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
-    """The lead's last so many frames: processed, and pointed at it. The tuning pane's are these."""
+    """The lead's last frames: processed, and pointed at it. The tuning pane shows these."""
     first = night.track_frame_id if night.track is not None else 0
     own = (row for row in night.rows if row.frame_id >= first)
     return [row for row in own if row.was_sought and row.is_reduced][-last:]

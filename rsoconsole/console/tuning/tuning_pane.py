@@ -34,7 +34,7 @@ class Tunable:
     """Of the filter, which alone asks for it; None: every one does."""
 
     def stepped(self, value: Value, by: int) -> Value:
-        """So many steps from a value, in figures that a person would type."""
+        """A value moved by a number of steps, in figures that a person would type."""
         if self.choices:
             at = self.choices.index(str(value)) if value in self.choices else 0
             return self.choices[(at + by) % len(self.choices)]
@@ -216,7 +216,7 @@ class TunePane(LinesPane, can_focus=False):
         Binding("left", "step(-1)", "Less"),
         Binding("right", "step(1)", "More"),
         Binding("enter", "say('apply')", "Apply"),
-        Binding("f", "say('lend')", "Apply for so many frames"),
+        Binding("f", "say('lend')", "Apply for a number of frames"),
         Binding("u", "say('undo')", "Undo"),
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),

@@ -45,7 +45,7 @@ class WhatIfWatch:
     ) -> None:
         """Compute with these settings tried (any thread).
 
-        ``until_seq``: as of that place of the log, None: its end; ``last``: over so many frames,
+        ``until_seq``: as of that place of the log, None: its end; ``last``: over how many frames,
         None: over all.
         """
         self._asked = Question(

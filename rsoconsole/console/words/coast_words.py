@@ -7,7 +7,7 @@ from rsoconsole.console.words.words import NS_PER_S, clock_text, duration_text
 from rsoconsole.records import TrackState
 
 FRAMES_COUNTED = 60
-"""Given up later than after so many frames, an instant says more than a number."""
+"""Where it is given up later than after this number of frames, the instant is shown instead."""
 
 
 def coast_words(night: NightView, now_utc_ns: int | None) -> str:
@@ -27,7 +27,7 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
 
 
 def _looked_elsewhere(night: NightView, last: int) -> int:
-    """Of so many last frames, in how many it could not be: they are no misses."""
+    """Of the last frames, in how many it could not be seen: they are no misses."""
     reduced = [row for row in night.rows if row.is_reduced][-last:]
     return sum(row.miss == ELSEWHERE for row in reduced)
 

@@ -46,7 +46,7 @@ def neighbour_lines(night: NightView, chosen: int | None, width: int, height: in
 
 
 def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
-    """The pair of a track with the one that stands nearest to it; None where none is known."""
+    """The pair of a track with its nearest neighbour; None where none is known."""
     followed = {each.track_id for each in night.tracks}
     own = (
         each

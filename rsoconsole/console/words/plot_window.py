@@ -24,7 +24,7 @@ class PlotWindow:
     frames_a_mark: int = 1
 
     def moved(self, marks: int, count: int, room: int = 1) -> "PlotWindow":
-        """So many marks on (negative: back), in a night of so many frames.
+        """Moved on by a number of marks (negative: back), in a night of ``count`` frames.
 
         ``room``: marks that the plot has room for: it goes back until the oldest ones fill it.
         """
@@ -35,7 +35,7 @@ class PlotWindow:
         return replace(self, back=min(max(back, 0), most))
 
     def zoomed(self, factor: float) -> "PlotWindow":
-        """With so many times the frames to a mark: 2 or 0.5."""
+        """With a factor on the frames to a mark: 2 or 0.5."""
         frames = min(max(round(self.frames_a_mark * factor), 1), MOST_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
@@ -44,7 +44,7 @@ class PlotWindow:
         return rows[: len(rows) - self.back] if self.back else rows
 
     def visible(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
-        """The frames that a plot of so many columns, axis and all, has marks of."""
+        """The frames that a plot of ``width`` columns, axis and all, has marks of."""
         seen, n = self.seen(rows), self.frames_a_mark
         marks = -(-len(seen) // n)
         return seen[max(marks - max(width - AXIS_COLUMNS, 0), 0) * n :]
@@ -60,7 +60,7 @@ class PlotWindow:
     def rows(self, rows: Sequence[FrameRow], width: int | None = None) -> tuple[FrameRow, ...]:
         """One row a mark, oldest first; of several frames that with the worst fit.
 
-        ``width``: only those that a plot of so many columns has room for.
+        ``width``: only those that a plot of that width has room for.
         """
         seen = self.seen(rows) if width is None else self.visible(rows, width)
         n = self.frames_a_mark

@@ -199,7 +199,7 @@ def short(value: float) -> str:
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:
-    """The first row of a list that is shown, so that the chosen one is among so many rows."""
+    """The first row of a list that is shown, so that the chosen one is in view."""
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
@@ -257,7 +257,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
 
 
 def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
-    """Where the followed streak was measured, and how well, in so many columns."""
+    """Where the followed streak was measured, and how well, in at most ``width`` columns."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
         return []

@@ -71,7 +71,7 @@ class Awaiting:
         self._last_orbit = orbit
 
     def next_one(self, now_ns: int) -> Awaited | None:
-        """The one that is waited for, found where the last is over; None: whatever comes."""
+        """The pass that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._session_log.say("info", f"{awaited.name} did not come by")

@@ -44,7 +44,7 @@ LEAP_POLL_NS = NS // 10
 _AHEAD_S, _STEP_S = 150.0, 3.0
 """How far a track's path is looked at for the next leap: a flip of the mount fits in."""
 SURE_STREAKS = 3
-"""So many tell an orbit well enough to go ahead of a frame that has not come yet."""
+"""Streaks from which on an orbit is known well enough to go ahead of the next frame."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
 """Of both ends in the next field, and of the track's sense."""
 _GLANCE_NS = NS // 10
@@ -52,7 +52,7 @@ _GLANCE_NS = NS // 10
 
 
 LookAt = Callable[[Frame, float], Glance | None]
-"""At the middle of a frame, so many pixels about its centre."""
+"""Looks at the middle of a frame, within a number of pixels of its centre."""
 
 
 class Leaping:

@@ -122,7 +122,7 @@ class Engine:
         self._kept = KeptTrack()
         self._faults = Faults()
         self._gave_up: str | None = None
-        """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
+        """Why autonomy gave the mount back by itself: a run of a given length ends there."""
         self._has_dawned = False
         """The night is over, and the mount has not been asked for since."""
         parts = Parts(
@@ -334,7 +334,7 @@ class Engine:
             self._end()
 
     def _is_over(self, frames: int | None) -> bool:
-        """Whether a run of so many frames has come to its end."""
+        """Whether a run of a given number of frames has come to its end."""
         if frames is None:
             return False
         return self.frame_id >= frames or (self._has_dawned and not self._parking.is_wanted)

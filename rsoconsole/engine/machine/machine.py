@@ -18,7 +18,7 @@ PI_HOT_C, HOT_C = 80.0, 95.0
 FIRMWARE_TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16
-"""So many bits above each of these stands whether it has been so before."""
+"""Shift from each of these bits to the bit that says whether it has been so before."""
 _THROTTLED_FILE = "sys/devices/platform/soc/soc:firmware/get_throttled"
 _CPU_ZONES = ("cpu", "soc", "pkg")
 

@@ -70,7 +70,7 @@ def bytes_until_dawn(
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:
-    """Disk that so many seconds of exposures take at most."""
+    """Disk that exposures over ``duration_s`` take at most."""
     cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
     if config.session.keep_frames in {"none", "last"}:  # those of the last few weigh little
         kept_bytes = 0.0

@@ -25,7 +25,7 @@ MARK_SIGMA_PX = 2.0
 SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
-"""From so many times its sigma on a mark that would take a measurement's place asks first."""
+"""A mark whose sigma is this factor above a measurement's asks before it takes its place."""
 SAME_STREAK_ARCSEC = 30.0
 """An automatic measurement farther from the mark is of something else, if the mark is sure."""
 

@@ -72,7 +72,7 @@ class CommandHandler:
         *,
         machine: Callable[[], MachineState | None] = lambda: None,
     ) -> None:
-        """``flush``: wait until the disk has what was put on record, at most so many seconds.
+        """``flush``: wait until the disk has what was put on record, at most that long, in seconds.
 
         ``machine``: what was last seen of the machine itself.
         """

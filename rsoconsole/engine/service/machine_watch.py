@@ -26,9 +26,9 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 15.0
 SLOW_LOOKS = 8
-"""Disk and time source are looked at every so many looks."""
+"""Looks from one check of disk and time source to the next."""
 QUIET_LOOKS = 4
-"""What has not been seen for so many looks is over: a weak supply comes and goes."""
+"""Looks without it after which a trouble is over: a weak supply comes and goes."""
 ABOUT = "machine: "
 """How every line of the log about the machine begins."""
 Level = Literal["info", "warning", "alarm"]

@@ -193,7 +193,7 @@ def _notify_service_manager(words: str) -> None:
 
 
 def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
-    """Arm at the start where the checklist allows it; a run of so many frames insists.
+    """Arm at the start where the checklist allows it; a run of a given number of frames insists.
 
     Raises InstrumentError with what is missing when the run is bounded; else the engine says it
     and waits to be armed.

@@ -36,7 +36,7 @@ class Exposures:
         """When the shutter closes; None while it is closed."""
         self.frame_times = FrameTimes()
         self.on_camera_set: Callable[[float], None] = lambda _step_s: None
-        """Called when the camera's clock turns out to have been set, by so many seconds."""
+        """Called with the step in seconds when the camera's clock turns out to have been set."""
         self._instrument_controller = instrument_controller
         self._planner = planner
         self._watch = watch

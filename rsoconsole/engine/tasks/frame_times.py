@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 REMEMBERED = 10
 KNOWN_FROM = 5
-"""So many frames tell what is usual."""
+"""Frames that are enough to tell what is usual."""
 UNKNOWN_S = 10.0
 """Until then no frame is off that differs by less."""
 LEAST_S = 0.5
 SPREADS = 2.0
-"""So many times as far off as the frames before differ from one another."""
+"""Limit of an error of time, in units of the scatter of the frames before."""
 AGREED = 3
-"""So many frames in a row that agree are a clock that was set, and no frame that errs."""
+"""Frames in a row that agree on a step: then the clock was set, and no frame errs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking.filters import sky_rate_arcsec_s
 
 SHORTEST_PX = 40.0
-"""A streak of so many pixels has a direction of a degree or two."""
+"""Length, in pixels, from which a streak's direction is good to a degree or two."""
 LONGEST_SHARE = 1.0 / 3.0
 """Of the frame's shorter side."""
 _INSIDE = 1.25

@@ -6,7 +6,7 @@ from rsoconsole.errors import InstrumentError
 
 RETRY_NS = 30 * NS
 ENOUGH = 20
-"""After so many orders it is said for the last time: somebody must go there."""
+"""Orders after which it is said for the last time that somebody must go there."""
 
 
 class Parking:

@@ -63,7 +63,7 @@ class Seats:
             return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
     def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
-        """The holder gives the seat, or keeps it; ``to``: who is meant, None: the one that asks.
+        """The holder gives the seat, or keeps it; ``to``: who is meant, None: who asks.
 
         Raises ValueError where nobody asks for it, or somebody else does by now.
         """

@@ -1,4 +1,4 @@
-"""Settings that hold for so many frames, then go back to what they were."""
+"""Settings that hold for a number of frames, then go back to what they were."""
 
 from dataclasses import dataclass
 

@@ -93,7 +93,7 @@ class IndiCamera:
         )
 
     def set_binning(self, binning: int) -> int:
-        """Join so many pixels on each axis of those that the driver was set to join before."""
+        """Join a number of pixels on each axis, of those that the driver was set to join before."""
         answer = self.process.request(
             "bin",
             self._order_s,

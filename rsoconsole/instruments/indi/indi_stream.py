@@ -43,7 +43,7 @@ class IndiStream(asyncio.Protocol):
         self._cut = b""
         """The beginning of what may be an entity or a BLOB's tag."""
         self._blob: _Blob | None = None
-        """The one that is coming."""
+        """The BLOB that is coming."""
         self._blobs: OrderedDict[int, bytearray] = OrderedDict()
         self._tickets = 0
 
@@ -59,7 +59,7 @@ class IndiStream(asyncio.Protocol):
         self._reader.connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
-        """So many bytes have come."""
+        """Count bytes that have come."""
         if cleaned := self.cleaned(bytes(data)):
             self._reader.data_received(cleaned)
 

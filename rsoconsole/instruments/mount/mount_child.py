@@ -26,7 +26,7 @@ from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount_watch import MountWatch
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 
-_TELLING = (COORDINATES, PARK, TRACKING, SIDE)
+_REPORTED = (COORDINATES, PARK, TRACKING, SIDE)
 _ABORT = "TELESCOPE_ABORT_MOTION"
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5
@@ -299,7 +299,7 @@ class MountChild:
         return mirror.is_tracking
 
     def _on_vector(self, vector: Vector) -> None:
-        if vector.name not in _TELLING or self._client is None or self._mirror is None:
+        if vector.name not in _REPORTED or self._client is None or self._mirror is None:
             return
         # The simulated mount sends its time just before its coordinates.
         if not self._is_simulated or vector.name == COORDINATES:

@@ -16,7 +16,7 @@ class Lease:
         self._done_utc_ns: int | None = None
 
     def begin(self, now_s: float, lease_s: float | None = None) -> None:
-        """A slew was ordered, or somebody says that he watches; ``now_s``: monotonic time."""
+        """A slew was ordered, or an engine says that it watches; ``now_s``: monotonic time."""
         if lease_s is not None:
             self.lease_s = lease_s
         self._ends_s = now_s + self.lease_s

@@ -22,7 +22,7 @@ WINDOW_BAND = (1.03, 3.28)
 """95 % of the mean of twelve of them."""
 _WIDER = 5.0
 _FAR_WIDER = 20.0
-"""Bounds so many times wider than the innovations need a scale of their own."""
+"""Bounds wider than the innovations by this factor need a scale of their own."""
 
 
 def draw_confidence(figure: Any, night: Night) -> None:

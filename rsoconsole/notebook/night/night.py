@@ -196,7 +196,7 @@ def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measuremen
 
 
 def _assign(frame: NightFrame, candidates: list[Measurement]) -> None:
-    """Which measurement the track took: the one that it names."""
+    """Which measurement the track took: its id is in the state."""
     if frame.corrected is not None:
         named = frame.corrected.measurement_id
         frame.measured = next((m for m in candidates if m.measurement_id == named), None)

@@ -142,8 +142,8 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 def _release_reply_subshell(comm: Any) -> None:
     """Let every message of the page go to the subshell that it names.
 
-    ipykernel 7.4 sends it instead to the one that the last word to the page was an answer to: the
-    main shell, where the page has not spoken yet or its own subshell was not there when it did.
+    ipykernel 7.4 sends it instead to the shell of the message that was answered last: the main
+    shell, where the page has not spoken yet or its own subshell was not there when it did.
     """
     with contextlib.suppress(AttributeError):
         del comm._reply_subshell_id

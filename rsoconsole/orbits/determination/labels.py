@@ -20,7 +20,7 @@ CONSTRAINED_SIGMA_A = 0.03
 WIDEST_RANGE = 0.3
 """Relative sigma of the range from which on nothing is known of it."""
 _SURPRISE = {2: 11.83, 3: 14.16}
-"""A prior of so many dimensions is contradicted by more: three sigma."""
+"""Chi-square above which a prior of that dimension is contradicted: three sigma."""
 _MUCH = 2.5
 """Scatter over claimed sigma from which on it is worth a word."""
 

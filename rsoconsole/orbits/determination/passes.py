@@ -37,7 +37,7 @@ def is_as_predicted(state: State, covariance: FloatArray, later: Sightings) -> b
 def starts_towards(state: State, covariance: FloatArray, later: Sightings) -> tuple[State, ...]:
     """States at the epoch along the line on which an orbit is least known, three sigma either way.
 
-    So many that one of them is near the truth whatever the number of revolutions up to the other
+    Enough that one of them is near the truth whatever the number of revolutions up to the other
     pass. Source: line of variations, Milani et al. 2005, Astronomy & Astrophysics 431, 729.
     """
     distance, step, sigma_km = _weakest(state, covariance, later)

@@ -38,7 +38,7 @@ _DRAG_SPAN_S = 43_200.0
 _DRAG_UNIT = 1e-4
 _HUBER = 3.0
 _KNOWN_DRAG = 3.0
-"""So many sigmas make it known."""
+"""Sigmas from 0 at which it counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,7 +263,7 @@ def _solved(
     is_robust: bool = False,
     known: float | None = None,
 ) -> FloatArray | None:
-    """Least squares; ``known``: by so many sigmas the last unknown must differ from 0."""
+    """Least squares; ``known``: sigmas by which the last unknown must differ from 0."""
     from scipy.optimize import least_squares
 
     if not np.all(np.isfinite(residuals(start))):

@@ -1,6 +1,6 @@
 """Where objects are seen from a site if they run ahead of their elements or behind them. Pure.
 
-An object that is ``ahead`` by so many seconds is now where its elements put it so much later, seen
+An object that is ``ahead``, in seconds, is now where its elements put it that much later, seen
 from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.
 """
 

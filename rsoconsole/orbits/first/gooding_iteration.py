@@ -130,7 +130,7 @@ class _Searches:
         return at, np.stack([by_first, by_last], axis=-1)
 
     def times(self, copies: int) -> "_Searches":
-        """All of them, so many times one behind the other."""
+        """All of them, repeated one behind the other."""
         return self.of(np.tile(np.arange(len(self.revolutions)), copies))
 
 
@@ -143,9 +143,9 @@ def gooding(
 ) -> tuple[GoodingOrbit, ...]:
     """Every orbit found through the three lines; none where there is none.
 
-    Both directions of motion and up to so many whole revolutions are tried, from each distance in
-    ``starts_km``. Orbits that dive below the Earth's surface between the lines are kept: who asks
-    knows what is possible. Several orbits through three lines are common.
+    Both directions of motion and the whole revolutions up to a limit are tried, from each distance
+    in ``starts_km``. Orbits that dive below the Earth's surface between the lines are kept: the
+    caller knows what is possible. Several orbits through three lines are common.
     """
     begun = np.array([_ranges_at(lines, radius) for radius in starts_km])
     branches = [

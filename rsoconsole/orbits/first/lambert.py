@@ -2,7 +2,7 @@
 
 Source of the method: Izzo 2015, Revisiting Lambert's problem, Celestial Mechanics and Dynamical
 Astronomy 121, 1 (arXiv 1403.2705): Lancaster and Blanchard's variables, Householder iterations from
-his starting values. Kilometres, seconds, km/s along inertial axes.
+Izzo's starting values. Kilometres, seconds, km/s along inertial axes.
 """
 
 import numpy as np

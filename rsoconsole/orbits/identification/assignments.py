@@ -36,7 +36,7 @@ def best_assignments(
 
 
 def _by_murty(scores: FloatArray, most: int, within: float) -> list[Assignment]:
-    """Each answer parts the others into those that agree with it in so many first rows.
+    """Each answer parts the others by the number of first rows in which they agree with it.
 
     A part is solved once nothing that is left can be better than its bound: that each row takes
     the best that it may (Cox & Miller 1995, IEEE Trans. AES 31, 486).

@@ -54,7 +54,7 @@ class FittedFactors:
     rows: int
     objects: int
     counted: float
-    """As so many independent rows they were weighed."""
+    """Number of independent rows as which they were weighed."""
     oldest_days: float
     t_last_utc_ns: int
 

@@ -29,7 +29,7 @@ from rsoconsole.sky import NS_PER_DAY, utc_ns_to_iso
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
 GATE_DEG = 0.2
-"""Further off no object is taken for the one that was seen, unless its elements are that vague."""
+"""Further off no object is taken for what was seen, unless its elements are that vague."""
 SURE = 0.95
 """Probability from which on an object is called identified."""
 _CREDIBLE = 23.5
@@ -40,7 +40,7 @@ _WIDE_DEG = 2.0
 """As far along its track a lone object may be suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
 _AT_LEAST = 24
-"""So many of the nearest are compared in full, however far: there is always a runner-up."""
+"""Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
 """Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
 4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued there."""

@@ -36,16 +36,16 @@ from rsoconsole.records import FloatArray, Site
 _CREDIBLE = 36.0
 """Squared Mahalanobis distance up to which an object is one that a track could be of."""
 _MOST_OBJECTS = 12
-"""Of those, so many for each track, the nearest first."""
+"""Most of those for each track, the nearest first."""
 _ANCHORS = 2
-"""So many tracks, those with the most directions, say what the elements may be off together."""
+"""Tracks, those with the most directions, from which the common error of elements is found."""
 _EACH = 12
 """Assignments of each such guess that are weighed."""
 _WITHIN = 30.0
 """Less likely than the best of a guess by that power of e, one is worth it by another guess or by
 none."""
 _LIKELIEST = 3
-"""Of those weighed, so many say once more what the elements are off together."""
+"""Of those weighed, how many refine the common error of elements."""
 
 
 def identify_jointly(

@@ -45,7 +45,7 @@ def pool_for(
     is_serial: bool = False,
     is_dask_wanted: bool = True,
 ) -> WorkerPool:
-    """Who is to do so many tasks: Dask where it is installed, else processes; alone for one task.
+    """The pool for a number of tasks: Dask where it is installed, else processes; serial for one.
 
     Raises BatchError where a scheduler is named and Dask is not installed.
     """

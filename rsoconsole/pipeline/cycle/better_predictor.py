@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 
 WINDOW = 8
 _LEAST = 5
-"""So many measurements must have been predicted by both."""
+"""Measurements that both must have predicted."""
 _AHEAD = 0.5
 """By so much better on the mean before the guide changes, so that it does not change for chance."""
 _CLOSE = 0.1

@@ -106,7 +106,7 @@ class Cycle:
         return again[-1].folded.following, on_record_again(decision, again)
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """A frame's middle, so many pixels about its centre, before the frame is run."""
+        """A frame's middle, ``reach_px`` about its centre, before the frame is run."""
         return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:

@@ -17,7 +17,7 @@ from rsoconsole.tracking.association import Following
 KEPT = 12
 """Frames that a word may still be said on: some minutes."""
 TAKEN_BACK = 60
-"""So many frames on, a word on a frame that was held for it can be taken back."""
+"""Frames within which a word on a frame that was held for it can be taken back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

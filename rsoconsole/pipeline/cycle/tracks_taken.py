@@ -34,7 +34,7 @@ from rsoconsole.records import (
 )
 
 WHOLE = 32
-"""So many of a track's last steps stay whole, more than an operator's word reaches back; of older
+"""Last steps of a track that stay whole, more than an operator's word reaches back; of older
 ones only counts which measurement was taken. A mark that has been begun reaches further."""
 
 

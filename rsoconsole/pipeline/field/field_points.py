@@ -202,7 +202,7 @@ def _movers(frames: Sequence[Points], window: range) -> list[Mover]:
 
 
 def _same(frames: Sequence[Points]) -> float:
-    """Within so many arcsec two points are at one place."""
+    """Distance, in arcsec, within which two points are at one place."""
     worst = max(each.sigma_arcsec for each in frames)
     return max(_SAME_SIGMAS * math.sqrt(2.0) * worst, *(each.fwhm_arcsec for each in frames))
 

@@ -17,7 +17,7 @@ from rsoconsole.vision.frame import has_mosaic
 SAME_EXPOSURE, SAME_EXPOSURE_S = 0.02, 0.002
 """Two exposures are the same within this share, or these seconds."""
 SAME_TEMPERATURE_C = 2.0
-"""A sensor's dark current grows by a quarter in so many degrees."""
+"""Degrees in which a sensor's dark current grows by a quarter."""
 SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
 """Keywords whose values a master and a frame have in common where both tell them."""
 MOST_NONFINITE = 0.2

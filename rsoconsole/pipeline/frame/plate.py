@@ -114,7 +114,7 @@ class PlateFinder:
             left_s = end_s - time.monotonic()
             if isinstance(found, Solution) or left_s < LEAST_S:
                 break
-            # The last one may take all that is left: it is the one that knows nothing.
+            # The last one may take all that is left: it has no hints.
             found = self._attempt(frame, stars, less, left_s / (len(weaker) - number))
             attempts += 1
         ms = 1e3 * (time.monotonic() - started_s)

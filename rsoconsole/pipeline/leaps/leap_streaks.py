@@ -18,7 +18,7 @@ UNKNOWN_BIAS_S = 0.1
 """What a shutter may be off in all frames together, where nobody has measured it."""
 LEAST_SCATTER_S = 1e-4
 STATED_FRAMES = 2.0
-"""For so many frames counts a scatter of the shutter that stands in the settings alone."""
+"""Frames' worth of belief in a scatter of the shutter that stands in the settings alone."""
 RIM_PX = 6.0
 """So near to the frame's edge an end is not the light's."""
 

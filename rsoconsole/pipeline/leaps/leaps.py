@@ -79,7 +79,7 @@ def binning_for(config: Config) -> int:
 
 
 def terms_of(config: Config, binning: int = 1) -> LeapTerms:
-    """As configured, with so many pixels of the configured ones joined on each axis."""
+    """As configured, with ``binning`` of the configured pixels joined on each axis."""
     exposure = config.exposure
     return LeapTerms(
         field_deg=config.optics.field_deg,

@@ -49,7 +49,7 @@ from rsoconsole.tracking.filters import direction_icrs_deg
 EVERY = 4
 """Frames from one look at the catalogue to the next; of long catalogues more."""
 _SETS_A_FRAME = 500
-"""Of longer ones a look takes so many frames for each of these sets."""
+"""Sets for each frame that a look takes, of longer lists."""
 _EDGE_DEG = 0.3
 """Beside the frame: what light time and aberration move, and more."""
 _MAY_BE = 0.05

@@ -27,10 +27,10 @@ from rsoconsole.records import CatalogueMatch, Identified, LedgerName, Site
 
 FIRST_AT = 3
 _MORE = 1.5
-"""Asked again with so many times as many directions."""
+"""Growth of the number of directions until it is asked again."""
 _MOST_MATCHES = 3
 _MOST_TRACKS = 24
-"""So many are named together, those that were compared last."""
+"""Tracks that are named together, those that were compared last."""
 
 
 class Catalogue:
@@ -70,7 +70,7 @@ class _Asked:
 
     begun_utc_ns: int
     due: int
-    """With so many directions it is compared again."""
+    """Number of directions with which it is compared again."""
     compared: Compared
     said: tuple[str, int | None] = ("", None)
     """Verdict and best match that are on record."""

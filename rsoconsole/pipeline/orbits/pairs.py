@@ -36,14 +36,14 @@ from rsoconsole.tracking.association import (
 from rsoconsole.tracking.filters import lqe
 
 MOST_FRAMES = 400
-"""Of a track so many of its last measurements are compared."""
+"""Last measurements of a track that are compared."""
 MOST_PAIRS, PAIRS_OF_MANY = 6, 3
-"""In each frame so many pairs are looked at, fewer where there are more than ``MANY`` tracks: each
+"""Pairs looked at in each frame, fewer where there are more than ``MANY`` tracks: each
 costs 1 ms, and twelve tracks are 66."""
 _NEAR_SOONER = 4.0
 """How much sooner than others a near pair comes round."""
 _RECENT_FRAMES = 40
-"""Of so many frames measurements are kept by their ids: a track begins with one of before."""
+"""Frames whose measurements are kept by their ids: a track begins with one of before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -40,7 +40,7 @@ _MOST_DIRECTIONS = 40
 _TOGETHER = 4
 """An object's latest tracks that are put into one orbit."""
 _SAME_RMS = 3.0
-"""The directions of several nights leave at most so many times what one night's leave,"""
+"""The directions of several nights leave at most this factor times what one night's leave,"""
 _MOST_COMMON_ARCSEC = 10.0
 """and what forces and stars are off for whole nights, up to this."""
 _KNOWN = ("free", "constrained by prior")

@@ -135,7 +135,7 @@ def recorded_frame(
 ) -> RecordedFrame:
     """What the session holds of a frame.
 
-    ``config``: instead of the one that the session began with; recorded changes before the frame
+    ``config``: instead of that with which the session began; recorded changes before the frame
     are made to either. Raises SessionError where the session has no such frame, or where its
     configuration is needed and not one that this version knows.
     """

@@ -1,8 +1,8 @@
 """A session's log as it would have been with other settings. Pure.
 
 What was recorded stays, in its order; what the fold had made of it is replaced by what it makes of
-it now. A log retold with nothing tried is the log itself, and a retold log replayed with the
-configuration that was tried gives its own records again (on another processor: to the last digits).
+it now. A log rewritten with no changes is the log itself, and a rewritten log replayed with the
+changed configuration gives its own records again (on another processor: to the last digits).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -62,7 +62,7 @@ class RewrittenLog:
     """(t_utc_ns, record), in order."""
     frames: tuple[ReplayedFrame, ...]
     config: Config
-    """With what was tried: the one that the log begins with."""
+    """With the changes: the log begins with it."""
 
 
 def rewrite_log(
@@ -99,7 +99,7 @@ class LogRewriter:
         """``on_record``: takes the other log, (t_utc_ns, record), in order; ``on_frame``: each
         frame that was folded, as soon as it is complete."""
         self.config = walk.config
-        """With what is tried: the one that the other log begins with."""
+        """With the changes: the other log begins with it."""
         self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk

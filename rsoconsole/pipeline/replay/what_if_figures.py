@@ -115,7 +115,7 @@ def once_each(frames: Iterable[_Followed]) -> list[_Followed]:
 def figures_of(
     frames: Iterable[FollowedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Figures of the last so many frames, of all with None; a frame followed again counts once.
+    """Figures of the ``last`` frames, of all with None; a frame followed again counts once.
 
     ``of_lead``: of the lead alone, without the frames in which it was missed because they looked
     elsewhere; else of all that is followed.
@@ -180,7 +180,7 @@ class FigureSum:
         )
 
     def figures(self, last: int | None = None) -> TrackFigures:
-        """Of the last so many frames, of all with None."""
+        """Of the ``last`` frames, of all with None."""
         every = [self._frames[number] for number in sorted(self._frames)]
         chosen = [each for each in every if each.is_chosen]
         chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]

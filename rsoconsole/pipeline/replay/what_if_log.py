@@ -111,7 +111,7 @@ def what_if_session(
 
 
 class _Both:
-    """One way through a log: followed with the recorded settings, and retold with others."""
+    """One way through a log: followed with the recorded settings, and rewritten with others."""
 
     def __init__(
         self,

@@ -54,7 +54,7 @@ class Question:
     until_seq: int | None = None
     """As of that place of the log; None: its end."""
     last: int | None = None
-    """Over so many frames; None: over all."""
+    """Number of last frames; None: all."""
     of_lead: bool = False
     """Of the lead alone."""
 

@@ -33,7 +33,7 @@ WORTH_A_FIT = 0.3
 """Share of the gain that is needed which a term must show alone, before all is sought with it."""
 _ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
 FLAT_DECADES = 4.0
-"""A 68 % interval of so many powers of ten says that the likelihood is flat."""
+"""Width of a 68 % interval, in powers of ten, from which the likelihood counts as flat."""
 
 
 class Inquiry:
@@ -285,7 +285,7 @@ def _total(found: Innovations | None) -> float:
 
 
 def _needed(chance: float, parameters: int) -> float:
-    """Gain in log L that so many idle parameters reach by chance so often (Wilks 1938)."""
+    """Gain in log L that idle parameters reach by chance with a given probability (Wilks 1938)."""
     from scipy.special import chdtri
 
     return float(chdtri(parameters, chance)) / 2.0

@@ -108,7 +108,7 @@ class Search:
     ) -> tuple[float, float]:
         """Profile interval of one of a fit's parameters; a bound where it is that wide.
 
-        ``fall``: of log L to its ends; 68 % with the one that is given.
+        ``fall``: of log L to its ends; 68 % with the default.
         """
         place = best.parameters.index(parameter)
         ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))

@@ -75,7 +75,7 @@ class Names:
         return cls(read_catalogue(files))
 
     def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
-        """The one that is meant. Raises ValueError where none is, or several are."""
+        """The object that is meant. Raises ValueError where none is, or several are."""
         wanted = _plain(text)
         fixed = _of_the_sky(wanted, site, t_utc_ns)
         if fixed is not None:

@@ -36,7 +36,7 @@ class LedgerOrbit:
     sigma_a_km: float
     rms_arcsec: float
     nights: int = 1
-    """Of so many tracks of the object."""
+    """Number of tracks that it rests on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -369,7 +369,7 @@ class IdGiver:
 
 
 def _taken(frame: _Frame, corrected: TrackState) -> Measurement | None:
-    """The one that the innovation speaks of; what the operator chose where there was a choice."""
+    """The measurement of the innovation; what the operator chose where there was a choice."""
     decision = frame.decision
     if decision is not None and decision.taken is not None:
         return decision.taken

@@ -36,7 +36,7 @@ class Policy:
     keep_days: float | None = None
     """Sessions younger than this are not touched."""
     keep_last: int | None = None
-    """So many newest sessions are not touched."""
+    """Number of newest sessions that are not touched."""
     free_bytes: int | None = None
     """The oldest go first, and no more than it takes until so much disk is free."""
     what: What = "frames"

@@ -57,9 +57,9 @@ RECOVERED = ".recovered"
 PAGE_BYTES = 4096
 """What SQLite reads at a time, and disks too."""
 MAX_DEAD_ROWS = 20_000
-"""So many records in a row that cannot be read are the end of the log."""
+"""Unreadable records in a row that count as the end of the log."""
 MAX_GROWTH = 1000
-"""A header that promises so many times more than there is, is damaged itself."""
+"""Factor by which a header may state more than there is; beyond it the header is damaged itself."""
 _HEADER = struct.Struct(">16sH10xI")
 """Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
 _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, (6, 7)

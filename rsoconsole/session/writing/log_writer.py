@@ -214,7 +214,7 @@ class LogWriter:
         return True
 
     def _advance(self, count: int) -> None:
-        """So many more are on a disk."""
+        """Count records that are on the disk."""
         with self._progress:
             self._committed += count
             self._progress.notify_all()

@@ -92,7 +92,7 @@ class BinnableScene(SceneLike, Protocol):
     """One whose pixels can be joined while the night goes on."""
 
     def binned(self, factor: int) -> SceneLike:
-        """The same with so many more pixels joined on each axis."""
+        """The same with more pixels joined on each axis."""
 
 
 class CameraDevice:

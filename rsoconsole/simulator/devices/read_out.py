@@ -38,7 +38,7 @@ class ReadOut:
         )
 
     def binned(self, horizontal: float, vertical: float) -> "ReadOut | None":
-        """With so many pixels joined; None where the camera cannot."""
+        """With that number of pixels joined; None where the camera cannot."""
         is_square = horizontal == vertical == int(horizontal)
         if not (is_square and 1 <= horizontal <= MOST_BINNING):
             return None

@@ -15,7 +15,7 @@ FAULTS = (
 
 
 class MountFaults:
-    """SIM_FAULTS: so many slews and aborts to come are passed over without a word.
+    """SIM_FAULTS: numbers of slews and aborts to come that are silently ignored.
 
     ABORT_ENDS_TRACKING: an abort turns tracking off, as some drivers do. TRACKING_RETURNS: so
     often tracking is on again after it was turned off, as with drivers that remember what they

@@ -103,7 +103,7 @@ class Scene:
         self._nearby = Nearby(self.satellites)
 
     def binned(self, factor: int) -> "Scene":
-        """The same sky on the same sensor with so many more of its pixels joined on each axis."""
+        """The same sky on the same sensor with more of its pixels joined on each axis."""
         joined = self.world.sensor.model_copy(
             update={"binning": factor * self.world.sensor.binning}
         )

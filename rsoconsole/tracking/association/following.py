@@ -42,7 +42,7 @@ class Seen:
     star_width_arcsec: float | None = None
     """Full width of its stars at half maximum; None where nobody measured it."""
     chosen: Measurement | None = None
-    """The one that the operator wants followed; one of ``measurements``."""
+    """The measurement that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
     """Those that the operator wants left alone; none of ``measurements``."""
     dropped: tuple[int, ...] = ()

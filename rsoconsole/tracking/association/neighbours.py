@@ -4,8 +4,8 @@ Satellites of one slot have one rate and one streak, and after a long coast the 
 bounds hold several of them: position alone would then take whichever happens to lie nearer.
 Brightness does not tell them apart either, since phase, cloud and tumbling change it by more than
 they differ. What stays is their pattern: a prediction that has gone astray is wrong by the same
-shift for all of them. So of every shift that would lay something seen onto something known, the
-one that explains most is believed. Waiting a frame instead would teach nothing: they keep their
+shift for all of them. So of every shift that would lay something seen onto something known, that
+which explains most is believed. Waiting a frame instead would teach nothing: they keep their
 places to each other and the bounds only grow. Where the best two explanations name different
 objects and lie close together, nothing is believed: one streak alone, after a long coast, may be
 either of two. Pure.

@@ -208,7 +208,7 @@ def own_covariance(
     """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
 
     By what its track has learnt of its errors; ``along_arcsec``: what its length adds along
-    the streak; None: as of the one that the track took last.
+    the streak; None: as of the streak that the track took last.
     """
     ee, en, nn = m.cov_sky_arcsec2
     said = track.mixture

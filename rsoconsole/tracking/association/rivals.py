@@ -18,7 +18,7 @@ from rsoconsole.tracking.filters import lqe, motion_between
 SURE_ODDS = 100.0
 """To one, from which on what does not fit takes over."""
 LEAST = 3
-"""So many frames it must have been seen in."""
+"""Frames in which it must have been seen."""
 BREAKS = 0.002
 """Chance that a prediction breaks, of one frame: a manoeuvre."""
 WRONG_PAIR = 0.05

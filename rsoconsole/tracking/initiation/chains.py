@@ -32,7 +32,7 @@ BEGINS_AT = 0.9
 CHANCE = 0.05
 """As many as chance makes of them, at most."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
-"""What is near, and what moves alike: within so many sigma, and that share of the speed."""
+"""What is near, and what moves alike: number of sigma, and share of the speed."""
 _WIDER = 2.2
 """Of the variances that points claim, as a track believes before it has learnt (``bank``)."""
 _MOST_POINTS = 60
@@ -177,7 +177,7 @@ def _by_chance(
     t_s: Sequence[float],
     known: Motion,
 ) -> float:
-    """How many such chains, with company that moves as they do, chance makes of so many points.
+    """How many such chains, beside others that move alike, chance makes of these counts of points.
 
     Any two points make a chain with any motion. A point more has to lie on its line; another chain,
     or a track, has to have its motion.

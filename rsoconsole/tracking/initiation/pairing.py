@@ -80,8 +80,8 @@ def paired(
 ) -> dict[Measurement, Measurement]:
     """The first of each second one, where two frames agree; each is in one pair at most.
 
-    Of all ways to pair them the likeliest: of two neighbours that were not both seen in the first
-    frame the one that was finds itself. ``rates_arcsec_s``: how what is followed beside them moves
+    Of all ways to pair them the likeliest: of two neighbours of which the first frame shows one,
+    that one is paired with itself. ``rates_arcsec_s``: how what is followed beside them moves
     (east, north); ``unpaired``: cost of one without, where that may be likelier than a pair; None:
     as many as can be have one.
     """
@@ -190,5 +190,5 @@ def _half(measurement: Measurement, moved: Motion) -> _Half | None:
 
 
 def _student(sigmas: FloatArray) -> FloatArray:
-    """What errors of so many sigma cost: tails as of Student's law."""
+    """Cost of errors given in sigma: tails as of Student's law."""
     return np.asarray((_FREEDOM + 2.0) * np.log1p(sigmas**2 / _FREEDOM))

@@ -47,7 +47,7 @@ class Candidate:
     """One line of light."""
 
     found: Detection
-    """With the network's confidence, then with the one that it has earned."""
+    """With the network's confidence, then with its calibrated one."""
     light: LineLight
 
 

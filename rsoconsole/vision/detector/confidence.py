@@ -69,7 +69,7 @@ the stars wide, and noise of a signal to noise of 1."""
 FAINT_SNR = 12.0
 """Below it a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
-"""Below and above so many widths of a star, shorter and longer are less likely: pieces of cosmic
+"""Lengths in widths of a star below and above which streaks are less likely: pieces of cosmic
 rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
 """A fit that finds the light going on beyond its ends looks as far again."""
@@ -82,7 +82,7 @@ _CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
 _MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
-"""Times as long that says enough alone, and beside a bright one; both within so many degrees."""
+"""Factors in length that say enough alone, and beside a bright one; both within ``_BESIDE_DEG``."""
 _UNLIKE_WHERE_JOINED = 1.35
 """There an end may be that of a star beside it."""
 

@@ -10,7 +10,7 @@ from rsoconsole.vision.detector.network import NetworkBox
 BoolArray = npt.NDArray[np.bool_]
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _LEAST_WIDTH_PX = 10.0, 1.5, 2.0
-"""Turn, and how far across in widths of it, at least of so many px."""
+"""Turn, and distance across in widths of it, with a least width in px."""
 _RUNS_ALIKE_DEG = 6.0
 """What a proposal's direction is worth."""
 

@@ -12,9 +12,9 @@ from rsoconsole.vision.detector.candidates import Proposal
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, Trail
 
 TRAILED_STREAKS = 9
-"""So many streaks of one length and direction are stars, where stars are not points."""
+"""Streaks of one length and direction from which on they are stars, where stars are not points."""
 _POINTS_TO_STREAKS = 3.0
-"""So many times as many points as streaks that are alike: then stars are no streaks."""
+"""Points for each of the streaks that are alike: above it stars are no streaks."""
 _LENGTH_KNOWN = 0.2
 """Largest error of a length, in lengths: what runs out of the frame has none to compare."""
 _FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
@@ -66,7 +66,7 @@ def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
 def _without_trailed_stars(
     taken: list[Detection], points: int
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside streaks that so many others share length and direction with that they are stars.
+    """Set aside streaks that share length and direction with enough others to be stars.
 
     Not where stars are points: a dozen satellites of one slot draw one length in one direction.
     """

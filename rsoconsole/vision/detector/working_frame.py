@@ -1,7 +1,7 @@
 """The frame as the detector works on it: pixels joined where the stars are many pixels wide.
 
 Everything that looks for streaks and measures them expects stars a few pixels wide. Out of focus,
-in wind or in poor seeing, or where the pixels are finer than the seeing, so many pixels are joined
+in wind or in poor seeing, or where the pixels are finer than the seeing, pixels are joined
 that they are that again: nothing is lost, since no detail is finer than a star.
 """
 

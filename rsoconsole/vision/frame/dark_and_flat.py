@@ -33,7 +33,7 @@ _COARSE_ADU = 5.0
 _STRIP_ROWS = 16
 _NEIGHBOURS = 8
 _SAMPLE = 5
-"""Medians are of every so many rows and columns: an odd number meets all colours of a mosaic."""
+"""Step in rows and columns of a median: an odd number meets all colours of a mosaic."""
 _GAIN_STEPS = 65535.0
 
 

@@ -22,7 +22,7 @@ _GRID = 8
 _MIN_STARS, _MOST_STARS = 15, 200
 _STAR_SIGMAS = 10.0
 _STAR_FIELD_PX = 1500
-"""Stars are looked for in a middle of so many cells a side."""
+"""Cells a side of the middle in which stars are looked for."""
 _SAMPLES = 200_000
 _MAX_GAIN = 8.0
 _FINE_STEPS = 2.0

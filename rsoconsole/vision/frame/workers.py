@@ -8,7 +8,7 @@ _Result = TypeVar("_Result")
 
 
 class Workers:
-    """So many threads, the caller's own among them; OpenCV and NumPy let them run side by side."""
+    """Threads, the caller's own among them; OpenCV and NumPy let them run side by side."""
 
     def __init__(self, threads: int = 1) -> None:
         self._pool = ThreadPoolExecutor(threads - 1, "vision") if threads > 1 else None

@@ -42,7 +42,7 @@ _REACH = 2
 """Cells to either side of a line that are looked at to find where it runs."""
 _CHUNKS = 8
 _MOST_PARTS, _LIT_SHARE, _LEAST_LIT = 16, 0.4, 3.0
-"""Into so many parts a sum is cut; what the middling ones of them hold at least of it, and sigma of
+"""Parts into which a sum is cut; what the middling ones of them hold at least of it, and sigma of
 the whole, were all like them."""
 _BEYOND = 12.0
 _LIT = 0.4
@@ -63,7 +63,7 @@ class CellLine:
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
-    """Side of a frame's cells: about a star's width, twice that where so many would be slow."""
+    """Side of a frame's cells: about a star's width, twice that where that would be slow."""
     side = finest_px
     while height * width > _MOST_CELLS * side**2 and side < CELL_PX:
         side *= 2
@@ -104,7 +104,7 @@ def propose_lines(
 
 
 def _coarse(cells: Float32Array, times: int) -> Float32Array:
-    """Cells so many times as large, of the same noise; what a star covers counts as sky."""
+    """Cells larger by a factor, of the same noise; what a star covers counts as sky."""
     import cv2
 
     rows, columns = (side // times for side in cells.shape)
@@ -121,7 +121,7 @@ def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:
 
 
 def _around(cells: Float32Array, finer: int) -> Float32Array:
-    """Median about every cell, of 5 x 5 of the usual size, which are so many times as large.
+    """Median about every cell, of 5 x 5 of the usual size, which are larger by a factor.
 
     As wide as the stars are, whatever the cells: a streak is never most of it.
     """

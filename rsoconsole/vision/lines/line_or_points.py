@@ -136,7 +136,7 @@ def _one_more(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> int:
 
 
 def _lights(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> FloatArray:
-    """Of so many points, none of them dark."""
+    """Of a number of points, none of them dark."""
     from scipy.optimize import nnls
 
     lights, _ = nnls(shapes[:, chosen], value)

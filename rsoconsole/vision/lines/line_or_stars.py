@@ -345,7 +345,7 @@ def _next(gram: FloatArray, projected: FloatArray, own: FloatArray, chosen: list
 
 
 def _lights(gram: FloatArray, projected: FloatArray, chosen: list[int]) -> FloatArray:
-    """Of so many stars, none of them dark."""
+    """Of a number of stars, none of them dark."""
     from scipy.optimize import nnls
 
     g = gram[np.ix_(chosen, chosen)] + _SMALLEST * np.eye(len(chosen))

@@ -40,7 +40,7 @@ class Seed:
 
 
 def threshold(rows: int) -> float:
-    """Of a sum of so many rows: there are the fewer of them the longer they are."""
+    """Of a sum over a number of rows: the longer the sums, the fewer there are."""
     return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
 
 
@@ -89,7 +89,7 @@ def _sums_that_stand_out(
 def _maxima(
     sums: npt.NDArray[np.int16], rows: int, threshold: float
 ) -> Iterator[tuple[float, int, int, int, int]]:
-    """The best line of every part and every so many columns, above a threshold in steps."""
+    """The best line of every part and every block of columns, above a threshold in steps."""
     parts, _, width = sums.shape
     step = max(rows // 2, 4)
     best = sums.max(axis=1)

@@ -131,7 +131,7 @@ def _mask_stars(
 ) -> None:
     """Mask what listed stars light.
 
-    Unless so many lie on the line that they are its flashes, or between its ends, at these columns,
+    Unless enough lie on the line to be its flashes, or between its ends, at these columns,
     there is little else: a short streak is on the list of stars itself.
     """
     off_x, off_y = stars.x_px - strip.x0_px, stars.y_px - strip.y0_px

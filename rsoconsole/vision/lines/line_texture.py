@@ -64,7 +64,7 @@ def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> 
 def _parts(
     profile: LineProfile, ends: tuple[float, float], count: int, scatter: float
 ) -> list[tuple[float, float, float]]:
-    """(place, light, one sigma of it) of those of so many parts of which enough is seen."""
+    """(place, light, one sigma of it) of the parts of which enough is seen."""
     found: list[tuple[float, float, float]] = []
     for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
         part = profile.between(low, high)
@@ -93,7 +93,7 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
         det = np.maximum(cc * ss - cs**2, 1e-6)
         explained = (ss * rc**2 - 2.0 * cs * rc * rs + cc * rs**2) / det
         gained = float(np.clip(explained.max(), 0.0, left))
-        # As much as the best of so many tried periods takes of mere noise is no period.
+        # As much as the best of that number of periods takes of mere noise is no period.
         if gained > (2.0 * math.log(4.0 * n) + 4.0) * float(np.mean(sigmas**2)):
             left, used = left - gained, used + 3
     if n <= used:

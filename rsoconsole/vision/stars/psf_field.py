@@ -19,7 +19,7 @@ WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
 """Where the width of a frame's stars is from: its own stars, earlier frames', or nowhere."""
 
 FEWEST_STARS = 40
-"""Of fewer, scatter makes a change as large as the one that counts."""
+"""Of fewer, scatter makes a change as large as one that counts."""
 _LEAST_CHANGE = 0.08
 """Largest over smallest width among the stars' places, less 1, from which on it counts."""
 _LEAST_F = 12.0

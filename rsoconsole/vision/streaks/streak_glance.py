@@ -34,7 +34,7 @@ _REACH_PX = _OFFSET_PX + _TURN_PX + _RIM_PX
 _STEP_PX = 2
 _SHORTEST_PX = 12
 _COUNTS = 4
-"""Places along a line come in steps of so many: fewer tables of lines to keep."""
+"""Step of the places along a line: fewer tables of lines to keep."""
 _NEEDED, _FREE_LOGIT, _NEEDED_PER_LOGIT = 9.0, -4.0, 1.0
 """A fit is worth its time from here on; more for each unit of the network's log-odds below -4.
 Measured on 92 frames of the calibration split: of 106 streaks that came above tau one was darker,

@@ -60,7 +60,7 @@ _STRAIGHT, _SMOOTH = 0.01, 0.2
 _SOUGHT, _WANDER = (1, 2), 3
 """Among the terms: shift and stretch; the first cosine."""
 _BELIEVED = 4.0
-"""As so many samples of the sky beside it the noise of pixels counts."""
+"""Samples of the sky beside it that the noise of pixels counts as."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
