@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import StarHistory
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.records import CycleTiming, Detections, FrameTaken, Measurement, Solution
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky import times

@@ -179,7 +179,7 @@ class Detections:
     star_fwhm_px: float | None = None
     """Median full width of the stars; None where that was not measured."""
     star_flux_adu: float | None = None
-    """Of a middling one of the brightest stars; None where there are too few to compare."""
+    """Median of the 20th to 60th brightest stars; None where there are too few to compare."""
     background_adu: float | None = None
     """Median of the sky's light in a pixel, with the camera's offset where no dark takes it off;
     None where nobody looked."""

@@ -273,12 +273,12 @@ class CatalogueMatch:
     name: str
     separation_arcsec: float
     along_track_s: float
-    """How early it is."""
+    """Positive: ahead of its prediction."""
     cross_track_arcsec: float
     rate_difference_percent: float | None
     tle_age_days: float
     score: float
-    """How many sigma off."""
+    """Mahalanobis distance, sigma."""
     probability: float
 
 

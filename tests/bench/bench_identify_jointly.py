@@ -18,8 +18,8 @@ import numpy as np
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.element_errors import UNDISTURBED, covariance_rtn
+from rsoconsole.orbits.identification.joint_identification import identify_jointly
 from rsoconsole.orbits.identification.single import Identification, identify
-from rsoconsole.orbits.identification.together import identify_jointly
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_element_errors import MEAN_MOTION_RAD_S, measured_errors

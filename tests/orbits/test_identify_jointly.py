@@ -9,8 +9,8 @@ from rsoconsole.config import Config
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification.joint_identification import identify_jointly
 from rsoconsole.orbits.identification.single import Identification, identify
-from rsoconsole.orbits.identification.together import identify_jointly
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY

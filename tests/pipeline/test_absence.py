@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import (
+from rsoconsole.pipeline.cycle.cycle import Cycle
+from rsoconsole.pipeline.cycle.miss_reasons import (
     KEPT_FRAMES,
     StarHistory,
     Stars,
-    counted,
     eclipse_of,
     explain_absence,
     is_geostationary_like,
     next_eclipse_utc_ns,
+    updated_star_history,
 )
-from rsoconsole.pipeline.cycle.cycle import Cycle
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed, SlewRefusal
@@ -81,7 +81,7 @@ def stars(count: int, flux_adu_s: float = 1000.0) -> Stars:
 def history(*counts: int) -> StarHistory:
     found = StarHistory()
     for count in counts:
-        found = counted(found, stars(count), solution())
+        found = updated_star_history(found, stars(count), solution())
     return found
 
 
@@ -206,9 +206,12 @@ def test_in_an_eclipse_the_next_one_is_now():
 
 
 def test_star_counts_belong_to_their_part_of_the_sky():
-    far = counted(CLEAR, stars(40), solution(220.0))
+    far = updated_star_history(CLEAR, stars(40), solution(220.0))
     assert far.frames == (stars(40),)
-    assert counted(CLEAR, stars(40), NotSolved(frame_id=1, reason="7 stars", ms=1.0)) == CLEAR
+    assert (
+        updated_star_history(CLEAR, stars(40), NotSolved(frame_id=1, reason="7 stars", ms=1.0))
+        == CLEAR
+    )
     assert len(history(*range(100)).frames) == KEPT_FRAMES
 
 

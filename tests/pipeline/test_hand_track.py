@@ -13,7 +13,7 @@ from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.engine.operator.hand_marks import automatic_of, with_figures
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.kept_until import KEPT_S
-from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay

@@ -9,7 +9,7 @@ import pytest
 
 from rsoconsole.export.night import read_night
 from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.records import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import direction_at
+from rsoconsole.pipeline.cycle.miss_reasons import direction_at
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.rewrite_log import rewrite_log

@@ -13,12 +13,12 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide, Way
 from rsoconsole.orbits.motion.forces import Forces
-from rsoconsole.orbits.motion.known_orbit import KnownOrbit, known
+from rsoconsole.orbits.motion.known_orbit import KnownOrbit, orbit_from_record
 from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.orbits.motion.two_body import elements_of
-from rsoconsole.pipeline.cycle.absence import StarHistory
 from rsoconsole.pipeline.cycle.better_predictor import PredictorComparison, Score
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits.orbits import Orbits
@@ -192,7 +192,7 @@ def test_a_geostationary_satellite_has_an_orbit_from_its_third_direction_on_that
     watched.see(every_frame(true, 60), hidden=(20, 21, 40))
     assert [each.estimate.observations for each in watched.refined] == list(range(3, 58))
     assert watched.last.label == "constrained by prior"
-    known_orbit = known(watched.last)
+    known_orbit = orbit_from_record(watched.last)
     day = true.places(np.array([86_400.0]))[0]
     ahead = predict(known_orbit, DAYTONA, day.t_utc_ns)
     off = separation_deg(

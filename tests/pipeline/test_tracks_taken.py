@@ -3,7 +3,7 @@
 import random
 from dataclasses import replace
 
-from rsoconsole.pipeline.cycle.tracks_taken import WHOLE, TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import WHOLE, TracksTaken
 from rsoconsole.records import FollowedAgain, Measurement, Record, TrackState
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 

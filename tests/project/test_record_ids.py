@@ -5,7 +5,7 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.console.night.night import Night
-from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
 from rsoconsole.tracking.association.following import Following

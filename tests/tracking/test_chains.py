@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.tracking.association.following import Following, FollowSettings
 from rsoconsole.tracking.frame_by_frame import follow

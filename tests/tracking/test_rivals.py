@@ -14,7 +14,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
-from rsoconsole.pipeline.cycle.tracks_taken import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange, TrackState

@@ -58,11 +58,11 @@ def orbit_ahead(
 ) -> OrbitAhead:
     """Where it leads from that instant on, seen from the configured site; about half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
-    from rsoconsole.orbits.motion import known
+    from rsoconsole.orbits.motion import orbit_from_record
     from rsoconsole.pipeline.orbits import orbit_outlook
     from rsoconsole.pipeline.words import element_sigmas, elements_by_name
 
-    orbit = known(estimate)
+    orbit = orbit_from_record(estimate)
     return OrbitAhead(
         folder=folder,
         seq=seq,

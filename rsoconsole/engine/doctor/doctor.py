@@ -266,7 +266,7 @@ def check_indi_server(config: Config) -> Check:
 
 
 def check_mount_site(config: Config) -> Check:
-    """The mount believes to stand where the configuration says: its limits depend on it."""
+    """The mount's site is the configured one: its limits depend on it."""
     name, indi = "mount site", config.indi
     if config.instruments.mount != "indi":
         detail = f"a mount by {config.instruments.mount} is asked when it is armed"

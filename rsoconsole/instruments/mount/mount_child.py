@@ -198,7 +198,7 @@ class MountChild:
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """Where the mount believes to stand."""
+        """The mount's own idea of its site."""
         return {"site": self._ready()[1].site()}
 
     def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:

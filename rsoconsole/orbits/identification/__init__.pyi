@@ -21,14 +21,14 @@ from .field_match import FieldMatch as FieldMatch
 from .field_match import Line as Line
 from .field_match import Matched as Matched
 from .field_match import match_field as match_field
+from .joint_identification import identify_jointly as identify_jointly
+from .joint_identification import name_together as name_together
 from .single import SURE as SURE
 from .single import Compared as Compared
 from .single import Identification as Identification
 from .single import Match as Match
 from .single import compared_with as compared_with
 from .single import identify as identify
-from .together import identify_jointly as identify_jointly
-from .together import name_together as name_together
 from .uncorrelated import SURE_SAME as SURE_SAME
 from .uncorrelated import Recognised as Recognised
 from .uncorrelated import SeenBefore as SeenBefore

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.identification.against import Comparison
 from rsoconsole.orbits.identification.assignments import Assignment
+from rsoconsole.orbits.identification.catalogue_residuals import Comparison
 from rsoconsole.orbits.identification.element_errors import (
     covariance_rtn,
     manoeuvred_probability,

@@ -14,7 +14,7 @@ import numpy as np
 
 from rsoconsole.orbits.elements import CatalogueEntry, nearest_in_epoch_of_each, states_gcrs
 from rsoconsole.orbits.first import Sightings
-from rsoconsole.orbits.identification.against import Comparison, compare
+from rsoconsole.orbits.identification.catalogue_residuals import Comparison, compare
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ElementErrors,

@@ -4,7 +4,7 @@ from .ahead import path_of as path_of
 from .forces import Forces as Forces
 from .forces import Motion as Motion
 from .known_orbit import KnownOrbit as KnownOrbit
-from .known_orbit import known as known
+from .known_orbit import orbit_from_record as orbit_from_record
 from .point_mass import PointMass as PointMass
 from .prediction import SkyMotion as SkyMotion
 from .prediction import predict as predict

@@ -28,7 +28,7 @@ class KnownOrbit:
         return self.forces.states(self.r_km, self.v_km_s, (t - self.epoch_utc_ns) / NS_PER_S)
 
 
-def known(estimate: OrbitEstimate) -> KnownOrbit:
+def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
     """The orbit that is on record."""
     return KnownOrbit(
         epoch_utc_ns=estimate.epoch_utc_ns,

@@ -8,10 +8,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.cycle.decisions import Fold, Folds, on_record_again
-from rsoconsole.pipeline.cycle.frame_fold import Shown, fold, looked_at, when
+from rsoconsole.pipeline.cycle.frame_fold import (
+    Shown,
+    fold,
+    mid_exposure,
+    star_history_without_fold,
+)
 from rsoconsole.pipeline.cycle.hand_track import HandTrack
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.frame import FrameReducer, Glance, Reduction
 from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
@@ -114,7 +119,7 @@ class Cycle:
         reduction = self._reducer.reduce(frame)
         shown = _shown(taken_record(frame), reduction, {})
         self._look_at_clouds(shown)
-        self._stars = looked_at(self._stars, shown)
+        self._stars = star_history_without_fold(self._stars, shown)
         self._hand.add(shown, self._config)
         return reduction, self._on_record(reduction, frame.frame_id)
 
@@ -131,7 +136,7 @@ class Cycle:
         carries it; ``orbits``: the last one of each track on record, by track id.
         """
         taken = taken_record(frame, blocked)
-        when(taken, self._config)  # before the work: such a frame cannot be folded
+        mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
         shown = _shown(taken, reduction, orbits or {})
         self._look_at_clouds(shown)

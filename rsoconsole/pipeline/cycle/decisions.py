@@ -8,8 +8,8 @@ import threading
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import StarHistory
 from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.frame import HeldFrames
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling
 from rsoconsole.tracking.association import Following

@@ -7,9 +7,14 @@ from dataclasses import dataclass, field
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
 from rsoconsole.orbits.first import bending
-from rsoconsole.orbits.motion import known, predict_motion
-from rsoconsole.pipeline.cycle.absence import StarHistory, counted, explain_absence, stars_of
+from rsoconsole.orbits.motion import orbit_from_record, predict_motion
 from rsoconsole.pipeline.cycle.better_predictor import may_guide
+from rsoconsole.pipeline.cycle.miss_reasons import (
+    StarHistory,
+    explain_absence,
+    stars_of,
+    updated_star_history,
+)
 from rsoconsole.pipeline.frame import (
     at_its_row,
     calibrated_for,
@@ -72,7 +77,7 @@ class Folded:
 def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Config) -> Folded:
     """What is followed after a frame. Pure. Raises FrameError for a frame without a time."""
     taken = shown.taken
-    t_mid_ns, exposure_s = when(taken, config)
+    t_mid_ns, exposure_s = mid_exposure(taken, config)
     stars = stars_of(shown.detections, exposure_s)
     plain = Missed(kind="nothing fits")
     if not shown.measurements:
@@ -115,7 +120,9 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     )
     after, records = follow(before, seen, follow_settings(config, taken))
     return Folded(
-        following=after, stars=counted(stars_before, stars, shown.solution), records=records
+        following=after,
+        stars=updated_star_history(stars_before, stars, shown.solution),
+        records=records,
     )
 
 
@@ -152,7 +159,7 @@ def _by_orbit(
     orbit = orbits.get(failed.track_id)
     if orbit is None:
         return None
-    motion = predict_motion(known(orbit), config.site.to_site(), t_mid_ns)
+    motion = predict_motion(orbit_from_record(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
     state = estimator.begun_from(
@@ -174,7 +181,7 @@ def _field_of(shown: Shown) -> Field | None:
     return Field(wcs=shown.solution.wcs, width_px=size[0], height_px=size[1])
 
 
-def when(taken: FrameTaken, config: Config) -> tuple[int, float]:
+def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
     """Mid-exposure by the shutter, and the exposure's length. Raises FrameError without a time."""
     t_mid_ns = shutter_mid_utc_ns(taken, config.exposure)
     if t_mid_ns is None or taken.exposure_s is None:
@@ -185,11 +192,13 @@ def when(taken: FrameTaken, config: Config) -> tuple[int, float]:
     return t_mid_ns, taken.exposure_s
 
 
-def looked_at(stars_before: StarHistory, shown: Shown) -> StarHistory:
+def star_history_without_fold(stars_before: StarHistory, shown: Shown) -> StarHistory:
     """The stars known after a frame that is not followed."""
     if shown.taken.exposure_s is None:
         return stars_before
-    return counted(stars_before, stars_of(shown.detections, shown.taken.exposure_s), shown.solution)
+    return updated_star_history(
+        stars_before, stars_of(shown.detections, shown.taken.exposure_s), shown.solution
+    )
 
 
 def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings:

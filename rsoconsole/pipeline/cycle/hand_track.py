@@ -9,9 +9,9 @@ import threading
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.absence import StarHistory
 from rsoconsole.pipeline.cycle.decisions import KEPT, Fold
 from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.frame import HELD, HeldFrames, shutter_mid_utc_ns
 from rsoconsole.records import Measurement, Ruling, StateChange
 from rsoconsole.tracking.association import Following

@@ -13,13 +13,13 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits.determination import (
-    Alone,
     Orbit,
+    SingleArc,
     alone,
     determine,
     log_odds_of_more,
+    merged,
     probability_of,
-    together,
 )
 from rsoconsole.orbits.first import Sightings, State
 from rsoconsole.orbits.motion import elements_of, predict
@@ -85,7 +85,7 @@ class _Target:
     asked: set[int] = field(default_factory=set)
     rivals: PredictorComparison = field(default_factory=PredictorComparison)
     label: str = ""
-    first: Alone | None = None
+    first: SingleArc | None = None
     """Of the first of its tracks, once that was asked for."""
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
@@ -192,7 +192,7 @@ class OnlineOrbit:
             predicted = self._predicted(target.orbit, last)
         self._ask_earlier(target)
         self._ask_untaken(target, count)
-        seen, _ = together(target.parts)
+        seen, _ = merged(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
             return None
@@ -255,7 +255,7 @@ class OnlineOrbit:
         target.taken = taken
         frames = {m.frame_id for m in taken}
         target.more = tuple(m for m in target.more if m.frame_id not in frames)
-        target.own = together(parts)[0] if parts else None
+        target.own = merged(parts)[0] if parts else None
         self._put_together(target)
         return seen is not None
 
@@ -263,7 +263,7 @@ class OnlineOrbit:
         """The track's own directions with those that its orbit has claimed."""
         more = self._reduced(_with_errors_of(target)) if target.more else None
         parts = [each for each in (target.own, more) if each is not None]
-        target.seen = together(parts)[0] if parts else None
+        target.seen = merged(parts)[0] if parts else None
 
     def _ask_untaken(self, target: _Target, before: int) -> None:
         """Whether what no track took is its own, now that its orbit is known better.
@@ -291,7 +291,7 @@ class OnlineOrbit:
             if len(taken) == 1:
                 return None
         parts = [each for one in taken if (each := self._reduced((one,))) is not None]
-        return together(parts)[0] if parts else None
+        return merged(parts)[0] if parts else None
 
     def _ask_earlier(self, target: _Target) -> None:
         """Whether it was followed before; asked again while more of it is seen."""
@@ -320,7 +320,7 @@ class OnlineOrbit:
                 target.words.append(f"it is what was followed before: probability {share} %")
                 return
 
-    def _same(self, earlier: _Target, now: Alone) -> float:
+    def _same(self, earlier: _Target, now: SingleArc) -> float:
         """Probability."""
         parts = earlier.parts
         if earlier.first is None:

@@ -22,7 +22,7 @@ from rsoconsole.pipeline.cycle import (
     StarHistory,
     are_alike,
     fold,
-    looked_at,
+    star_history_without_fold,
 )
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
@@ -315,7 +315,7 @@ class Walk:
         if t_mid_ns is not None:
             shown = at_instant(shown, t_mid_ns, self.config.exposure)
         if self.following.state not in FOLDED or t_mid_ns is None:
-            self.stars = looked_at(self.stars, shown)
+            self.stars = star_history_without_fold(self.stars, shown)
             self.hand.add(shown, self.config)
             self.kept.looked_at(t_mid_ns, self.config.filter)
             yield LookedAt(shown=shown)

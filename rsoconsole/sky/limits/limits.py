@@ -27,7 +27,7 @@ from rsoconsole.sky.limits.axes import Way, side_after, ways
 from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
     Margin,
-    Track,
+    TrackedPose,
     hour_angle_deg,
     sun_altitude_deg,
     while_slewing,
@@ -221,19 +221,19 @@ class Limits:
 
     def _track(
         self, epoch: Epoch, ra_icrs_deg: float, dec_icrs_deg: float, side: PierSide | None
-    ) -> Track:
+    ) -> TrackedPose:
         ra_deg, dec_deg = epoch.to_date(ra_icrs_deg, dec_icrs_deg)
-        return Track(epoch=epoch, ra_deg=ra_deg, dec_deg=dec_deg, side=side)
+        return TrackedPose(epoch=epoch, ra_deg=ra_deg, dec_deg=dec_deg, side=side)
 
-    def _pose_track(self, pose: Pose, side: PierSide | None = None) -> Track:
+    def _pose_track(self, pose: Pose, side: PierSide | None = None) -> TrackedPose:
         epoch = epoch_at(pose.t_utc_ns)
         return self._track(epoch, pose.ra_icrs_deg, pose.dec_icrs_deg, side or pose.pier_side)
 
-    def _hour_angle_at(self, track: Track, t_utc_ns: int) -> float:
+    def _hour_angle_at(self, track: TrackedPose, t_utc_ns: int) -> float:
         return float(hour_angle_deg(self._site, track, np.array([t_utc_ns]))[0])
 
     def _ways(
-        self, epoch: Epoch, start: Pose, target: Track
+        self, epoch: Epoch, start: Pose, target: TrackedPose
     ) -> Iterator[tuple[Way, PierSide | None]]:
         here = self._track(epoch, start.ra_icrs_deg, start.dec_icrs_deg, start.pier_side)
         return ways(
@@ -245,7 +245,7 @@ class Limits:
         )
 
     def _while_tracking(
-        self, track: Track, t_ns: IntArray, lifted: Collection[LimitName]
+        self, track: TrackedPose, t_ns: IntArray, lifted: Collection[LimitName]
     ) -> Iterator[Margin]:
         return while_tracking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 

@@ -50,7 +50,7 @@ class Margin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
+class TrackedPose:
     """A place of date that is followed, and on which side of the pier (None: not known, fork)."""
 
     epoch: Epoch
@@ -59,7 +59,7 @@ class Track:
     side: PierSide | None
 
 
-def hour_angle_deg(site: Site, track: Track, t_ns: IntArray) -> FloatArray:
+def hour_angle_deg(site: Site, track: TrackedPose, t_ns: IntArray) -> FloatArray:
     """Hour angle of date, -180 to 180, at (N,) instants."""
     return wrap_180(track.epoch.sidereal_deg(site.longitude_deg, t_ns) - track.ra_deg)
 
@@ -68,7 +68,7 @@ def while_tracking(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
-    track: Track,
+    track: TrackedPose,
     t_ns: IntArray,
     *,
     lifted: Collection[LimitName],
@@ -105,7 +105,7 @@ def while_slewing(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
-    track: Track,
+    track: TrackedPose,
     t_ns: IntArray,
     *,
     lifted: Collection[LimitName],
@@ -144,7 +144,7 @@ def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
     return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
 
 
-def _from_sun(site: Site, limits: LimitsConfig, track: Track, t_ns: IntArray) -> Margin:
+def _from_sun(site: Site, limits: LimitsConfig, track: TrackedPose, t_ns: IntArray) -> Margin:
     """How deep in the Sun's cone; by night there is none to be deep in."""
     sun_ra_deg, sun_dec_deg = track.epoch.sun_date_deg(t_ns)
     distance_deg = from_sun_deg(track.ra_deg, track.dec_deg, sun_ra_deg, sun_dec_deg)

@@ -46,7 +46,7 @@ class Stars:
 
     count: int
     flux_adu_s: float | None
-    """Of a middling one of the brightest; None where there are too few."""
+    """Median of the 20th to 60th brightest; None where there are too few."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ def stars_of(detections: Detections, exposure_s: float) -> Stars | None:
     )
 
 
-def counted(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
+def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
     """The history after one frame; only a solved one tells which sky its stars belong to."""
     if stars is None or not isinstance(solution, Solution):
         return before
