@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbits.determination.join import SingleArc, alone, join_probabilities
+from rsoconsole.orbits.determination.join import Alone, alone, join_probabilities
 from rsoconsole.tracking.initiation.link import link_points
 from tests.seen_satellites import geostationary, instants, seen
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
@@ -68,7 +68,7 @@ def nights(count: int, seed: int) -> None:
             ),
         )
         frames, sigma = int(random.choice([10, 20, 40])), float(random.choice([0.5, 1.0, 2.0]))
-        both: list[list[SingleArc]] = []
+        both: list[list[Alone]] = []
         for since_s in (0.0, 86_400.0 + random.uniform(-3600.0, 3600.0)):
             t = instants(since_s, frames)
             found = [alone(seen(x, t, sigma_arcsec=sigma, random=random), "geo") for x in pair]

@@ -16,7 +16,7 @@ from rsoconsole.orbits.motion.forces import Forces
 from rsoconsole.orbits.motion.known_orbit import KnownOrbit, orbit_from_record
 from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.orbits.motion.two_body import elements_of
-from rsoconsole.pipeline.cycle.better_predictor import PredictorComparison, Score
+from rsoconsole.pipeline.cycle.better_predictor import Rivals, Score
 from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.orbits.naming import Naming
@@ -454,7 +454,7 @@ def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():
 
 def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     sharp, vague = Score(nis=2.0, log_size=0.0), Score(nis=0.1, log_size=8.0)
-    rivals = PredictorComparison()
+    rivals = Rivals()
     leads = []
     for _ in range(8):
         rivals.compare(sharp, vague)
@@ -464,7 +464,7 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     for _ in range(8):
         rivals.compare(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
-    alike = PredictorComparison()
+    alike = Rivals()
     for _ in range(20):
         alike.compare(sharp, Score(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
@@ -474,7 +474,7 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     ("by_orbit_arcsec", "is_close"), [(1.0, True), (0.95, True), (0.5, False), (2.0, False)]
 )
 def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float, is_close: bool):
-    rivals = PredictorComparison()
+    rivals = Rivals()
     assert not rivals.is_close
     for _ in range(6):
         by_filter = Score(nis=2.0, log_size=0.0)

@@ -2,13 +2,13 @@ from .fit import inverse_of_normal as inverse_of_normal
 from .from_directions import LEAST_SIGHTINGS as LEAST_SIGHTINGS
 from .from_directions import Orbit as Orbit
 from .from_directions import determine as determine
-from .join import SingleArc as SingleArc
+from .join import Alone as Alone
 from .join import alone as alone
 from .join import carried as carried
 from .join import common_error_arcsec as common_error_arcsec
 from .join import log_odds_of_more as log_odds_of_more
-from .join import merged as merged
 from .join import probability_of as probability_of
 from .join import through as through
+from .join import together as together
 from .labels import sigma_of_a_km as sigma_of_a_km
 from .regimes import PriorName as PriorName

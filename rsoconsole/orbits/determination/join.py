@@ -35,7 +35,7 @@ _HOPELESS = 2000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SingleArc:
+class Alone:
     """What a tracklet tells by itself."""
 
     seen: Sightings
@@ -59,7 +59,7 @@ class Joined:
     chi2: float
 
 
-def alone(seen: Sightings, prior: PriorName = "auto") -> SingleArc | None:
+def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
     """A tracklet by itself; None where no orbit passes through it."""
     orbit = determine(seen, prior=prior)
     if orbit is None:
@@ -69,7 +69,7 @@ def alone(seen: Sightings, prior: PriorName = "auto") -> SingleArc | None:
     return (
         None
         if found is None
-        else SingleArc(
+        else Alone(
             seen=seen,
             state=found.state,
             population=population,
@@ -79,7 +79,7 @@ def alone(seen: Sightings, prior: PriorName = "auto") -> SingleArc | None:
     )
 
 
-def join(first: SingleArc, second: SingleArc) -> Joined | None:
+def join(first: Alone, second: Alone) -> Joined | None:
     """One orbit through both, begun from the longer; None where none comes near."""
     longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
     return through(
@@ -91,12 +91,12 @@ def join(first: SingleArc, second: SingleArc) -> Joined | None:
     )
 
 
-def log_odds(first: SingleArc, second: SingleArc) -> float:
+def log_odds(first: Alone, second: Alone) -> float:
     """That both are of one object, against a chance meeting; minus infinity where none fits."""
     return _log_odds(first.population, join(first, second), first.log_evidence, second)
 
 
-def log_odds_of_more(start: SingleArc, used: Sequence[Sightings], more: SingleArc) -> float:
+def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> float:
     """That ``more`` is of the object of ``start`` and of what was joined to it already."""
     if not used:
         return log_odds(start, more)
@@ -116,7 +116,7 @@ def log_odds_of_more(start: SingleArc, used: Sequence[Sightings], more: SingleAr
 
 
 def _log_odds(
-    population: Population, both: Joined | None, log_evidence: float, more: SingleArc
+    population: Population, both: Joined | None, log_evidence: float, more: Alone
 ) -> float:
     if both is None:
         return -float("inf")
@@ -131,7 +131,7 @@ def probability_of(log_odds: float) -> float:
     return float(np.nan_to_num(expit(log_odds)))
 
 
-def join_probabilities(first: Sequence[SingleArc], second: Sequence[SingleArc]) -> FloatArray:
+def join_probabilities(first: Sequence[Alone], second: Sequence[Alone]) -> FloatArray:
     """(M, N) that tracklet m of one night and n of another are of one object.
 
     No two tracklets of one night are of one object: all pairings are weighed against each other.
@@ -147,7 +147,7 @@ def join_probabilities(first: Sequence[SingleArc], second: Sequence[SingleArc]) 
     return found
 
 
-def merged(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
+def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
@@ -201,7 +201,7 @@ def through(
 
     Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
     """
-    seen, which = merged(parts)
+    seen, which = together(parts)
     forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
     state = np.concatenate(carried(start, epoch_utc_ns, seen.epoch_utc_ns))
     offset_arcsec = common_error_arcsec(seen)

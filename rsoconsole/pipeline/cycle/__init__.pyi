@@ -1,5 +1,5 @@
 from .alike import are_alike as are_alike
-from .better_predictor import PredictorComparison as PredictorComparison
+from .better_predictor import Rivals as Rivals
 from .better_predictor import Score as Score
 from .better_predictor import may_guide as may_guide
 from .cycle import Cycle as Cycle

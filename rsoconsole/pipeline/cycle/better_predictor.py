@@ -51,7 +51,7 @@ class Score:
         return self.nis + self.log_size
 
 
-class PredictorComparison:
+class Rivals:
     """The last answers of both."""
 
     def __init__(self) -> None:

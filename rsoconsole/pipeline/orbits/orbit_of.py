@@ -8,18 +8,18 @@ import numpy as np
 
 from rsoconsole.orbits.determination import (
     LEAST_SIGHTINGS,
+    Alone,
     Orbit,
     PriorName,
-    SingleArc,
     alone,
     carried,
     common_error_arcsec,
     determine,
     log_odds_of_more,
-    merged,
     probability_of,
     sigma_of_a_km,
     through,
+    together,
 )
 from rsoconsole.orbits.first import (
     GoodingOrbit,
@@ -89,7 +89,7 @@ def find_orbit(
         parts.append(_part(each, arc, is_used=is_used, probability=probability))
         if is_used:
             used.append(arc)
-    seen, _ = merged(used)
+    seen, _ = together(used)
     orbit = _determined(seen, used, start, prior)
     return Found(
         method="least squares",
@@ -138,7 +138,7 @@ def _how_many(orbits: int) -> str:
 
 
 def _determined(
-    seen: Sightings, used: Sequence[Sightings], start: SingleArc | None, prior: PriorName
+    seen: Sightings, used: Sequence[Sightings], start: Alone | None, prior: PriorName
 ) -> Orbit | None:
     """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
     if len(used) == 1 or start is None:
@@ -177,7 +177,7 @@ def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
 
 
 def _probability(
-    start: SingleArc | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
+    start: Alone | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
 ) -> float | None:
     """That an arc is of the object of those used."""
     more = alone(arc, prior) if start is not None else None

@@ -13,24 +13,17 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits.determination import (
+    Alone,
     Orbit,
-    SingleArc,
     alone,
     determine,
     log_odds_of_more,
-    merged,
     probability_of,
+    together,
 )
 from rsoconsole.orbits.first import Sightings, State
 from rsoconsole.orbits.motion import elements_of, predict
-from rsoconsole.pipeline.cycle import (
-    PredictorComparison,
-    Score,
-    Track,
-    TracksTaken,
-    Untaken,
-    may_guide,
-)
+from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
@@ -38,13 +31,13 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import adaptive, estimator
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""Measurements with which a track is asked whether it is of an object followed before, and its
+"""With so many measurements a track is asked whether it is of an object followed before, and its
 orbit whether it knows what no track took."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
 _MORE_TO_SEEK = 1.2
-"""Where no start led to an orbit, all are tried again after this growth of the directions: it
+"""Where no start led to an orbit, all are tried again with so many times as many directions: that
 takes most of a second with some hundreds of them, and one more changes nothing."""
 _LEARNT = 0.2
 """Share by which they must have changed before all is computed again."""
@@ -83,9 +76,9 @@ class _Target:
     sought_from: int = 0
     """The number of directions with which every start is tried again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
-    rivals: PredictorComparison = field(default_factory=PredictorComparison)
+    rivals: Rivals = field(default_factory=Rivals)
     label: str = ""
-    first: SingleArc | None = None
+    first: Alone | None = None
     """Of the first of its tracks, once that was asked for."""
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
@@ -192,7 +185,7 @@ class OnlineOrbit:
             predicted = self._predicted(target.orbit, last)
         self._ask_earlier(target)
         self._ask_untaken(target, count)
-        seen, _ = merged(target.parts)
+        seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
             return None
@@ -255,7 +248,7 @@ class OnlineOrbit:
         target.taken = taken
         frames = {m.frame_id for m in taken}
         target.more = tuple(m for m in target.more if m.frame_id not in frames)
-        target.own = merged(parts)[0] if parts else None
+        target.own = together(parts)[0] if parts else None
         self._put_together(target)
         return seen is not None
 
@@ -263,7 +256,7 @@ class OnlineOrbit:
         """The track's own directions with those that its orbit has claimed."""
         more = self._reduced(_with_errors_of(target)) if target.more else None
         parts = [each for each in (target.own, more) if each is not None]
-        target.seen = merged(parts)[0] if parts else None
+        target.seen = together(parts)[0] if parts else None
 
     def _ask_untaken(self, target: _Target, before: int) -> None:
         """Whether what no track took is its own, now that its orbit is known better.
@@ -291,7 +284,7 @@ class OnlineOrbit:
             if len(taken) == 1:
                 return None
         parts = [each for one in taken if (each := self._reduced((one,))) is not None]
-        return merged(parts)[0] if parts else None
+        return together(parts)[0] if parts else None
 
     def _ask_earlier(self, target: _Target) -> None:
         """Whether it was followed before; asked again while more of it is seen."""
@@ -320,7 +313,7 @@ class OnlineOrbit:
                 target.words.append(f"it is what was followed before: probability {share} %")
                 return
 
-    def _same(self, earlier: _Target, now: SingleArc) -> float:
+    def _same(self, earlier: _Target, now: Alone) -> float:
         """Probability."""
         parts = earlier.parts
         if earlier.first is None:

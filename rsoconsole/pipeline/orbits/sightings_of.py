@@ -11,7 +11,7 @@ import numpy as np
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbits.determination import merged
+from rsoconsole.orbits.determination import together
 from rsoconsole.orbits.first import Sightings, sightings
 from rsoconsole.pipeline.cycle import Track, TracksTaken
 from rsoconsole.records import Measurement, Site
@@ -75,7 +75,7 @@ def arcs(seen: Sightings) -> tuple[Sightings, ...]:
     """Its arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
-    return tuple(merged([seen.of(each)])[0] for each in groups)
+    return tuple(together([seen.of(each)])[0] for each in groups)
 
 
 def longest_arc(seen: Sightings) -> Sightings:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.errors import SessionError
-from rsoconsole.orbits.determination import Orbit, common_error_arcsec, determine, merged
+from rsoconsole.orbits.determination import Orbit, common_error_arcsec, determine, together
 from rsoconsole.orbits.first import Sightings, sightings
 from rsoconsole.orbits.identification import (
     SURE_SAME,
@@ -302,7 +302,7 @@ def _ledger_orbit(
     earlier = [] if before is None else [t for t in before.tracks if t.session != session]
     if earlier and orbit is not None:
         parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]
-        whole = merged([*parts, arc])[0]
+        whole = together([*parts, arc])[0]
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MOST_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
