@@ -22,12 +22,13 @@ from rsoconsole.orbits.determination import (
     together,
 )
 from rsoconsole.orbits.first import Sightings, State
-from rsoconsole.orbits.motion import elements_of, predict
+from rsoconsole.orbits.motion import elements_of
 from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
+from rsoconsole.pipeline.orbits.orbit_prediction import Predicted, predicted_by
 from rsoconsole.pipeline.orbits.orbit_turns import in_turn
+from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
-from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import adaptive, estimator
 
 ASKED_AT = (6, 12, 24, 48, 96)
@@ -64,6 +65,7 @@ class _Target:
 
     taken: tuple[Measurement, ...] = ()
     """By the present track."""
+    part_errors: PartErrors = field(default_factory=PartErrors)
     own: Sightings | None = None
     """Of those that the present track took."""
     more: tuple[Measurement, ...] = ()
@@ -102,6 +104,7 @@ class OnlineOrbit:
         self._site = config.site.to_site()
         self._tracks = TracksTaken()
         self._untaken = Untaken()
+        self._exposures = Exposures()
         self._targets: dict[str, _Target] = {}
         """One a track, by the id of the measurement that the track began with."""
         self._lead: _Target | None = None
@@ -118,6 +121,7 @@ class OnlineOrbit:
         """One record of the log."""
         self._tracks.receive(record)
         self._untaken.receive(record)
+        self._exposures.receive(record)
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
@@ -182,7 +186,7 @@ class OnlineOrbit:
         if len(target.taken) == count + 1 and target.orbit is not None:
             # By what was learnt before it, as the filter's own answer is.
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
-            predicted = self._predicted(target.orbit, last)
+            predicted = predicted_by(target.orbit, self._site, target.part_errors.last_of(last))
         self._ask_earlier(target)
         self._ask_untaken(target, count)
         seen, _ = together(target.parts)
@@ -239,6 +243,9 @@ class OnlineOrbit:
         start = len(known) if is_longer else 0
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
+        target.part_errors = target.part_errors if is_longer else PartErrors()
+        if self._config.filter.part_errors == "shared":
+            fresh = target.part_errors.widened(fresh, track.last, self._exposures)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True
@@ -343,26 +350,6 @@ class OnlineOrbit:
         numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)
         return found if all(np.all(np.isfinite(each)) for each in numbers) else None
 
-    def _predicted(self, orbit: Orbit, measured: Measurement) -> "_Predicted | None":
-        """What the orbit before said of a measurement."""
-        ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
-        places = ahead.places
-        cos_dec = math.cos(math.radians(measured.dec_icrs_deg))
-        off_ra = wrap_180(measured.ra_icrs_deg - float(places.ra_icrs_deg[0]))
-        off = np.array([off_ra * cos_dec, measured.dec_icrs_deg - float(places.dec_icrs_deg[0])])
-        off *= 3600.0
-        ee, en, nn = ahead.cov_sky_arcsec2[0] + np.array(measured.cov_sky_arcsec2)
-        s = np.array([[ee, en], [en, nn]])
-        if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
-            return None
-        return _Predicted(
-            short=Score(
-                nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
-            ),
-            innovation_arcsec=(float(off[0]), float(off[1])),
-            sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
-        )
-
     def _by_filter(self, track: Track) -> Score | None:
         """What the filter had said of the last measurement."""
         if track.last.nis is None or track.predicted is None:
@@ -380,7 +367,7 @@ class OnlineOrbit:
         track: Track,
         orbit: Orbit,
         seen: Sightings,
-        predicted: "_Predicted | None",
+        predicted: Predicted | None,
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
@@ -421,13 +408,6 @@ def _learnt(state: TrackState) -> tuple[float, float]:
     """Scatter (s) and variance_scale, as preset ``adaptive`` has learnt them."""
     said = state.mixture
     return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Predicted:
-    short: Score
-    innovation_arcsec: tuple[float, float]
-    sigma_arcsec: tuple[float, float]
 
 
 def _is_same(one: Measurement, other: Measurement) -> bool:

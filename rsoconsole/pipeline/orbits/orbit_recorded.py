@@ -9,7 +9,7 @@ from rsoconsole.pipeline.orbits.element_errors_of import errors_of
 from rsoconsole.pipeline.orbits.naming import identified
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
 from rsoconsole.pipeline.orbits.sightings_of import longest_arc
-from rsoconsole.records import Identified, OrbitEstimate
+from rsoconsole.records import FrameTaken, Identified, OrbitEstimate
 from rsoconsole.session.reading import SessionReader
 
 
@@ -26,7 +26,7 @@ def recorded_orbit(
     """
     config = reader.config().model_copy(update={"orbit": OrbitConfig()})
     online = OnlineOrbit(config)
-    for seq, _, record in reader.records(kinds=TracksTaken.KINDS):
+    for seq, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
         if seq > until_seq:
             break
         online.receive(record)

@@ -14,7 +14,8 @@ from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbits.determination import together
 from rsoconsole.orbits.first import Sightings, sightings
 from rsoconsole.pipeline.cycle import Track, TracksTaken
-from rsoconsole.records import Measurement, Site
+from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
+from rsoconsole.records import FrameTaken, Measurement, Site
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 
@@ -86,7 +87,7 @@ def longest_arc(seen: Sightings) -> Sightings:
 def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     reader = SessionReader(folder)
     config = reader.config()
-    tracks = _tracks(reader)
+    tracks, exposures = _tracks(reader)
     if not tracks:
         raise SessionError(
             f"{folder} holds no track: nothing was followed in it; name a session that has one"
@@ -94,18 +95,23 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     if track is not None and not 1 <= track <= len(tracks):
         raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
     found = [
-        _of_track(folder.resolve().name, config, (number, len(tracks)), each)
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures)
         for number, each in enumerate(tracks, start=1)
         if track in (None, number)
     ]
     return tuple(sorted(found, key=lambda each: -len(each.seen)))
 
 
-def _of_track(name: str, config: Config, place: tuple[int, int], track: Track) -> Observed:
+def _of_track(
+    name: str, config: Config, place: tuple[int, int], track: Track, exposures: Exposures
+) -> Observed:
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
+    taken = tuple(track.measurements)
+    if config.filter.part_errors == "shared":
+        taken = PartErrors().widened(taken, track.last, exposures)
     try:
-        seen = sightings_of(site, track.measurements)
+        seen = sightings_of(site, taken)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
@@ -121,13 +127,14 @@ def _of_track(name: str, config: Config, place: tuple[int, int], track: Track) -
     )
 
 
-def _tracks(reader: SessionReader) -> list[Track]:
+def _tracks(reader: SessionReader) -> tuple[list[Track], Exposures]:
     """Those with enough measurements, else all that have any, in order of time."""
-    taken = TracksTaken()
-    for _, _, record in reader.records(kinds=TracksTaken.KINDS):
+    taken, exposures = TracksTaken(), Exposures()
+    for _, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
         taken.receive(record)
+        exposures.receive(record)
     found = [each for each in taken.tracks() if each.measurements]
-    return [each for each in found if len(each.measurements) >= _FEWEST] or found
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures
 
 
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:

@@ -34,3 +34,4 @@ from .lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
 from .sky_path import Plane as Plane
 from .streak_length import along_error_arcsec as along_error_arcsec
 from .streak_length import remembered_with as remembered_with
+from .streak_length import with_part_error as with_part_error

@@ -20,6 +20,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,6 +85,24 @@ def along_error_arcsec(
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
     return math.sqrt(max(away**2 / 4.0 + slack**2 / 24.0 - own2, 0.0))
+
+
+def with_part_error(
+    measurement: Measurement, expected: Motion, before: Sequence[float]
+) -> Measurement:
+    """A streak that shows a part of its length, with what that leaves open in its covariance.
+
+    Of one that shows all of it the measurement itself. ``before``: the excess of the streaks before
+    it, arcsec.
+    """
+    excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
+    if excess is None or excess >= -_PART_SHARE * length:
+        return measurement
+    variance = (1 + _parts_in_a_row(before, length)) * excess**2 / 12.0
+    east, north = expected.east_arcsec / length, expected.north_arcsec / length
+    ee, en, nn = measurement.cov_sky_arcsec2
+    wider = (ee + variance * east**2, en + variance * east * north, nn + variance * north**2)
+    return replace(measurement, cov_sky_arcsec2=wider)
 
 
 def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:

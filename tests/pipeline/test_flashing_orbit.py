@@ -1,0 +1,76 @@
+"""A satellite that flashes about as often as the shutter opens: what its orbit claims to know."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from rsoconsole.orbits.motion.known_orbit import known
+from rsoconsole.orbits.motion.prediction import predict
+from rsoconsole.records import FrameTaken, Measurement
+from rsoconsole.sky.places import Places
+from tests.orbit_truth import DAYTONA
+from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
+from tests.tracking.test_streak_length import flashing
+
+PERIOD_S, LIT_SHARE = 9.9, 0.6
+FRAMES, AHEAD_S = 9, 600.0
+
+
+@dataclasses.dataclass
+class Flashing(Watched):
+    """Sees what lies between the first and the last light of each exposure."""
+
+    phase_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.lost = list(flashing(PERIOD_S, LIT_SHARE, self.phase_s, 60))
+
+    def measure(self, places: Places, n: int) -> Measurement:
+        whole = super().measure(places, n)
+        self.receive(
+            FrameTaken(
+                frame_id=self.frame_id,
+                name="",
+                t_start_utc_ns=whole.t_mid_utc_ns - 5 * 10**9,
+                exposure_s=10.0,
+                width_px=4656,
+                height_px=3520,
+                pointing_ra_icrs_deg=None,
+                pointing_dec_icrs_deg=None,
+            )
+        )
+        west, east = (
+            each / 3600.0 / math.cos(math.radians(whole.dec_icrs_deg)) for each in self.lost[n]
+        )
+        assert whole.ends_icrs_deg is not None
+        first, last = whole.ends_icrs_deg
+        return dataclasses.replace(
+            whole,
+            ra_icrs_deg=whole.ra_icrs_deg + (west - east) / 2.0,
+            ends_icrs_deg=((first[0] + west, first[1]), (last[0] - east, last[1])),
+        )
+
+
+def shortfalls(part_errors: str) -> list[float]:
+    """East error of the place ten minutes later over its stated sigma, of nights by phase."""
+    true, found = flight(*GEO), []
+    for phase_s in np.arange(0.0, PERIOD_S, 0.5):
+        watched = Flashing(config(filter={"part_errors": part_errors}), phase_s=float(phase_s))
+        watched.see(every_frame(true, FRAMES))
+        later = true.places(np.array([FRAMES * 30.0 + AHEAD_S]))[0]
+        ahead = predict(known(watched.last), DAYTONA, later.t_utc_ns)
+        off = 3600.0 * float(ahead.places.ra_icrs_deg[0] - later.ra_icrs_deg[0])
+        found.append(off / math.sqrt(float(ahead.cov_sky_arcsec2[0][0])))
+    return found
+
+
+def test_its_orbit_states_what_the_parts_leave_open():
+    shared = np.abs(shortfalls("shared"))
+    assert np.mean(shared < 3.0) >= 0.95
+    assert np.sqrt(np.mean(shared**2)) < 2.0
+
+
+def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong():
+    assert np.sqrt(np.mean(np.square(shortfalls("single")))) > 5.0
