@@ -24,10 +24,11 @@ from rsoconsole.pipeline.batch.batch_nights import (
     working_in,
 )
 from rsoconsole.pipeline.batch.batch_pool import WorkerPool, pool_for, share_out
+from rsoconsole.records import Event
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.samples import SCHEMA_1
+from tests.samples import SCHEMA_1, SESSIONS
 
 HEIGHT, WIDTH = 480, 640
 NAMES = ("2023-06-22", "2023-06-23", "2023-06-24")
@@ -170,6 +171,16 @@ def test_a_worker_that_is_killed_costs_its_own_task_alone():
     assert (first, others) == (2, [6, 8])
     assert killed[0] == 13
     assert "died" in killed[1]
+
+
+def test_news_of_an_orbit_is_no_fault_of_a_frame(tmp_path):
+    (outcome,) = made([SESSIONS / "frames"], tmp_path)
+    said = [record.text for _, _, record in SessionReader(outcome.session).records(kinds=(Event,))]
+    assert any(text.startswith("orbit: ") for text in said), "a night that tells an orbit"
+    assert (outcome.error, outcome.unreadable) == (None, ())
+    assert outcome.locked_after_frames == 2
+    (again,) = made([SESSIONS / "frames"], tmp_path)
+    assert (again.state, again.unreadable) == ("skipped", ())
 
 
 # -- what goes wrong --------------------------------------------------------------------------

@@ -238,6 +238,8 @@ def _outcome(night: Night, state: State) -> NightOutcome:
     locked: int | None = None
     last = "SEARCH"
     unreadable = []
+    # Other events are news of a night that went well, such as an orbit.
+    of_a_frame = tuple(f"{path.name}: " for _, path in night.frames)
     kinds = (FrameTaken, Detections, Measurement, Miss, StateChange, Event)
     for _, _, record in reader.records(kinds=kinds):
         match record:
@@ -253,7 +255,7 @@ def _outcome(night: Night, state: State) -> NightOutcome:
                 last = record.after
                 if record.after == "TRACK" and locked is None:
                     locked = record.frame_id
-            case Event():
+            case Event() if record.level == "warning" and record.text.startswith(of_a_frame):
                 unreadable.append(record.text)
     return NightOutcome(
         source=night.source,
