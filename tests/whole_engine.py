@@ -127,15 +127,20 @@ class WholeEngine:
 
     def remains(self) -> list[int]:
         """Every living process of this engine's environment."""
-        mark = f"XDG_RUNTIME_DIR={self.environment['XDG_RUNTIME_DIR']}".encode()
-        found = []
-        for entry in Path("/proc").iterdir():
-            if not entry.name.isdigit() or int(entry.name) == os.getpid():
-                continue
-            with contextlib.suppress(OSError):
-                if mark in (entry / "environ").read_bytes().split(b"\0"):
-                    found.append(int(entry.name))
-        return [pid for pid in found if _is_living(pid)]
+        return processes_of(Path(self.environment["XDG_RUNTIME_DIR"]))
+
+
+def processes_of(run: Path) -> list[int]:
+    """Living processes, no matter whose children, whose environment has this runtime folder."""
+    mark = f"XDG_RUNTIME_DIR={run}".encode()
+    found = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit() or int(entry.name) == os.getpid():
+            continue
+        with contextlib.suppress(OSError):
+            if mark in (entry / "environ").read_bytes().split(b"\0"):
+                found.append(int(entry.name))
+    return [pid for pid in found if _is_living(pid)]
 
 
 @contextlib.contextmanager

@@ -1,5 +1,6 @@
 """Every command of the front page is one that the program takes; those without a telescope run."""
 
+import itertools
 import re
 import shlex
 from pathlib import Path
@@ -30,7 +31,21 @@ def shown(text: str) -> list[str]:
     found = re.findall(r"^\$ (?:\.venv/bin/)?(rsoconsole .*?)(?: +#.*)?$", text, re.MULTILINE)
     prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     found += [" ".join(each.split()) for each in re.findall(r"`(rsoconsole\s[^`]+)`", prose)]
+    found += [
+        each for row in re.findall(r"^\| (`rsoconsole .*?) \|", text, re.M) for each in row_of(row)
+    ]
     return list(dict.fromkeys(part.strip() for each in found for part in each.split(" && ")))
+
+
+def row_of(cell: str) -> list[str]:
+    """The commands of a row, of which all but the first may be short: ``config init``, ``show``."""
+    first, *others = re.findall(r"`([^`]+)`", cell)
+    verbs = list(itertools.takewhile(str.islower, first.split()))
+    whole = [
+        each if each.startswith("rsoconsole") else f"{' '.join(verbs[:-1])} {each}"
+        for each in others
+    ]
+    return [first, *whole]
 
 
 def commands() -> list[str]:
@@ -81,7 +96,6 @@ def test_wrong_usage_would_be_found() -> None:
 
 RUN = [
     "rsoconsole config check",
-    "rsoconsole index list",
     "rsoconsole catalogue list",
     "rsoconsole ledger",
     "rsoconsole sessions",
@@ -89,11 +103,7 @@ RUN = [
     "rsoconsole what-if NIGHT --q 4",
     "rsoconsole export NIGHT --format tdm --out - --norad 36097",
     "rsoconsole export SESSION --format F --out -",
-    "rsoconsole orbit NIGHT...",
-    "rsoconsole identify NIGHT --tle FILE",
-    "rsoconsole passes --tle FILE",
     "rsoconsole status --prometheus",
-    "rsoconsole service show",
 ]
 
 
