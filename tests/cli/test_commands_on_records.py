@@ -348,7 +348,7 @@ def what_if_saved(house: House, command: str) -> None:
     house.run(command)
     (branch,) = branches_of(session)
     assert branch.name == "calmer"
-    assert branch.tried == {"filter.q_multiplier": 4.0, "filter.r_multiplier": 0.5}
+    assert branch.changes == {"filter.q_multiplier": 4.0, "filter.r_multiplier": 0.5}
 
 
 @RECIPES.of("rsoconsole what-if sessions/intelsat-14 --propose", "rsoconsole what-if SESSION...")
