@@ -30,7 +30,7 @@ _OF_MOTION = 4
 _SAME_SCATTER = 1.15
 _MOST_SHAKE_ARCSEC, _SAME_SHAKE_ARCSEC = 6.0, 0.3
 _SHAKE_FRAMES = 3.0
-"""For so many frames counts that nothing shakes."""
+"""Frames' worth of belief that nothing shakes."""
 _OF_PLANE = 3
 """Numbers that say where beside the middle of its way something is."""
 _WHOLE_SIGMAS, _RATE_ERROR = 3.0, 0.01

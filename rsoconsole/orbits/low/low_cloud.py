@@ -3,8 +3,8 @@
 A streak gives a direction and its rate; range and range rate remain. Low orbits are nearly circles,
 and a circle through a direction with a rate has one range: so the region is small. How round orbits
 are and how many there are at a height enters as a rough prior, with tails for those that are not.
-Of the two senses of a streak the one that runs against the Earth's turn is rare, but for orbits
-across the poles. Source: Milani et al. 2004; DeMars & Jah 2013 for a prior in elements.
+Of the two senses of a streak that against the Earth's turn is rare, but for orbits across the
+poles. Source: Milani et al. 2004; DeMars & Jah 2013 for a prior in elements.
 Kilometres, seconds, radians.
 """
 

@@ -29,7 +29,7 @@ from rsoconsole.sky import ARCSEC_RAD, NS_PER_S
 
 SIGMA_E = 0.03
 """Root mean square eccentricity that is believed until the streaks tell it themselves."""
-_TOLD = 0.3
+_WELL_KNOWN = 0.3
 """Once the streaks alone tell it to so much of ``SIGMA_E``, that is left out."""
 LEFT_OUT_KM_S2 = 5e-8
 """One sigma of each component of what pulls beside `zonal.Zonal`: the Earth's unevenness along its
@@ -108,7 +108,7 @@ class _Problem:
         return value, by_unknown, measured
 
     def later(self, bias_s: float) -> Sightings:
-        """The directions as of so many seconds later: the site has moved on."""
+        """The directions as of ``bias_s`` later: the site has moved on."""
         sites_km = self.seen.sites_km + self.seen.sites_km_s * bias_s
         return replace(self.seen, t_s=self.seen.t_s + bias_s, sites_km=sites_km)
 
@@ -163,7 +163,7 @@ def fit_streaks(
     problem.whitening = _whitening(problem, unknowns, streaks, timing)
     with np.errstate(all="ignore"):
         unknowns, is_converged = _descend(problem, unknowns)
-        if _is_told(problem, unknowns):
+        if _is_eccentricity_known(problem, unknowns):
             problem.sigma_e = None
             unknowns, is_converged = _descend(problem, unknowns)
         return _finished(problem, unknowns, len(streaks), is_converged=is_converged)
@@ -252,7 +252,7 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
     return unknowns, False
 
 
-def _is_told(problem: _Problem, unknowns: FloatArray) -> bool:
+def _is_eccentricity_known(problem: _Problem, unknowns: FloatArray) -> bool:
     """Whether the streaks alone tell how round the orbit is."""
     _, slopes, measured = problem.rows(unknowns)
     if measured < 8:
@@ -262,7 +262,7 @@ def _is_told(problem: _Problem, unknowns: FloatArray) -> bool:
     covariance = to_state @ inverse_of_normal(alone.T @ alone)[:6, :6] @ to_state.T
     _, by_state = eccentricity_vector(*problem.view.state(unknowns[:6]))
     spread = by_state @ covariance @ by_state.T
-    return bool(np.sqrt(np.trace(spread)) < _TOLD * SIGMA_E)
+    return bool(np.sqrt(np.trace(spread)) < _WELL_KNOWN * SIGMA_E)
 
 
 def _finished(

@@ -87,7 +87,7 @@ def _altitudes(orbit: KnownOrbit, site: Site, t: IntArray) -> FloatArray:
 def _pass(
     orbit: KnownOrbit, site: Site, t_below_ns: int, least_altitude_deg: float
 ) -> ExpectedPass | None:
-    """The one that begins within a step of an instant."""
+    """The pass that begins within a step of an instant."""
     coarse = t_below_ns + (np.arange(0.0, _LONGEST_S, STEP_S) * NS_PER_S).astype(np.int64)
     is_down = _altitudes(orbit, site, coarse) <= least_altitude_deg
     ends = np.flatnonzero(is_down[2:])

@@ -26,7 +26,7 @@ from rsoconsole.vision.streaks import (
     Likelihood,
     decided,
     updated,
-    with_company,
+    with_context,
 )
 
 log = logging.getLogger(__name__)
@@ -183,7 +183,7 @@ def with_words(
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    detections = tuple(with_company(kept, per_px))
+    detections = tuple(with_context(kept, per_px))
     return replace(found, detections=detections, rejected=tuple(rejected))
 
 

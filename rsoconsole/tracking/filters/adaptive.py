@@ -20,7 +20,7 @@ from rsoconsole.tracking.filters.bank_update import Innovation
 from rsoconsole.tracking.filters.scatter import scatter_interval_s
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Plane
 
-_WORTH_TELLING = 1.5
+_WORTH_REPORTING = 1.5
 _MOST_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
@@ -284,7 +284,7 @@ def _state(
     along_arcsec: float = 0.0,
     innovation_covariance: FloatArray | None = None,
     scatter_s: tuple[float, float, float] | None = None,
-    **told: object,
+    **further: object,
 ) -> TrackState:
     mean, covariance = bank.moments()
     ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
@@ -318,7 +318,7 @@ def _state(
             along_arcsec=along_arcsec,
         ),
         memory=_Memory(bank, x, innovation_covariance),
-        **told,  # type: ignore[arg-type]
+        **further,  # type: ignore[arg-type]
     )
 
 
@@ -348,7 +348,7 @@ def summary_words(state: TrackState | None, known_s: float) -> str:
     speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
     scatter_s = math.hypot(state.mixture.scatter_s, known_s)
     wider = math.sqrt(state.mixture.variance_scale)
-    errors = f", errors ×{wider:.1f}" if wider >= _WORTH_TELLING else ""
+    errors = f", errors ×{wider:.1f}" if wider >= _WORTH_REPORTING else ""
     timing = f"timing ±{scatter_s:.2g} s = {scatter_s * speed:.1f}″"
     return f"motion {name} {share:.0%}, {timing}{errors}"
 
@@ -358,7 +358,7 @@ def with_learned_errors(
 ) -> tuple[Measurement, ...]:
     """A track's measurements, with covariances that contain the errors learnt.
 
-    Each moves as from or to the one that is nearer to it in time.
+    Each moves as from or to the nearest other in time.
     """
     if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
         return tuple(taken)

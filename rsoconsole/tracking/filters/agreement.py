@@ -130,7 +130,7 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
     """How far the pair's displacement lies from its streaks, whichever way they ran.
 
     Several pairs may agree within the tolerances, where neighbours are as near to each other as
-    one of them moves: the one that agrees best is the one object. 0 where no ends are known.
+    one of them moves: the best agreement is the one object. 0 where no ends are known.
     """
     moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:

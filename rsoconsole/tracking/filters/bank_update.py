@@ -47,8 +47,8 @@ class Innovation:
     bank: Bank
     place: FloatArray
     """(2,) arcsec on the bank's plane."""
-    told: Innovations
-    untold: Innovations | None
+    with_length: Innovations
+    without_length: Innovations | None
     """Where the length of its streak says too much; None where it says nothing."""
     rare: Innovations
     """Where the measurement has gone wrong."""
@@ -89,20 +89,20 @@ def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
     noise = [_measured_noise(bank, speed, each) for each in (*seen, *less.values())]
     noise += [_rare_noise(bank, speed, each) for each in seen]
     found = innovations(bank.covariances, [*off, *(off[n] for n in less), *off], noise)
-    told, rare = found[: len(seen)], found[-len(seen) :]
-    untold = dict(zip(less, found[len(seen) :], strict=False))
+    with_length, rare = found[: len(seen)], found[-len(seen) :]
+    without_length = dict(zip(less, found[len(seen) :], strict=False))
     log_weights, each_of = _log_weights(bank), []
     for n, place in enumerate(places):
-        plain_nis = told[n].nis
-        if n in untold:
-            plain_nis = merged_nis(plain_nis, untold[n].nis, _says_too_much(bank))
+        plain_nis = with_length[n].nis
+        if n in without_length:
+            plain_nis = merged_nis(plain_nis, without_length[n].nis, _says_too_much(bank))
         nis = merged_nis(plain_nis, rare[n].nis, RARE)
         each_of.append(
             Innovation(
                 bank=bank,
                 place=place,
-                told=told[n],
-                untold=untold.get(n),
+                with_length=with_length[n],
+                without_length=without_length.get(n),
                 rare=rare[n],
                 nis=-2.0 * min(log_sum(log_weights - 0.5 * nis), 0.0),
             )
@@ -144,10 +144,10 @@ def taken(found: Innovation) -> Update:
 
 def covariance_of(found: Innovation) -> FloatArray:
     """(2, 2) of the mixture's innovation, arcsec^2."""
-    bank, weights, s = found.bank, found.bank.weights, found.told.s
-    if found.untold is not None:
+    bank, weights, s = found.bank, found.bank.weights, found.with_length.s
+    if found.without_length is not None:
         share = _says_too_much(bank)
-        s = (1.0 - share) * s + share * found.untold.s
+        s = (1.0 - share) * s + share * found.without_length.s
     mean = weights @ bank.means[:, :2]
     apart = bank.means[:, :2] - mean
     spread = (apart * weights[:, None]).T @ apart
@@ -166,14 +166,14 @@ def _says_too_much(bank: Bank) -> float:
 def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
     """What the filters make of it by what its length tells of its error, and what that is worth."""
     bank = found.bank
-    told = answer(bank.covariances, found.told)
-    if found.untold is None:
-        return told, bank.length_log_odds
-    untold = answer(bank.covariances, found.untold)
-    odds = log_sum(log_weights + told.log_likelihoods)
-    odds -= log_sum(log_weights + untold.log_likelihoods)
+    with_length = answer(bank.covariances, found.with_length)
+    if found.without_length is None:
+        return with_length, bank.length_log_odds
+    without_length = answer(bank.covariances, found.without_length)
+    odds = log_sum(log_weights + with_length.log_likelihoods)
+    odds -= log_sum(log_weights + without_length.log_likelihoods)
     after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
-    return merged(told, untold, _says_too_much(bank)), after
+    return merged(with_length, without_length, _says_too_much(bank)), after
 
 
 def _centred(bank: Bank) -> Bank:

@@ -71,12 +71,12 @@ def consistency(
 
 @lru_cache(maxsize=256)
 def mean_band(count: int) -> tuple[float, float]:
-    """Within which the mean of so many NIS lies 95 times in 100, for a sound filter."""
+    """Within which the mean of ``count`` NIS lies 95 times in 100, for a sound filter."""
     return _mean_exceeded(count, 0.975), _mean_exceeded(count, 0.025)
 
 
 def _mean_exceeded(count: int, chance: float) -> float:
-    """What the mean of so many chi-square variates of two degrees of freedom exceeds so often.
+    """What the mean of chi-square variates of two degrees of freedom exceeds with ``chance``.
 
     Half their sum follows Erlang's law, a sum of Poisson terms; scipy's would weigh 18 MB in every
     console. Newton's method, begun where Wilson & Hilferty (1931) have it.

@@ -283,7 +283,7 @@ def _q_terms(settings: FilterConfig) -> tuple[float, ...]:
 
 
 def _scaled(covariance: FloatArray, terms: tuple[float, ...]) -> FloatArray:
-    """Each term of the diagonal so many times; correlations stay as they are."""
+    """Each term of the diagonal times its factor; correlations stay as they are."""
     roots = np.sqrt(np.array(terms))
     return np.asarray(covariance * np.outer(roots, roots))
 

@@ -18,14 +18,14 @@ def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, fl
     log_s, each = np.log(bank.grid.scatters_s), bank.scatter_probabilities
     fine = np.linspace(log_s[0], log_s[-1], 40 * (len(log_s) - 1) + 1)
     logs, best = np.log(np.maximum(each, 1e-30)), int(np.argmax(each))
-    told = np.interp(fine, log_s, logs)
+    fitted = np.interp(fine, log_s, logs)
     if 0 < best < len(log_s) - 1:
         before, after = log_s[best - 1] - log_s[best], log_s[best + 1] - log_s[best]
         down, up = (logs[best - 1] - logs[best]) / before, (logs[best + 1] - logs[best]) / after
         bend = (up - down) / (after - before)
         off = fine - log_s[best]
-        told = logs[best] + off * (down - bend * before + bend * off)
-    density = np.exp(_TEMPERED * (told - told.max()))
+        fitted = logs[best] + off * (down - bend * before + bend * off)
+    density = np.exp(_TEMPERED * (fitted - fitted.max()))
     summed = np.cumsum(density)
     summed = summed / summed[-1]
     cuts = [0.5, 0.5 - share / 2.0, 0.5 + share / 2.0]

@@ -50,7 +50,7 @@ class Plane:
 
     @classmethod
     def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "Plane":
-        """The one that touches the sky there."""
+        """The plane that touches the sky there."""
         ra, dec = math.radians(ra_icrs_deg), math.radians(dec_icrs_deg)
         return cls(
             direction_to_unit(ra_icrs_deg, dec_icrs_deg),

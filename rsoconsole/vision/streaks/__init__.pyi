@@ -15,4 +15,4 @@ from .streak_names import SHINES_ON as SHINES_ON
 from .streak_names import named_with_shares as named_with_shares
 from .streak_trace import Trace as Trace
 from .streak_trace import trace_line as trace_line
-from .streak_train import with_company as with_company
+from .streak_train import with_context as with_context

@@ -19,7 +19,7 @@ from rsoconsole.vision.streaks.streak_light import (
     light_along,
     modulation_of,
 )
-from rsoconsole.vision.streaks.streak_train import with_company
+from rsoconsole.vision.streaks.streak_train import with_context
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ def named_with_shares(
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
     named = [_named(frame, sky, stars, each) for each in detections]
-    found = with_company([streak for streak, _ in named], per_px)
+    found = with_context([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [

@@ -18,7 +18,7 @@ _LIGHTS_APART = 0.5
 _TRAIN = ("satellite", "undetermined")
 
 
-def with_company(
+def with_context(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
     """The same, each with what its company makes of it.
