@@ -32,13 +32,13 @@ from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.tracking.filters import adaptive, estimator
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""With so many measurements a track is asked whether it is of an object followed before, and its
+"""Measurements with which a track is asked whether it is of an object followed before, and its
 orbit whether it knows what no track took."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
 _MORE_TO_SEEK = 1.2
-"""Where no start led to an orbit, all are tried again with so many times as many directions: that
+"""Where no start led to an orbit, all are tried again after this growth of the directions: it
 takes most of a second with some hundreds of them, and one more changes nothing."""
 _LEARNT = 0.2
 """Share by which they must have changed before all is computed again."""
