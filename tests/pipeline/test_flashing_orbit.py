@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from rsoconsole.orbits.motion.known_orbit import known
+from rsoconsole.orbits.motion.known_orbit import orbit_from_record
 from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.records import FrameTaken, Measurement
 from rsoconsole.sky.places import Places
@@ -60,7 +60,7 @@ def shortfalls(part_errors: str) -> list[float]:
         watched = Flashing(config(filter={"part_errors": part_errors}), phase_s=float(phase_s))
         watched.see(every_frame(true, FRAMES))
         later = true.places(np.array([FRAMES * 30.0 + AHEAD_S]))[0]
-        ahead = predict(known(watched.last), DAYTONA, later.t_utc_ns)
+        ahead = predict(orbit_from_record(watched.last), DAYTONA, later.t_utc_ns)
         off = 3600.0 * float(ahead.places.ra_icrs_deg[0] - later.ra_icrs_deg[0])
         found.append(off / math.sqrt(float(ahead.cov_sky_arcsec2[0][0])))
     return found

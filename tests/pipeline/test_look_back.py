@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.frame.look_back import LookBack
-from rsoconsole.pipeline.frame.solved_field import SolvedField, Word
+from rsoconsole.pipeline.comparison.look_back import LookBack
+from rsoconsole.pipeline.comparison.solved_field import SolvedField, Word
 from rsoconsole.records import Frame, Wcs
 from rsoconsole.vision.stars.stars import find_stars
 from tests.drawn_lines import line_of_light

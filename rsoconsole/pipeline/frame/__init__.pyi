@@ -1,5 +1,4 @@
 from .calibration import Calibration as Calibration
-from .fixed_light import RecordedComparison as RecordedComparison
 from .frame_cautions import calibration_warnings as calibration_warnings
 from .frame_cautions import cautions as cautions
 from .frame_part import Part as Part

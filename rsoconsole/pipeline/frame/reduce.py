@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.comparison import Comparison, FixedLight
 from rsoconsole.pipeline.frame.calibration import Calibration
-from rsoconsole.pipeline.frame.fixed_light import Comparison, FixedLight
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.frame_part import Part, middle_of
 from rsoconsole.pipeline.frame.glance import Glance

@@ -15,12 +15,12 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments.frames import header_start, read_frame
 from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.pipeline.comparison import RecordedComparison
 from rsoconsole.pipeline.frame import (
     Calibration,
     FrameReducer,
     Plate,
     PlateFinder,
-    RecordedComparison,
     calibration_warnings,
 )
 from rsoconsole.pipeline.replay.rerun import RecordedPlate

@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.pipeline.frame.known_stars import KnownStars
-from rsoconsole.pipeline.frame.look_back import LookBack
-from rsoconsole.pipeline.frame.solved_field import SolvedField, Word
+from rsoconsole.pipeline.comparison.known_stars import KnownStars
+from rsoconsole.pipeline.comparison.look_back import LookBack
+from rsoconsole.pipeline.comparison.solved_field import SolvedField, Word
 from rsoconsole.reasons import BelowTau, NotAStreak, NotAStreakKind
 from rsoconsole.records import Detection, Detections, Frame, Rejection, Solution
 from rsoconsole.sky.stars import StarCatalogue

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.pipeline.frame.solved_field import SolvedField, Word, ends_of, places_px
+from rsoconsole.pipeline.comparison.solved_field import SolvedField, Word, ends_of, places_px
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, FloatArray
 from rsoconsole.sky import sky_to_pixel

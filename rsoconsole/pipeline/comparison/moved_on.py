@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rsoconsole.pipeline.frame.solved_field import SolvedField, to_field
+from rsoconsole.pipeline.comparison.solved_field import SolvedField, to_field
 from rsoconsole.records import Detection, FloatArray
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.stars import StarList

@@ -9,8 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.pipeline.frame.moved_on import has_moved_on
-from rsoconsole.pipeline.frame.solved_field import SolvedField, Word, ends_of, places_px, to_field
+from rsoconsole.pipeline.comparison.moved_on import has_moved_on
+from rsoconsole.pipeline.comparison.solved_field import (
+    SolvedField,
+    Word,
+    ends_of,
+    places_px,
+    to_field,
+)
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, FloatArray, Frame
 from rsoconsole.sky import turn_deg
