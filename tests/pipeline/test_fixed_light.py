@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.comparison import fixed_light
 from rsoconsole.pipeline.comparison.fixed_light import FixedLight, RecordedComparison
 from rsoconsole.pipeline.comparison.known_stars import KnownStars
 from rsoconsole.pipeline.comparison.solved_field import SolvedField
-from rsoconsole.pipeline.frame import fixed_light
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import BelowTau, NotAStreak

@@ -84,11 +84,11 @@ class TwicePressed:
         if seat.is_click:
             self.name_key(name, what)
             return
-        outcome = press.receive(name, seat.now_s())
+        stage = press.receive(name, seat.now_s())
         key = key or first_key(name, seat.keymap)
-        if outcome == "asked":
+        if stage == "asked":
             seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
-        elif outcome == "held":
+        elif stage == "held":
             seat.say(f"{key} is held down: nothing is done", "warn")
         else:
             number = press.number
