@@ -312,7 +312,7 @@ def test_a_log_that_is_not_what_was_closed_is_not_continued(split):
         mark_closed(connection)
     body_of(session, 2, "lie")
     done = repair_session(session, T0_UTC_NS)
-    assert "not the one that was closed" in done.unmerged[rescue]
+    assert "not the log that was closed" in done.unmerged[rescue]
     assert texts(rescue) == facts(4, 8)
 
 

@@ -125,7 +125,7 @@ def _expect_sound_digest(target: SessionReader) -> None:
     recorded = LogDigest.from_meta(target.about())
     with closing(target.connect()) as connection:
         if recorded is not None and digest_log(connection) != recorded:
-            raise SessionError(f"the log of {target.folder} is not that which was closed")
+            raise SessionError(f"the log of {target.folder} is not the log that was closed")
 
 
 def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
