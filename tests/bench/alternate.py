@@ -3,7 +3,7 @@
     python -m tests.bench.alternate BEFORE [--runs 7] [--only console,cycle] [--own]
 
 Run from the project's root; BEFORE is another checkout of it. Each benchmark runs in BEFORE, then
-here, and that again and again; the program that measures is this checkout's in both, or with
+here, ``--runs`` times; the program that measures is this checkout's in both, or with
 ``--own`` each checkout's own, where files have moved between them. Prints for each figure
 both medians and the median of the ratios of the pairs (after / before) with its range.
 """

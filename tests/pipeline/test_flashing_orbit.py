@@ -7,7 +7,8 @@ import numpy as np
 
 from rsoconsole.orbits.motion.known_orbit import orbit_from_record
 from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.records import FrameTaken, Measurement
+from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
+from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky.places import Places
 from tests.orbit_truth import DAYTONA
 from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
@@ -74,3 +75,19 @@ def test_its_orbit_states_what_the_parts_leave_open():
 
 def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong():
     assert np.sqrt(np.mean(np.square(shortfalls("single")))) > 5.0
+
+
+def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
+    """Of an eccentric orbit: each is as long as it moved then, whatever the track's rate now."""
+    eccentric = flight(26_560.0, 0.5, 63.0)
+    watched = Flashing(config())
+    watched.lost = [(0.0, 0.0)] * 200
+    watched.see(eccentric.places(np.arange(0.0, 5400.0, 60.0))[0])
+    rates = [each.x[1] for each in watched.log if isinstance(each, TrackState)]
+    assert max(rates) > 1.3 * min(rates) > 0.0
+    taken = [each for each in watched.log if isinstance(each, Measurement)]
+    exposures = Exposures()
+    for each in watched.log:
+        exposures.receive(each)
+    state = [each for each in watched.log if isinstance(each, TrackState)][-1]
+    assert PartErrors().widened(taken, taken, state, exposures) == tuple(taken)

@@ -245,7 +245,7 @@ class OnlineOrbit:
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         target.part_errors = target.part_errors if is_longer else PartErrors()
         if self._config.filter.part_errors == "shared":
-            fresh = target.part_errors.widened(fresh, track.last, self._exposures)
+            fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True

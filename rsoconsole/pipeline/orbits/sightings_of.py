@@ -109,7 +109,7 @@ def _of_track(
     site, (number, count) = config.site.to_site(), place
     taken = tuple(track.measurements)
     if config.filter.part_errors == "shared":
-        taken = PartErrors().widened(taken, track.last, exposures)
+        taken = PartErrors().widened(taken, taken, track.last, exposures)
     try:
         seen = sightings_of(site, taken)
     except ValueError as error:
