@@ -10,6 +10,7 @@ from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky.places import Places
+from rsoconsole.tracking.association.following import expected_motion
 from tests.orbit_truth import DAYTONA
 from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
 from tests.tracking.test_streak_length import flashing
@@ -83,11 +84,13 @@ def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
     watched = Flashing(config())
     watched.lost = [(0.0, 0.0)] * 200
     watched.see(eccentric.places(np.arange(0.0, 5400.0, 60.0))[0])
-    rates = [each.x[1] for each in watched.log if isinstance(each, TrackState)]
-    assert max(rates) > 1.3 * min(rates) > 0.0
+    states = [each for each in watched.log if isinstance(each, TrackState)]
+    fastest = max(states, key=lambda each: expected_motion(each, 1.0).length_arcsec)
+    slowest = min(states, key=lambda each: expected_motion(each, 1.0).length_arcsec)
+    fast, slow = (expected_motion(each, 1.0).length_arcsec for each in (fastest, slowest))
+    assert fast > 1.5 * slow
     taken = [each for each in watched.log if isinstance(each, Measurement)]
     exposures = Exposures()
     for each in watched.log:
         exposures.receive(each)
-    state = [each for each in watched.log if isinstance(each, TrackState)][-1]
-    assert PartErrors().widened(taken, taken, state, exposures) == tuple(taken)
+    assert PartErrors().widened(taken, taken, fastest, exposures) == tuple(taken)
