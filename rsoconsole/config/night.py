@@ -79,6 +79,11 @@ class FilterConfig(Section):
         description="along-track errors of a satellite whose streaks show a part of their length,"
         " as of one that flashes; shared: one error of all of them; single: each its own",
     )
+    across_errors: Literal["direction", "own"] = Field(
+        "direction",
+        description="errors across a streak, by preset adaptive; direction: larger by how far it"
+        " points and reaches otherwise than its track moves; own: as they were measured",
+    )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"

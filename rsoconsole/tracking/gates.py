@@ -25,13 +25,12 @@ from rsoconsole.tracking.filters import (
     Motion,
     Update,
     adaptive,
-    along_error_arcsec,
     disagreement,
     estimator,
     lqe,
     motion_between,
 )
-from rsoconsole.tracking.initiation import chains
+from rsoconsole.tracking.initiation import believed_of, chains
 
 INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
 
@@ -40,9 +39,7 @@ def updated_with(
     predicted: TrackState, m: Measurement, before: Tracked, seen: Seen, settings: FollowSettings
 ) -> Update:
     """A measurement that a track may take, whose error its streak's length tells too."""
-    expected = expected_motion(predicted, seen.exposure_s)
-    along = _along(m, expected, before, settings)
-    return estimator.weighed(predicted, m, settings.filter, along)
+    return all_updated_with(predicted, (m,), before, seen, settings)[m]
 
 
 def all_updated_with(
@@ -54,15 +51,12 @@ def all_updated_with(
 ) -> dict[Measurement, Update]:
     """``updated_with`` of several measurements."""
     expected = expected_motion(predicted, seen.exposure_s)
-    along = [_along(m, expected, before, settings) for m in measured]
-    pairs = list(zip(measured, along, strict=True))
-    return estimator.all_weighed(predicted, pairs, settings.filter)
-
-
-def _along(m: Measurement, expected: Motion, before: Tracked, settings: FollowSettings) -> float:
-    return along_error_arcsec(
-        m, expected, before.excesses_arcsec, shares_parts=settings.filter.part_errors == "shared"
-    )
+    believed = {
+        m: believed_of(m, expected, before.excesses_arcsec, before.half_turns_arcsec, settings)
+        for m in measured
+    }
+    updated = estimator.all_weighed(predicted, list(believed.values()), settings.filter)
+    return {m: updated[wider] for m, (wider, _) in believed.items()}
 
 
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing

@@ -15,7 +15,13 @@ from rsoconsole.tracking.association import (
 from rsoconsole.tracking.blended import Shared
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.gates import INDISTINGUISHABLE, off_nis, rejections, updated_with
-from rsoconsole.tracking.initiation import NOT_CHOSEN, beside, excesses_with, first_state
+from rsoconsole.tracking.initiation import (
+    NOT_CHOSEN,
+    beside,
+    excesses_with,
+    first_state,
+    half_turns_with,
+)
 from rsoconsole.tracking.joint import Weighed
 from rsoconsole.tracking.takeover import Step, is_in_field, with_rivals
 
@@ -115,12 +121,14 @@ def _measured(
     """A track that has taken a measurement."""
     neighbours = beside(before.neighbours, track, taken, seen)
     excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
+    half_turns = half_turns_with(before.half_turns_arcsec, track, taken, seen)
     after = replace(
         before,
         track=track,
         taken=taken,
         neighbours=neighbours,
         excesses_arcsec=excesses,
+        half_turns_arcsec=half_turns,
         rivals=(),
         unexplained=0,
     )

@@ -8,6 +8,7 @@ _OLD_FILTER = {
     "most_tracks": 1,
     "initiation": "pairs",
     "part_errors": "single",
+    "across_errors": "own",
 }
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 

@@ -92,6 +92,8 @@ class Tracked:
     """Frames since then in which nothing hid it, and it was not there."""
     excesses_arcsec: tuple[float, ...] = ()
     """By how much its last streaks were longer than it moves in one exposure."""
+    half_turns_arcsec: tuple[float, ...] = ()
+    """By how much their ends lay off the line of its motion through their middles."""
     is_kept: bool = False
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
     since_utc_ns: int = 0

@@ -35,3 +35,5 @@ from .sky_path import Plane as Plane
 from .streak_length import along_error_arcsec as along_error_arcsec
 from .streak_length import remembered_with as remembered_with
 from .streak_length import with_part_error as with_part_error
+from .streak_turn import turns_with as turns_with
+from .streak_turn import with_turn_error as with_turn_error

@@ -84,7 +84,11 @@ def along_error_arcsec(
     if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
-    return math.sqrt(max(away**2 / 4.0 + slack**2 / 24.0 - own2, 0.0))
+    variance = away**2 / 4.0 + slack**2 / 24.0
+    if shares_parts and excess < -_PART_SHARE * length:
+        # The first after one that was whole may lie anywhere in what it should fill.
+        variance = max(variance, (1 + parts) * excess**2 / 12.0)
+    return math.sqrt(max(variance - own2, 0.0))
 
 
 def with_part_error(
@@ -103,6 +107,11 @@ def with_part_error(
     ee, en, nn = measurement.cov_sky_arcsec2
     wider = (ee + variance * east**2, en + variance * east * north, nn + variance * north**2)
     return replace(measurement, cov_sky_arcsec2=wider)
+
+
+def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
+    """Whether the last streaks showed a part of their length, one after the other."""
+    return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _FEWEST_PARTS
 
 
 def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:

@@ -2,9 +2,11 @@ from . import chains as chains
 from .acquisition import NOT_CHOSEN as NOT_CHOSEN
 from .acquisition import REFUSED as REFUSED
 from .acquisition import acquire as acquire
+from .acquisition import believed_of as believed_of
 from .acquisition import beside as beside
 from .acquisition import excesses_with as excesses_with
 from .acquisition import first_state as first_state
+from .acquisition import half_turns_with as half_turns_with
 from .acquisition import initiated as initiated
 from .chains import ON_TRIAL as ON_TRIAL
 from .link import Motion as Motion

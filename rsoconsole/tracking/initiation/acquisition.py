@@ -31,6 +31,8 @@ from rsoconsole.tracking.filters import (
     pair_disagreement,
     pair_misfit_arcsec,
     remembered_with,
+    turns_with,
+    with_turn_error,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
@@ -172,16 +174,14 @@ def first_state(
     """What is followed from two measurements on, or more of them."""
     track = initiated(chain[0], chain[1], track_id, seen, settings)
     excesses = excesses_with((), track, chain[1], seen)
+    half_turns = half_turns_with((), track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
-        along = along_error_arcsec(
-            m,
-            expected_motion(at, seen.exposure_s),
-            excesses,
-            shares_parts=settings.filter.part_errors == "shared",
-        )
-        track = estimator.update(at, m, settings.filter, along)
+        expected = expected_motion(at, seen.exposure_s)
+        believed, along = believed_of(m, expected, excesses, half_turns, settings)
+        track = estimator.update(at, believed, settings.filter, along)
         excesses = excesses_with(excesses, track, m, seen)
+        half_turns = half_turns_with(half_turns, track, m, seen)
     if len(chain) > 2:
         track = replace(
             track,
@@ -198,6 +198,7 @@ def first_state(
         taken=chain[-1],
         neighbours=beside((), track, chain[-1], seen),
         excesses_arcsec=excesses,
+        half_turns_arcsec=half_turns,
         since_utc_ns=chain[-1].t_mid_utc_ns,
         trial=trial,
     )
@@ -226,6 +227,30 @@ def excesses_with(
     before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
 ) -> tuple[float, ...]:
     return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
+
+
+def half_turns_with(
+    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[float, ...]:
+    return turns_with(before, taken, expected_motion(track, seen.exposure_s))
+
+
+def believed_of(
+    m: Measurement,
+    expected: Motion,
+    excesses_arcsec: tuple[float, ...],
+    half_turns_arcsec: tuple[float, ...],
+    settings: FollowSettings,
+) -> tuple[Measurement, float]:
+    """A measurement with the error across that its streak shows, and the sigma that it adds along.
+
+    ``excesses_arcsec``, ``half_turns_arcsec``: of the track's streaks before it.
+    """
+    shares_parts = settings.filter.part_errors == "shared"
+    along = along_error_arcsec(m, expected, excesses_arcsec, shares_parts=shares_parts)
+    if settings.filter.preset != "adaptive" or settings.filter.across_errors == "own":
+        return m, along
+    return with_turn_error(m, expected, half_turns_arcsec, excesses_arcsec), along
 
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:

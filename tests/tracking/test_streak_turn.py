@@ -1,0 +1,106 @@
+"""What a streak's direction says of its middle: stars upon one end, and stars that drift."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import Measurement, NotFollowed, TrackState
+from rsoconsole.session.reading.old_defaults import with_old_defaults
+from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking.filters.agreement import Motion
+from rsoconsole.tracking.filters.streak_turn import half_turn_arcsec, with_turn_error
+from rsoconsole.tracking.frame_by_frame import follow
+from tests.makers import NS, T0_UTC_NS, geo_measurement
+
+EAST = Motion(150.0, 0.0)
+STAR = 15
+"""The frame in which a star lies upon an end."""
+
+
+def streak(frame_id: int, west_arcsec: float, east_arcsec: float, random=None) -> Measurement:
+    """Of a geostationary satellite, whose ends lie so far north of its path."""
+    whole = geo_measurement(frame_id, cov_sky_arcsec2=(0.09, 0.0, 0.09))
+    noise = np.zeros(2) if random is None else random.normal(0.0, 0.3 / 3600.0, 2)
+    assert whole.ends_icrs_deg is not None
+    (ra_a, dec_a), (ra_b, dec_b) = whole.ends_icrs_deg
+    return dataclasses.replace(
+        whole,
+        ra_icrs_deg=whole.ra_icrs_deg + noise[0],
+        dec_icrs_deg=whole.dec_icrs_deg + noise[1] + (west_arcsec + east_arcsec) / 7200.0,
+        ends_icrs_deg=(
+            (ra_a + noise[0], dec_a + noise[1] + west_arcsec / 3600.0),
+            (ra_b + noise[0], dec_b + noise[1] + east_arcsec / 3600.0),
+        ),
+    )
+
+
+def followed(across_errors: str, streaks: list[Measurement]) -> list:
+    settings = FollowSettings(filter=FilterConfig(across_errors=across_errors), half_field_deg=0.62)
+    after, records = Following(), []
+    for m in streaks:
+        t_utc_ns = T0_UTC_NS + (m.frame_id - 1) * 30 * NS
+        seen = Seen(frame_id=m.frame_id, t_mid_utc_ns=t_utc_ns, exposure_s=10.0, measurements=(m,))
+        after, said = follow(after, seen, settings)
+        records += said
+    return records
+
+
+def night(seed: int, drift_arcsec: float = 0.0, upon_end_arcsec: float = 0.0) -> list[Measurement]:
+    """Thirty frames whose stars drift, turning each streak, and one star upon one end."""
+    random = np.random.default_rng(seed)
+    return [
+        streak(n, -drift_arcsec, drift_arcsec + (upon_end_arcsec if n == STAR else 0.0), random)
+        for n in range(1, 31)
+    ]
+
+
+def updates(records: list) -> list[TrackState]:
+    return [r for r in records if isinstance(r, TrackState) and r.kind == "updated"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("drift_arcsec", [0.0, 8.0])
+def test_a_streak_with_a_star_upon_one_end_is_taken_for_what_it_is_worth(seed, drift_arcsec):
+    streaks = night(seed, drift_arcsec, upon_end_arcsec=12.0)
+    refused = [r for r in followed("own", streaks) if isinstance(r, NotFollowed)]
+    assert [(r.frame_id, r.reason.kind) for r in refused] == [(STAR, "NIS")]
+    records = followed("direction", streaks)
+    assert not [r for r in records if isinstance(r, NotFollowed)]
+    path = geo_measurement(1).dec_icrs_deg
+    off = [abs(r.x[2] - path) * 3600.0 for r in updates(records) if r.frame_id >= STAR]
+    # The star had moved its middle by 6 arcsec: hardly any of it is believed.
+    assert max(off) < 0.6
+
+
+def test_stars_that_drift_turn_every_streak_and_take_nothing_from_it():
+    still, drifting = (updates(followed("direction", night(9, d))) for d in (0.0, 8.0))
+    own = updates(followed("own", night(9, 8.0)))
+    sigma = [np.sqrt(each[-1].P[2][2]) * 3600.0 for each in (still, drifting, own)]
+    assert sigma[1] == pytest.approx(sigma[0], rel=0.02)
+    assert sigma[1] == pytest.approx(sigma[2], rel=0.1)
+
+
+def test_more_is_added_the_further_it_turns_and_across_alone():
+    added = []
+    for turn in (0.0, 5.0, 20.0):
+        m = streak(1, -turn, turn)
+        assert half_turn_arcsec(m, EAST) == pytest.approx(turn, abs=1e-3)
+        wider = with_turn_error(m, EAST, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).cov_sky_arcsec2
+        assert wider[:2] == pytest.approx(m.cov_sky_arcsec2[:2], abs=1e-9)
+        added.append(wider[2] - m.cov_sky_arcsec2[2])
+    assert added[0] < 0.01 < added[1] < added[2] / 10.0
+
+
+def test_the_sense_of_a_streak_is_not_known_and_does_not_matter():
+    m = streak(1, -7.0, 7.0)
+    assert m.ends_icrs_deg is not None
+    reverse = dataclasses.replace(m, ends_icrs_deg=m.ends_icrs_deg[::-1])
+    assert half_turn_arcsec(m, EAST) == half_turn_arcsec(reverse, EAST)
+
+
+def test_older_nights_replay_as_they_were():
+    old = with_old_defaults({"filter": {"preset": "adaptive"}})
+    assert FilterConfig(**old["filter"]).across_errors == "own"
+    assert FilterConfig().across_errors == "direction"
