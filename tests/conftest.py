@@ -11,8 +11,8 @@ from hypothesis import settings
 from rsoconsole.console.watches import watch
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.fast_tier import is_slow, slow_tests
-from tests.record_differences import differences
-from tests.seat_rig import FakeWire, written
+from tests.nights.record_differences import differences
+from tests.rigs.seat_rig import FakeWire, written
 
 # How fast this machine was while it did something else says nothing of the program.
 settings.register_profile("any machine", deadline=None)

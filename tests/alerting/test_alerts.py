@@ -42,11 +42,11 @@ from rsoconsole.reasons import Cause, HiddenBy, Missed, TrackLost
 from rsoconsole.records import CatalogueMatch, Event, Identified, Miss, Record, StateChange
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.bad_server import BadServer, bad_server, drip
-from tests.bad_server import send as answer
-from tests.bad_server import status as refuse
-from tests.json_page import expect_documented
+from tests.children.bad_server import BadServer, bad_server, drip
+from tests.children.bad_server import send as answer
+from tests.children.bad_server import status as refuse
+from tests.nights import made_up_night as night
+from tests.pages.json_page import expect_documented
 
 PATIENCE_S = 30.0
 

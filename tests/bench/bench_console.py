@@ -27,8 +27,8 @@ from statistics import median
 from typing import Any
 
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.terminal import Terminal
+from tests.nights import made_up_night as night
+from tests.rigs.terminal import Terminal
 
 RESULTS = Path(__file__).parent / "results" / "console.json"
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "console", "--session"]

@@ -11,7 +11,7 @@ import numpy as np
 from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
 from rsoconsole.orbits.identification.element_fit import fit_factors
 from rsoconsole.records import FloatArray
-from tests.element_rows_of_truth import low_rows, times
+from tests.truth.element_rows_of_truth import low_rows, times
 
 SEED = 100
 

@@ -1,9 +1,9 @@
 """What was in my frame: how fast, and how often right, over random fields of known truth.
 
 Run: ``python -m tests.bench.bench_field [fields] [objects]``. Objects are off their elements within
-the error model (``tests/fields_of_truth.py``); each field looks at a random place where some are,
-half of them at a low one. A fifth of what crosses is too faint; three frames in ten have a line of
-something that no catalogue has.
+the error model (``tests/truth/fields_of_truth.py``); each field looks at a random place where some
+are, half of them at a low one. A fifth of what crosses is too faint; three frames in ten have a
+line of something that no catalogue has.
 """
 
 import sys
@@ -19,7 +19,7 @@ from rsoconsole.orbits.identification.field_match import match_field
 from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S
-from tests.fields_of_truth import (
+from tests.truth.fields_of_truth import (
     DAY_UTC_NS,
     SITE,
     line_of,

@@ -18,7 +18,7 @@ from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.pipeline.field.field import FieldRun, FrameAnswer
 from rsoconsole.pipeline.field.field_frame import FieldReader, PlateMode, open_field_reader
 from rsoconsole.simulator.camera.truth import FrameTruth, SatelliteTruth
-from tests.simulated_fields import OPTICS, crowd, frames_in
+from tests.truth.simulated_fields import OPTICS, crowd, frames_in
 
 SHORTEST_PX, FAINTEST_SNR = 15.0, 15.0
 _NEAR_PX = 8.0

@@ -24,10 +24,10 @@ from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.scene.world_scene import binned
 from rsoconsole.simulator.world.world_file import world_from
 from rsoconsole.sky.frames import icrs_of_hour_angle
-from tests import engine_rig
 from tests.campaign.leaps import FILE
-from tests.leap_rig import SETTINGS, SlowCamera, TravellingMount
 from tests.makers import NS
+from tests.rigs import engine_rig
+from tests.rigs.leap_rig import SETTINGS, SlowCamera, TravellingMount
 
 NORAD_ID, AT = 53826, "2023-06-22T20:06:00Z"
 SITE = {"latitude_deg": 35.0, "longitude_deg": 8.0, "elevation_m": 200.0}

@@ -12,8 +12,8 @@ import numpy as np
 
 from rsoconsole.orbits.determination.join import Alone, alone, join_probabilities
 from rsoconsole.tracking.initiation.link import link_points
-from tests.seen_satellites import geostationary, instants, seen
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
+from tests.truth.seen_satellites import geostationary, instants, seen
 
 _BINS = (0.0, 0.01, 0.1, 0.3, 0.7, 0.9, 0.99, 1.01)
 

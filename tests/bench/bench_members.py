@@ -2,8 +2,8 @@
 
     OPENBLAS_NUM_THREADS=1 python -m tests.bench.bench_members [--only following] [--write]
 
-Run from the project's root. Twelve satellites of one slot (`tests/slot_of_twelve.py`), then the
-first of them alone; processor's milliseconds of this thread, so that other work on the machine
+Run from the project's root. Twelve satellites of one slot (`tests/nights/slot_of_twelve.py`), then
+the first of them alone; processor's milliseconds of this thread, so that other work on the machine
 counts as little as it may. The bar: association and orbits of twelve no more than 40 ms a cycle
 beyond those of one, detection no more than 15 ms for a further streak. Frames in which names are
 asked for are given by themselves: a track is asked at 3, 4, 6, 9, 14, 21 ... directions. Prints,
@@ -33,7 +33,7 @@ from rsoconsole.tracking.frame_by_frame import follow
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.detector import StreakDetector
 from rsoconsole.vision.detector.network import Network
-from tests.slot_of_twelve import MEMBERS, frames, members
+from tests.nights.slot_of_twelve import MEMBERS, frames, members
 from tests.tracking.test_company import settings
 from tests.tracking.test_rivals import config as plain_config
 

@@ -35,8 +35,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.terminal import Terminal
-from tests.whole_engine import CHILDREN, COMMAND, WholeEngine, whole_engine
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import CHILDREN, COMMAND, WholeEngine, whole_engine
 
 RESULTS = Path(__file__).parent / "results" / "memory.json"
 SCENARIO = "intelsat-14"

@@ -2,7 +2,7 @@
 
     OPENBLAS_NUM_THREADS=1 python -m tests.bench.bench_orbit [--runs 200] [--write]
 
-Geostationary satellites moved by other code than the product's (`tests/orbit_truth.py`), a
+Geostationary satellites moved by other code than the product's (`tests/truth/orbit_truth.py`), a
 direction every 30 s. Worlds: true eccentricity 3e-4 under a prior of 5e-4 and of the product's
 2e-3; eccentricities drawn from either prior, where the stated sigmas ought to be the true ones;
 3e-4 under 5e-4 with the semi-major axis believed to 30 km; and satellites held over the equator
@@ -35,7 +35,7 @@ from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
 from rsoconsole.records import FloatArray, Measurement, Site, TrackState
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
+from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
 
 RESULTS = Path(__file__).parent / "results" / "orbit.json"
 T0_UTC_NS = iso_to_utc_ns("2023-06-22T03:00:00Z")

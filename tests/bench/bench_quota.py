@@ -39,7 +39,7 @@ from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.bench.quota import Quota, command_of, cpu_s, exempt, family, open_quota
-from tests.terminal import Terminal
+from tests.rigs.terminal import Terminal
 
 PROGRAM = [sys.executable, "-c", "from rsoconsole.cli import main; main()"]
 SIMULATOR = "rsoconsole.simulator.server"

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tests.real_sky_night import lacks, run_night
+from tests.real_sky.real_sky_night import lacks, run_night
 
 RESULTS = Path(__file__).parent / "results" / "real_indi.json"
 SCATTERS_S = (0.0, 0.2)

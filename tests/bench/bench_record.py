@@ -31,7 +31,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.store import summarise
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
+from tests.nights import made_up_night as night
 
 RESULTS = Path(__file__).parent / "results" / "record.json"
 FRAME_BYTES = 8_500_000

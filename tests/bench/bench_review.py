@@ -22,9 +22,9 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
-from tests import eventful_night, made_up_night
 from tests.bench.bench_console import wait
-from tests.terminal import Terminal
+from tests.nights import eventful_night, made_up_night
+from tests.rigs.terminal import Terminal
 
 RESULTS = Path(__file__).parent / "results" / "review.json"
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "review"]

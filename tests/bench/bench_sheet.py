@@ -19,8 +19,8 @@ from typing import Any
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from tests.samples import SCHEMA_1
-from tests.seat_rig import FakeWire
+from tests.nights.samples import SCHEMA_1
+from tests.rigs.seat_rig import FakeWire
 
 RESULTS = Path(__file__).parent / "results" / "sheet.json"
 KEPT = 9

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
-from tests.plate_fields import SCALE, SIZE, belt_plate, belt_stars
+from tests.drawn.plate_fields import SCALE, SIZE, belt_plate, belt_stars
 
 REPEATS = 40
 

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from itertools import cycle, islice
 from pathlib import Path
 
-from tests.stop_situations import (
+from tests.rigs.stop_situations import (
     SITUATIONS,
     Figures,
     Scene,

@@ -1,7 +1,8 @@
 """Where the time goes from the end of an exposure to the frame, and how fast a STOP is.
 
 Run from the project's root: ``python -m tests.bench.bench_transfer [frames]``. Prints medians of
-wall milliseconds; the pixels are noise (tests/stub_stage.py), so that drawing them costs little.
+wall milliseconds; the pixels are noise (tests/rigs/stub_stage.py), so that drawing them
+costs little.
 """
 
 import statistics
@@ -93,7 +94,7 @@ def main() -> None:
             0,
             width_px=WIDTH_PX,
             height_px=HEIGHT_PX,
-            stage="tests.stub_stage:open_plain",
+            stage="tests.rigs.stub_stage:open_plain",
         ) as observatory,
     ):
         config = Config.model_validate({"indi": {"port": observatory.port, "simulated": True}})

@@ -23,7 +23,7 @@ from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_log import what_if_session
 from rsoconsole.pipeline.tuning.proposal import propose
 from rsoconsole.session.reading.reader import SessionReader
-from tests.measured_night import record_night
+from tests.nights.measured_night import record_night
 
 RESULTS = Path(__file__).parent / "results" / "what_if.json"
 FRAMES = 1000

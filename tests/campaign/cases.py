@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rsoconsole.simulator.nights.scenarios import elements_path
-from tests import real_sky_night
 from tests.campaign import clusters
+from tests.real_sky import real_sky_night
 
 ELEMENTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 """Element files that the project did not make; groups that need them are left out without."""
@@ -21,7 +21,7 @@ _BELT = (36097, 42432, 38749, 39078, 35942, 40874)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealIndi:
-    """A night of ``tests/real_sky_night.py``, in real time: half a minute a frame."""
+    """A night of ``tests/real_sky/real_sky_night.py``, in real time: half a minute a frame."""
 
     frames: int
     seed: int

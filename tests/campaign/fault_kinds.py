@@ -17,8 +17,8 @@ from pathlib import Path
 
 from rsoconsole.instruments.indi.indi_wire import IndiWire
 from tests.campaign.fault_night import FaultNight, Row
-from tests.stop_situations import full_disk
-from tests.whole_engine import COMMAND, OVERRIDES, wait_for
+from tests.rigs.stop_situations import full_disk
+from tests.rigs.whole_engine import COMMAND, OVERRIDES, wait_for
 
 Kind = Callable[[FaultNight, Row], None]
 _LONG_STOP_S = 3.0

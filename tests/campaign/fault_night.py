@@ -20,8 +20,8 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.launch import start_observatory
 from tests.campaign.fault_growth import Sample, pace_s
 from tests.campaign.fault_wire import FaultyWire
-from tests.stop_witness import Ear
-from tests.whole_engine import CHILDREN, COMMAND, OVERRIDES, WholeEngine, wait_for
+from tests.rigs.stop_witness import Ear
+from tests.rigs.whole_engine import CHILDREN, COMMAND, OVERRIDES, WholeEngine, wait_for
 
 SPEED = 20.0
 EXPOSURE = {"exposure_s": 2.0, "cadence_s": 4.0, "readout_s": 0.0}
@@ -74,7 +74,7 @@ class FaultNight:
 
     def __enter__(self) -> Self:
         sky = self._stack.enter_context(
-            start_observatory("intelsat-14", 1, SPEED, stage="tests.stub_stage:open_plain")
+            start_observatory("intelsat-14", 1, SPEED, stage="tests.rigs.stub_stage:open_plain")
         )
         self.sky = sky
         self.wire = self._stack.enter_context(FaultyWire(sky.host, sky.port))

@@ -25,8 +25,8 @@ from tests.campaign.arguments import seeds_of
 from tests.campaign.fault_growth import growing, growth_lines, slopes_of
 from tests.campaign.fault_kinds import ENDS_IT, KINDS
 from tests.campaign.fault_night import VERB_S, FaultNight, Row
-from tests.stub_stage import SITE
-from tests.whole_engine import wait_for
+from tests.rigs.stub_stage import SITE
+from tests.rigs.whole_engine import wait_for
 
 PAGE = Path(__file__).with_name("FAULTS.md")
 RESULTS = Path(__file__).with_name("results") / "faults.json"

@@ -32,7 +32,7 @@ from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.times import NS_PER_S
 from tests.campaign import runner
 from tests.campaign.cases import ELEMENTS, Case
-from tests.regimes import samples
+from tests.truth.regimes import samples
 
 FILE = ELEMENTS / "mix_20230622.tle"
 FRAMES = 75

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import APP
-from tests import real_sky_night
 from tests.campaign.cases import Case, RealIndi
+from tests.real_sky import real_sky_night
 
 _PROGRAM = "import sys; from rsoconsole.cli import main; sys.argv[0] = 'rsoconsole'; main()"
 _NIGHT_S = 3600.0

@@ -19,7 +19,7 @@ from rsoconsole.records import FloatArray, Measurement, Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_S, IntArray
-from tests.seen_satellites import SHARED
+from tests.truth.seen_satellites import SHARED
 
 ELEMENTS = SHARED / "tles" / "geo_all_20230622.tle"
 SITE = Site(latitude_deg=45.0, longitude_deg=10.0, elevation_m=200.0)

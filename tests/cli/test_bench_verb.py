@@ -17,7 +17,7 @@ from rsoconsole.engine.machine.machine_name import identity
 from rsoconsole.errors import SessionError
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.pi_files import pi_files, put
+from tests.rigs.pi_files import pi_files, put
 
 NOW = iso_to_utc_ns("2023-06-23T00:00:00Z")
 PLENTY = 10**12

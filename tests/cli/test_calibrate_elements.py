@@ -23,9 +23,9 @@ from rsoconsole.session.ledgers.element_ledger import (
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_orbit import write_track
-from tests.json_page import expect_documented
 from tests.orbits.test_element_fit import row
-from tests.seen_satellites import geostationary, instants
+from tests.pages.json_page import expect_documented
+from tests.truth.seen_satellites import geostationary, instants
 
 DAY_S = 86_400.0
 SLOTS = {90001: -60.0, 90002: -50.0, 90003: -71.0}

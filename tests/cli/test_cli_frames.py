@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from tests.json_page import expect_documented
+from tests.pages.json_page import expect_documented
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 SATSIM = SHARED / "simulated" / "geo_single"

@@ -19,9 +19,9 @@ from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.times import NS_PER_S, IntArray, utc_ns_to_iso
-from tests.json_page import expect_documented
-from tests.samples import SCHEMA_1
-from tests.seen_satellites import DAYTONA, SHARED, geostationary, instants
+from tests.nights.samples import SCHEMA_1
+from tests.pages.json_page import expect_documented
+from tests.truth.seen_satellites import DAYTONA, SHARED, geostationary, instants
 
 OBSERVATIONS, TLES = SHARED / "observations", SHARED / "tles"
 needs_shared = [

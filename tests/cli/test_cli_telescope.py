@@ -26,7 +26,7 @@ from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments.indi import indi_wire
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.stub_stage import SITE
+from tests.rigs.stub_stage import SITE
 
 STOPPED = {"stopped": True, "path": "mount", "ms": 12.5, "detail": ""}
 

@@ -15,11 +15,11 @@ from rsoconsole.session.files import upkeep_log
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.archive import archive_session
 from rsoconsole.session.upkeep.verify import verify_session
-from tests.bad_server import BadServer, bad_server, send
-from tests.command_house import PROGRAM, House, Recipes, a_house
+from tests.children.bad_server import BadServer, bad_server, send
 from tests.element_sources.test_catalogue_update import GOOD
-from tests.session_rig import NOW_UTC_NS, cut_off, make
-from tests.target_night import INDEX
+from tests.nights.target_night import INDEX
+from tests.pages.command_house import PROGRAM, House, Recipes, a_house
+from tests.rigs.session_rig import NOW_UTC_NS, cut_off, make
 
 RECIPES = Recipes()
 pytestmark = [

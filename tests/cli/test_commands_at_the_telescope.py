@@ -20,11 +20,11 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.nights.scenarios import scenario_named
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_S
-from tests.command_house import PATIENCE_S, PROGRAM, House, Recipes, a_house, seen
-from tests.command_sky import SPEED, engine_toml, observatory
-from tests.command_things import BELT, TARGET, TARGET_NAME, Things, gps_over_warsaw, pass_over
-from tests.json_page import expect_documented
-from tests.terminal import Terminal
+from tests.pages.command_house import PATIENCE_S, PROGRAM, House, Recipes, a_house, seen
+from tests.pages.command_sky import SPEED, engine_toml, observatory
+from tests.pages.command_things import BELT, TARGET, TARGET_NAME, Things, gps_over_warsaw, pass_over
+from tests.pages.json_page import expect_documented
+from tests.rigs.terminal import Terminal
 
 RECIPES = Recipes()
 pytestmark = [

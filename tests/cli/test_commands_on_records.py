@@ -14,8 +14,10 @@ from rsoconsole.pipeline.replay import branches_of
 from rsoconsole.session.ledgers.element_ledger import read_element_ledger
 from rsoconsole.session.ledgers.ledger import change_ledger, kept, read_ledger
 from rsoconsole.session.reading.reader import SessionReader
-from tests.command_house import PROGRAM, Done, House, Recipes, a_house
-from tests.command_things import (
+from tests.nights.samples import SAMPLE
+from tests.nights.target_night import INDEX
+from tests.pages.command_house import PROGRAM, Done, House, Recipes, a_house
+from tests.pages.command_things import (
     BELT,
     TARGET,
     TARGET_NAME,
@@ -26,9 +28,7 @@ from tests.command_things import (
     put_slots,
     site_toml,
 )
-from tests.samples import SAMPLE
 from tests.session.test_ledger import track
-from tests.target_night import INDEX
 
 RECIPES = Recipes()
 pytestmark = [

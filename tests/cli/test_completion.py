@@ -11,7 +11,7 @@ import pytest
 
 from rsoconsole.cli.words import completion
 from rsoconsole.config import Config, walk
-from tests.samples import SCHEMA_1
+from tests.nights.samples import SCHEMA_1
 
 PROGRAM = Path(sys.executable).with_name("rsoconsole")
 pytestmark = pytest.mark.skipif(not PROGRAM.exists(), reason="the program is not installed")

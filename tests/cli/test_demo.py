@@ -11,7 +11,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.simulator.world.world_file import load_world
 from tests.cli.test_cli_frames import rsoconsole
-from tests.json_page import expect_documented
+from tests.pages.json_page import expect_documented
 
 FRAMES = 14
 

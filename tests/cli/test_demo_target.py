@@ -9,17 +9,17 @@ import pytest
 from rsoconsole.judge.objects import VISIBLE_SNR
 from tests.cli.test_cli_frames import rsoconsole
 from tests.cli.test_demo import night
-from tests.orbits.test_places import earth
-from tests.orbits.test_target_places import HUNDREDTH_ARCSEC, TRANSCRIBED
-from tests.regimes import EACH, REGIMES, TLES, samples
-from tests.simulator.test_target_plan import FIFTH_OF_THE_FIELD_DEG
-from tests.target_night import (
+from tests.nights.target_night import (
     INDEX,
     centre_offset_deg,
     judged,
     off_skyfield_arcsec,
     off_target_arcsec,
 )
+from tests.orbits.test_places import earth
+from tests.orbits.test_target_places import HUNDREDTH_ARCSEC, TRANSCRIBED
+from tests.simulator.test_target_plan import FIFTH_OF_THE_FIELD_DEG
+from tests.truth.regimes import EACH, REGIMES, TLES, samples
 
 __all__ = ["earth"]
 

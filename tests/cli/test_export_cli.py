@@ -18,9 +18,9 @@ from rsoconsole.export import (
 )
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.export_nights import T0, closed_night, read_tdm, written_night
-from tests.orbit_night import identified_of
-from tests.samples import SCHEMA_1
+from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
+from tests.nights.orbit_night import identified_of
+from tests.nights.samples import SCHEMA_1
 
 
 @pytest.fixture(scope="module")

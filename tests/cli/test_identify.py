@@ -31,7 +31,7 @@ from rsoconsole.orbits.identification.single import Identification, identify
 from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
-from tests.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
+from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 needs_shared = [
     pytest.mark.shared_data,

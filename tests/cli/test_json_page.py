@@ -14,8 +14,8 @@ from rsoconsole.cli.words.output import WITH_UNITS, emit_json
 from rsoconsole.control import COMMANDS, ControlServer, Health, Outcome, Status, default_socket_path
 from rsoconsole.control.status import FIRST_NAMES, SCHEMA, Machine, read_status, status_json
 from rsoconsole.records import Detection, Detections, Frame, NotSolved
-from tests.json_page import expect_documented, first_keys, keys_of
 from tests.makers import straight_detection
+from tests.pages.json_page import expect_documented, first_keys, keys_of
 
 WHOLE = Status(
     state="TRACK",

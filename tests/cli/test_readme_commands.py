@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.cli.words.usage import UsageError
 from rsoconsole.errors import RsoconsoleError
-from tests.samples import SCHEMA_1
+from tests.nights.samples import SCHEMA_1
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"

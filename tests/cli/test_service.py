@@ -189,7 +189,7 @@ def test_the_service_keeps_what_the_engine_needs() -> None:
     assert not keys & hindering
 
 
-JAIL = Path(__file__).parents[1] / "jail.py"
+JAIL = Path(__file__).parents[1] / "children" / "jail.py"
 SYSTEM_PYTHON = "/usr/bin/python3"
 
 

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.session.upkeep.verify import verify_session
-from tests.json_page import expect_documented
-from tests.made_up_night import begin
-from tests.samples import SCHEMA_1
-from tests.session_rig import cut_off, flip, make
+from tests.nights.made_up_night import begin
+from tests.nights.samples import SCHEMA_1
+from tests.pages.json_page import expect_documented
+from tests.rigs.session_rig import cut_off, flip, make
 
 
 @pytest.fixture

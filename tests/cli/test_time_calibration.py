@@ -1,4 +1,4 @@
-"""calibrate-time on recorded nights whose truth was made elsewhere (``tests/navigation_truth.py``).
+"""calibrate-time on recorded nights; their truth is made by ``tests/truth/navigation_truth.py``.
 
 Twenty tracks with a bias of 137 ms, a scatter of 8 ms, lines of 15 us and stars that are all off
 by 0.2 arcsec must give all three within their stated errors, the bias to 5 ms.
@@ -20,8 +20,9 @@ from rsoconsole.orbits.navigation.navigation import utc_ns_of_gps
 from rsoconsole.pipeline.calibrations.navigation_files import read_rinex
 from rsoconsole.records import CameraMode
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.json_page import expect_documented
-from tests.navigation_truth import (
+from tests.pages.json_page import expect_documented
+from tests.pipeline.test_navigation_files import BROADCAST_2, PRECISE, epochs_of
+from tests.truth.navigation_truth import (
     GPS_MINUS_UTC_S,
     Constellation,
     Plan,
@@ -30,7 +31,6 @@ from tests.navigation_truth import (
     flight_of_file,
     night,
 )
-from tests.pipeline.test_navigation_files import BROADCAST_2, PRECISE, epochs_of
 
 T0 = iso_to_utc_ns("2023-06-22T01:00:00Z") - GPS_MINUS_UTC_S * NS_PER_S
 NIGHTS = 6

@@ -22,10 +22,10 @@ from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
 from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.engine_rig import Rig, asked, command_handler_of, rig
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, stop_text, until
+from tests.nights import made_up_night as night
+from tests.rigs.engine_rig import Rig, asked, command_handler_of, rig
+from tests.rigs.seat_rig import FRAMES, FakeWire, pane, play, stop_text, until
 
 SERVER_IS_GONE = "no INDI server answers at 127.0.0.1:7624: start indiserver"
 

@@ -50,9 +50,9 @@ from rsoconsole.records import (
 from rsoconsole.session.reading.old_reasons import result
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
 from tests.makers import NS, geo_measurement
-from tests.seat_rig import (
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import (
     FRAMES,
     FULL,
     FakeWire,

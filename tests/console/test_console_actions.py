@@ -25,9 +25,9 @@ from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import (
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import (
     FRAMES,
     PATIENCE_S,
     FakeWire,

@@ -15,8 +15,8 @@ from rsoconsole.console.night.night_view import NightView
 from rsoconsole.reasons import Cause, Unclassified
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.seat_rig import FRAMES, FakeWire, play, until
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import FRAMES, FakeWire, play, until
 
 HERE = NightView(folder=Path("night"), state="TRACK", is_read=True)
 ATTACHED = EngineView(reach="attached")

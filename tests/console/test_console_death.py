@@ -20,8 +20,8 @@ from rsoconsole.control import ControlServer, Outcome, Request, default_socket_p
 from rsoconsole.records import FrameTaken
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.launch import start_observatory
-from tests.terminal import Terminal
-from tests.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
 
 CADENCE_S, SPEED = 8.0, 10.0
 SIZE = (200, 60)
@@ -35,7 +35,7 @@ DEAF = ("sh", "-c", 'trap "" HUP; exec "$@"', "sh")
 @pytest.fixture
 def engine(tmp_path: Path) -> Iterator[WholeEngine]:
     exposure = {"exposure_s": 4.0, "cadence_s": CADENCE_S}
-    stage = "tests.stub_stage:open_plain"
+    stage = "tests.rigs.stub_stage:open_plain"
     with (
         start_observatory("intelsat-14", 1, SPEED, stage=stage) as sky,
         whole_engine(tmp_path, sky, exposure=exposure) as running,
@@ -97,7 +97,7 @@ def test_frames_go_on_when_the_line_to_a_console_is_lost(engine, before):
 @pytest.mark.nights
 def test_the_demo_goes_on_when_its_console_is_killed(tmp_path):
     """The whole way: ``rsoconsole demo`` in one terminal, ``rsoconsole console`` in another."""
-    with start_observatory("empty", 1, 0.0, stage="tests.stub_stage:open_plain") as unused:
+    with start_observatory("empty", 1, 0.0, stage="tests.rigs.stub_stage:open_plain") as unused:
         whole = whole_engine(tmp_path, unused)
         with whole as user:
             session = tmp_path / "night"

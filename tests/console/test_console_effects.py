@@ -19,9 +19,9 @@ from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.angles import separation_deg
-from tests.engine_rig import Memory, Rig
 from tests.pipeline.test_rulings import night
-from tests.seat_rig import can_answer, until
+from tests.rigs.engine_rig import Memory, Rig
+from tests.rigs.seat_rig import can_answer, until
 
 FRAMES = 8
 SIZE = (120, 40)

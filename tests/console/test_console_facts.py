@@ -12,8 +12,8 @@ from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.pipeline.outlook.hours_ahead import Outlook
 from rsoconsole.records import CycleTiming, SlewCommand
 from rsoconsole.sky.limits.refusals import beyond
-from tests.made_up_night import state_of
 from tests.makers import NS, T0_UTC_NS
+from tests.nights.made_up_night import state_of
 
 NOW = T0_UTC_NS
 HOUR = 3600 * NS

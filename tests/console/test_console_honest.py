@@ -13,8 +13,8 @@ from rsoconsole.console.timeline.night_line import FrameMark, Timeline
 from rsoconsole.console.timeline.review_words import place_words
 from rsoconsole.reasons import BelowTau, Cause, HiddenBy, Missed, NotAStreak
 from rsoconsole.records import Detections, FrameTaken, Miss, Rejection, StateChange
-from tests.made_up_night import taken
 from tests.makers import T0_UTC_NS, straight_detection
+from tests.nights.made_up_night import taken
 
 
 def test_one_stray_residual_does_not_flatten_the_others():

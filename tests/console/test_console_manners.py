@@ -24,9 +24,18 @@ from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Event, OperatorAction
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, PATIENCE_S, FakeWire, can_answer, pane, play, screen_text, until
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import (
+    FRAMES,
+    PATIENCE_S,
+    FakeWire,
+    can_answer,
+    pane,
+    play,
+    screen_text,
+    until,
+)
 
 LARGE = (120, 40)
 A_MARK = MarkByHand(x_a_px=10.0, y_a_px=10.0, x_b_px=50.0, y_b_px=10.0)

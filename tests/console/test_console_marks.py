@@ -19,9 +19,9 @@ from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
 from tests.makers import geo_measurement, straight_detection
-from tests.seat_rig import FRAMES, FakeWire, pane, play, until
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import FRAMES, FakeWire, pane, play, until
 
 USED = CommandResult(
     kind="ruled",

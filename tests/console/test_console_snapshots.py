@@ -14,10 +14,10 @@ from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
 from rsoconsole.control import Outcome
 from rsoconsole.reasons import Unclassified
 from rsoconsole.records import StateChange
-from tests import eight_tracks, orbit_night
-from tests import made_up_night as night
-from tests.screen_text import expect_as_agreed, screen_text
-from tests.seat_rig import FakeWire, has_outlook, play, until
+from tests.nights import eight_tracks, orbit_night
+from tests.nights import made_up_night as night
+from tests.rigs.screen_text import expect_as_agreed, screen_text
+from tests.rigs.seat_rig import FakeWire, has_outlook, play, until
 
 SIZES = ((80, 24), (120, 40), (200, 60))
 FAILED = {"name": "network", "ok": False, "detail": "damaged", "remedy": "install it again"}

@@ -18,8 +18,8 @@ import pytest
 
 from rsoconsole.simulator.launch import start_observatory
 from tests.console.test_console_death import FIRST_WORDS, FRAMES_AFTER, SIZE, frames_without_a_gap
-from tests.terminal import Terminal
-from tests.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine
 
 EXPOSURE = {"exposure_s": 4.0, "cadence_s": 8.0}
 SPEED = 10.0
@@ -118,7 +118,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @pytest.fixture(scope="module")
 def engine(tmp_path_factory: pytest.TempPathFactory, server: Server) -> Iterator[WholeEngine]:
-    stage = "tests.stub_stage:open_plain"
+    stage = "tests.rigs.stub_stage:open_plain"
     with (
         start_observatory("intelsat-14", 1, SPEED, stage=stage) as sky,
         whole_engine(tmp_path_factory.mktemp("night"), sky, exposure=EXPOSURE) as running,

@@ -31,13 +31,13 @@ from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.simulator.launch import Observatory, start_observatory
 from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
-from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
-from tests.stop_situations import full_disk
-from tests.stub_stage import open_plain
-from tests.terminal import EVERY_S, Terminal
-from tests.whole_engine import (
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
+from tests.rigs.stop_situations import full_disk
+from tests.rigs.stub_stage import open_plain
+from tests.rigs.terminal import EVERY_S, Terminal
+from tests.rigs.whole_engine import (
     COMMAND,
     WholeEngine,
     is_slewing,
@@ -89,7 +89,7 @@ def ended(environment: dict[str, str], *words: str, **named: Any) -> tuple[int, 
 @pytest.fixture
 def sky() -> Iterator[Observatory]:
     with start_observatory(
-        "intelsat-14", 1, SPEED, stage="tests.stub_stage:open_plain"
+        "intelsat-14", 1, SPEED, stage="tests.rigs.stub_stage:open_plain"
     ) as observatory:
         yield observatory
 

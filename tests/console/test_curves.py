@@ -17,7 +17,7 @@ from rsoconsole.console.words.curves import alignment_lines, focus_lines, qualit
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.seat_rig import FakeWire, pane, play, until
+from tests.rigs.seat_rig import FakeWire, pane, play, until
 
 BEGUN = iso_to_utc_ns("2023-06-22T05:30:00Z")
 NS = 1_000_000_000

@@ -9,7 +9,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import ExposureDialog, LineDialog
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog, Dialog, HelpDialog, LeaveDialog
 from rsoconsole.console.dialogs.tour import TourDialog
-from tests.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import FakeWire, play, until
 
 DIALOGS: dict[str, Callable[[], Dialog]] = {
     "exposure": lambda: ExposureDialog({}),

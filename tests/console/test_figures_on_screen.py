@@ -36,11 +36,11 @@ from rsoconsole.pipeline.replay.what_if_figures import TrackFigures, as_recorded
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reading.reader import SessionReader
-from tests import made_up_night as night
-from tests.engine_rig import solution_at
 from tests.makers import NS
-from tests.orbit_night import estimate_of, folded, state, to
-from tests.seat_rig import FakeWire, play, until
+from tests.nights import made_up_night as night
+from tests.nights.orbit_night import estimate_of, folded, state, to
+from tests.rigs.engine_rig import solution_at
+from tests.rigs.seat_rig import FakeWire, play, until
 
 SIZE = (120, 40)
 

@@ -35,11 +35,11 @@ from rsoconsole.pipeline.replay.reprocess import Reprocessor, recorded_frame
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.detector.network import Network
 from tests.console.test_graphics import kitty_pictures
-from tests.samples import SCHEMA_1
-from tests.screen_text import expect_as_agreed, screen_text
-from tests.seat_rig import PATIENCE_S, FakeWire, until
-from tests.terminal import Terminal
-from tests.whole_engine import wait_for
+from tests.nights.samples import SCHEMA_1
+from tests.rigs.screen_text import expect_as_agreed, screen_text
+from tests.rigs.seat_rig import PATIENCE_S, FakeWire, until
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import wait_for
 
 KEPT, LEFT_OUT, NEWEST = 9, 8, 22
 STREAK_PX = (1969, 1765)

@@ -13,9 +13,9 @@ from PIL import Image
 
 from rsoconsole.console.picture.graphics import painted
 from rsoconsole.console.picture.marks import Mark, Window
-from tests import made_up_night as night
-from tests.terminal import Terminal
-from tests.whole_engine import wait_for
+from tests.nights import made_up_night as night
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import wait_for
 
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "console"]
 KITTY = re.compile(rb"\x1b_G([^;\x1b]*);([^\x1b]*)\x1b\\")

@@ -5,7 +5,7 @@ from pathlib import Path
 from rsoconsole.console.night import Night
 from rsoconsole.console.night.chunks import CHUNK, in_chunks
 from rsoconsole.session.reading import SessionReader
-from tests import eventful_night
+from tests.nights import eventful_night
 
 
 def test_versions_of_a_list_share_what_they_have_alike() -> None:

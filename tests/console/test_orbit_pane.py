@@ -28,13 +28,22 @@ from rsoconsole.console.words.words import top_lines
 from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
 from rsoconsole.records import FollowedAgain
 from rsoconsole.session.reading.reader import SessionReader
-from tests import made_up_night as night
-from tests import orbit_night
 from tests.makers import NS
-from tests.orbit_night import BEST, FOLLOWED, NEXT, estimate_of, folded, identified_of, state, to
-from tests.review_rig import frame_shown, play_review, press
-from tests.samples import SCHEMA_1
-from tests.seat_rig import FakeWire, pane, play, until
+from tests.nights import made_up_night as night
+from tests.nights import orbit_night
+from tests.nights.orbit_night import (
+    BEST,
+    FOLLOWED,
+    NEXT,
+    estimate_of,
+    folded,
+    identified_of,
+    state,
+    to,
+)
+from tests.nights.samples import SCHEMA_1
+from tests.rigs.review_rig import frame_shown, play_review, press
+from tests.rigs.seat_rig import FakeWire, pane, play, until
 
 NOW = night.t_of(20)
 SITE = Config().site

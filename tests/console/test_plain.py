@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from rsoconsole.config import ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plain import PlainFilter, plain, spelled
-from tests.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import FakeWire, play, until
 
 BLACK = Color(0, 0, 0)
 

@@ -21,9 +21,9 @@ from rsoconsole.console.screens.review import ReviewScreen
 from rsoconsole.console.screens.review_log import ReviewLogPane
 from rsoconsole.console.timeline.lines import strip_place
 from rsoconsole.console.tuning.tuning_pane import TunePane
-from tests import eventful_night, made_up_night
-from tests.review_rig import frame_shown, is_there, play_review, press
-from tests.seat_rig import FULL, FakeWire, play, until
+from tests.nights import eventful_night, made_up_night
+from tests.rigs.review_rig import frame_shown, is_there, play_review, press
+from tests.rigs.seat_rig import FULL, FakeWire, play, until
 
 FRAMES = 110
 LARGE = (120, 40)

@@ -23,8 +23,8 @@ from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
 from rsoconsole.console.watches.watch import SessionWatch
 from rsoconsole.records import FollowedAgain, Ruling
 from rsoconsole.session.reading.reader import SessionReader
-from tests import eventful_night, made_up_night
 from tests.makers import NS
+from tests.nights import eventful_night, made_up_night
 
 FRAMES = 260
 

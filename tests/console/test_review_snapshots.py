@@ -13,11 +13,11 @@ from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
 from rsoconsole.console.screens.compare import CompareDialog
 from rsoconsole.console.screens.review import ReviewScreen
-from tests import eventful_night
 from tests.console.test_console_snapshots import SIZES
-from tests.review_rig import play_review, press
-from tests.screen_text import expect_as_agreed, screen_text
-from tests.seat_rig import until
+from tests.nights import eventful_night
+from tests.rigs.review_rig import play_review, press
+from tests.rigs.screen_text import expect_as_agreed, screen_text
+from tests.rigs.seat_rig import until
 
 FRAMES, SHOWN = 110, 51
 Act = Callable[[ReviewScreen, Pilot[str]], Awaitable[None]]

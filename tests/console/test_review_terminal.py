@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples import SCHEMA_1
-from tests.terminal import EVERY_S, Terminal
+from tests.nights.samples import SCHEMA_1
+from tests.rigs.terminal import EVERY_S, Terminal
 
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "review"]
 PATIENCE_S = 60.0

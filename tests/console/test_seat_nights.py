@@ -15,10 +15,10 @@ from rsoconsole.records import OperatorAction, StateChange
 from rsoconsole.simulator.launch import Observatory, start_observatory
 from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
-from tests.relay import Relay
-from tests.stub_stage import open_plain
-from tests.terminal import Terminal
-from tests.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
+from tests.children.relay import Relay
+from tests.rigs.stub_stage import open_plain
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
 
 SIZE = (120, 40)
 SPEED = 30.0

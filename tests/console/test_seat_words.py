@@ -30,10 +30,10 @@ from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.aim.states import Taken
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Frame
-from tests.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
-from tests.made_up_night import state_of, t_of
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
+from tests.nights.made_up_night import state_of, t_of
+from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
+from tests.rigs.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
 
 LARGE = (120, 40)
 NOW = t_of(FRAMES) + 7 * NS

@@ -17,8 +17,8 @@ from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.seat_rig import FRAMES, FakeWire, click, pane, play, until
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import FRAMES, FakeWire, click, pane, play, until
 
 LARGE = (120, 40)
 NAMED = {"target": "INTELSAT 14"}

@@ -15,7 +15,7 @@ from rsoconsole.console.picture.picture import FLOOR, STRETCHES
 from rsoconsole.console.picture.sheet_pixels import SheetPixels, averaged, map_shares, map_sigma
 from rsoconsole.console.picture.sheet_view import CLOSEST, View, whole
 from rsoconsole.vision.frame.maps import FrameMap, make_map
-from tests.drawn_light import sky_with, streak
+from tests.drawn.drawn_light import sky_with, streak
 
 SIDES = st.integers(64, 5000)
 views = st.builds(

@@ -25,8 +25,8 @@ from rsoconsole.cli import main
 from rsoconsole.console.drawing.clean import CleanFilter, clean
 from rsoconsole.resources import resource
 from tests.console.test_review_terminal import COMMAND, home, shown_after, wait_for
-from tests.samples import SAMPLE
-from tests.terminal import Terminal
+from tests.nights.samples import SAMPLE
+from tests.rigs.terminal import Terminal
 
 __all__ = ["home"]
 

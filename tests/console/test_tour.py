@@ -13,7 +13,7 @@ from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import FakeWire, play, until
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:07Z")
 SEARCHING = EngineView(reach="attached", state="SEARCH", holder="autonomy", now_utc_ns=NOW)

@@ -14,10 +14,10 @@ from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import FollowedAgain, LedgerName, Miss, Ruling, StateChange, TrackState
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import eight_tracks as eight
-from tests import made_up_night
-from tests.made_up_night import t_of
-from tests.seat_rig import FakeWire, pane, play, until
+from tests.nights import eight_tracks as eight
+from tests.nights import made_up_night
+from tests.nights.made_up_night import t_of
+from tests.rigs.seat_rig import FakeWire, pane, play, until
 
 FRAMES = 12
 AT_80_X_24 = (35, 17)

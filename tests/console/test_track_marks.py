@@ -7,8 +7,8 @@ import pytest
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
 from rsoconsole.console.picture.marks import Window, marks_of, overlay
-from tests import eight_tracks as eight
-from tests.made_up_night import HEIGHT_PX, WIDTH_PX
+from tests.nights import eight_tracks as eight
+from tests.nights.made_up_night import HEIGHT_PX, WIDTH_PX
 
 FRAMES = 12
 FIELDS = [(44, 14), (30, 10), (62, 20), (120, 40)]

@@ -20,8 +20,8 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of, what_if
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session.log.codec import decode, encode
-from tests.engine_rig import rig
-from tests.seat_rig import FakeWire, pane, play, screen_text, until
+from tests.rigs.engine_rig import rig
+from tests.rigs.seat_rig import FakeWire, pane, play, screen_text, until
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 PRESENT = {

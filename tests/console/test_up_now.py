@@ -19,7 +19,7 @@ from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.outlook.above_limit import up_now
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.console.test_console_actions import PREVIEW
-from tests.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import FakeWire, play, until
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:00Z")
 LOW = """ISS (ZARYA)

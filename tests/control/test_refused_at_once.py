@@ -5,7 +5,7 @@ import pytest
 from rsoconsole.control import ON_RECORD
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
-from tests.engine_rig import Rig, asked, command_handler_of, rig
+from tests.rigs.engine_rig import Rig, asked, command_handler_of, rig
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, OperatorAction
-from tests.engine_rig import asked, command_handler_of, end_when_idle, rig
+from tests.rigs.engine_rig import asked, command_handler_of, end_when_idle, rig
 
 PATIENCE_S = 20.0
 SOON_S = 5.0

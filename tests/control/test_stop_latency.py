@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.stop_situations import SITUATIONS, Scene, full_disk, scene, stop_by_command
-from tests.whole_engine import is_sidereal, is_slewing, mount_by_itself, wait_for
+from tests.rigs.stop_situations import SITUATIONS, Scene, full_disk, scene, stop_by_command
+from tests.rigs.whole_engine import is_sidereal, is_slewing, mount_by_itself, wait_for
 
 ACKNOWLEDGED_MS = 2000.0
 ENDED_MS = 5000.0

@@ -9,10 +9,10 @@ from rsoconsole.control import NextAim, Outcome, TrackNow, read_status, status_j
 from rsoconsole.control.status import Status
 from rsoconsole.control.track_text import next_aim_words, track_table
 from rsoconsole.records import SlewCommand
-from tests import eight_tracks as eight
 from tests.cli.test_cli_telescope import engine_that, home, rsoconsole
-from tests.engine_rig import Rig, command_handler_of, told
+from tests.nights import eight_tracks as eight
 from tests.pipeline.test_track_lead import night_of_two
+from tests.rigs.engine_rig import Rig, command_handler_of, told
 
 __all__ = ["home"]
 TRACKS = (

@@ -32,7 +32,7 @@ from rsoconsole.element_sources.update import Update, Updated
 from rsoconsole.errors import ConfigError, OrbitError
 from rsoconsole.orbits.elements.catalogue import parse_catalogue
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
-from tests.bad_server import (
+from tests.children.bad_server import (
     BadServer,
     Behaviour,
     bad_server,
@@ -43,7 +43,7 @@ from tests.bad_server import (
     send_gzip,
     status,
 )
-from tests.json_page import expect_documented
+from tests.pages.json_page import expect_documented
 
 INTELSAT = """INTELSAT 14 (IS-14)
 1 36097U 09064A   23172.91666667 -.00000250  00000+0  00000+0 0  9992

@@ -14,8 +14,8 @@ from rsoconsole.control.commands import AskStatus
 from rsoconsole.records import Identified, OperatorAction, Ruling, StateChange, TrackState
 from rsoconsole.session.reading.reader import SessionReader
 from tests.engine.test_scripted_night import house, wait_for
-from tests.terminal import Terminal
-from tests.whole_engine import COMMAND
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import COMMAND
 
 __all__ = ["house"]
 SIZE = (120, 40)

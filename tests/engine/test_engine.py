@@ -25,7 +25,8 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg
-from tests.engine_rig import (
+from tests.makers import NS, T0_UTC_NS, geo_measurement
+from tests.rigs.engine_rig import (
     CONFIG,
     SITE,
     START_DEG,
@@ -37,7 +38,6 @@ from tests.engine_rig import (
     solution_at,
     told,
 )
-from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 
 def test_it_searches_locks_follows_and_coasts():

@@ -21,9 +21,9 @@ from rsoconsole.records import Event, FrameTaken, OperatorAction
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.log_writer import COMMIT_S
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.stop_witness import Ear
-from tests.whole_engine import WholeEngine, is_sidereal, is_slewing, mount_by_itself, wait_for
-from tests.whole_engine import whole_engine as an_engine
+from tests.rigs.stop_witness import Ear
+from tests.rigs.whole_engine import WholeEngine, is_sidereal, is_slewing, mount_by_itself, wait_for
+from tests.rigs.whole_engine import whole_engine as an_engine
 
 SPEED = 10.0
 EXPOSURE = {"exposure_s": 4.0, "cadence_s": 8.0}
@@ -32,7 +32,9 @@ LEASE_S = 2.0
 
 @pytest.fixture
 def observatory() -> Iterator[Observatory]:
-    with start_observatory("intelsat-14", 1, SPEED, stage="tests.stub_stage:open_plain") as sky:
+    with start_observatory(
+        "intelsat-14", 1, SPEED, stage="tests.rigs.stub_stage:open_plain"
+    ) as sky:
         yield sky
 
 

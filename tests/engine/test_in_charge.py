@@ -21,7 +21,8 @@ from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, S
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
-from tests.engine_rig import (
+from tests.makers import NS, T0_UTC_NS
+from tests.rigs.engine_rig import (
     CONFIG,
     SITE,
     START_DEG,
@@ -32,7 +33,6 @@ from tests.engine_rig import (
     rig,
     told,
 )
-from tests.makers import NS, T0_UTC_NS
 
 BESIDE = altaz_to_icrs(SITE, 50.0, 170.0, T0_UTC_NS)
 UNDERGROUND = altaz_to_icrs(SITE, -20.0, 200.0, T0_UTC_NS)

@@ -13,7 +13,7 @@ from rsoconsole.pipeline.replay.refold import Walk, replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.log.codec import decode, encode
-from tests.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
+from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
 
 FRAMES = set(range(1, 60))
 

@@ -14,10 +14,10 @@ from rsoconsole.records import (
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_altaz
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests import engine_rig
-from tests.engine_rig import SITE, Rig
-from tests.leap_rig import config_with, leap_rig, orbit_over
 from tests.makers import NS, T0_UTC_NS
+from tests.rigs import engine_rig
+from tests.rigs.engine_rig import SITE, Rig
+from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
 
 
 def run(r: Rig, frames: int) -> Rig:

@@ -17,10 +17,10 @@ from rsoconsole.instruments.ports import MountReport
 from rsoconsole.judge.passes import leap_figures
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand
-from tests import engine_rig
-from tests.engine_rig import Rig
-from tests.leap_rig import config_with, leap_rig, orbit_over
 from tests.makers import NS
+from tests.rigs import engine_rig
+from tests.rigs.engine_rig import Rig
+from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
 
 LATE = {"at_close": False}
 

@@ -15,7 +15,7 @@ from rsoconsole.engine.machine.medium import Medium, medium_of
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
 from rsoconsole.engine.service import machine_watch
 from rsoconsole.engine.service.machine_watch import QUIET_LOOKS, MachineWatch, Troubles
-from tests.pi_files import make_it_emmc, pi_files, put
+from tests.rigs.pi_files import make_it_emmc, pi_files, put
 
 NO_TIME = TimeSource(kind="unknown", detail="this system does not tell", rtc=None)
 

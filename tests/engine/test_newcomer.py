@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.samples import SAMPLE
-from tests.terminal import EVERY_S, Terminal
-from tests.whole_engine import COMMAND
+from tests.nights.samples import SAMPLE
+from tests.rigs.terminal import EVERY_S, Terminal
+from tests.rigs.whole_engine import COMMAND
 
 SIZE = (120, 40)
 PATIENCE_S = 90.0

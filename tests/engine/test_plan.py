@@ -15,8 +15,8 @@ from rsoconsole.records import Frame, SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
 from rsoconsole.tracking.association.following import Following
-from tests.engine_rig import solution_at
 from tests.makers import NS, T0_UTC_NS
+from tests.rigs.engine_rig import solution_at
 from tests.tracking.test_follow import locked
 
 SITE = Config().site.to_site()

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
-from tests.indi_clients import CLIENTS
+from tests.children.indi_clients import CLIENTS
 
 pytestmark = pytest.mark.indi_bin
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,14 @@ def night(
     # Sockets have short names: pytest's folders may be too deep.
     folder = tmp_path_factory.mktemp("indi")
     done = subprocess.run(
-        [*namespace, sys.executable, "-m", "tests.real_indi_night", str(folder), request.param],
+        [
+            *namespace,
+            sys.executable,
+            "-m",
+            "tests.real_sky.real_indi_night",
+            str(folder),
+            request.param,
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,

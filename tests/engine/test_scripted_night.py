@@ -21,8 +21,8 @@ from rsoconsole.control.commands import AskStatus
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
 from rsoconsole.session.reading.reader import SessionReader
-from tests.terminal import Terminal
-from tests.whole_engine import COMMAND
+from tests.rigs.terminal import Terminal
+from tests.rigs.whole_engine import COMMAND
 
 SIZE = (120, 40)
 SPEED = "12"

@@ -8,8 +8,8 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import COMMANDS, Outcome, Sender
 from rsoconsole.engine.tasks.seats import ASKED_S, GONE_S, Seats, SeatView
-from tests.engine_rig import asked, command_handler_of, rig
-from tests.seat_rig import FakeWire, can_answer, pane, play, until
+from tests.rigs.engine_rig import asked, command_handler_of, rig
+from tests.rigs.seat_rig import FakeWire, can_answer, pane, play, until
 
 ANA, BOB = Sender.console("ana@pts/1"), Sender.console("bob@pts/2")
 

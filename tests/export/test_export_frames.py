@@ -20,8 +20,8 @@ from rsoconsole.records import Frame
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
 from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
-from tests.export_nights import HEIGHT_PX, NS, T0, WIDTH_PX, plate, taken, written_night
-from tests.samples import SCHEMA_1
+from tests.nights.export_nights import HEIGHT_PX, NS, T0, WIDTH_PX, plate, taken, written_night
+from tests.nights.samples import SCHEMA_1
 
 KEPT = {3: np.uint16, 5: np.uint16, 6: np.float32}
 WRONG_PLATE = {

@@ -23,8 +23,8 @@ from rsoconsole.export.iod import mx, position_sigma_arcsec, to_iod, to_the_mill
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
-from tests.samples import SCHEMA_1
+from tests.nights.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
+from tests.nights.samples import SCHEMA_1
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "iod"
 ANSWERED_BOTH_WAYS = {

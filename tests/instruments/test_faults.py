@@ -13,7 +13,7 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.indi.indi_wire import IndiWire
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
+from tests.rigs.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
 
 FEW, MANY = 3, 20
 SEED = 20
@@ -37,7 +37,7 @@ NAMES = {"mount": "the mount's process", "camera": "the camera's process", "solv
 def engine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WholeEngine]:
     """Searches two places far apart, so that it slews as long as it exposes."""
     with (
-        start_observatory("intelsat-14", 1, SPEED, stage="tests.stub_stage:open_plain") as sky,
+        start_observatory("intelsat-14", 1, SPEED, stage="tests.rigs.stub_stage:open_plain") as sky,
         whole_engine(
             tmp_path_factory.mktemp("far"), sky, exposure=EXPOSURE, search=FAR_APART
         ) as running,
@@ -163,7 +163,7 @@ def test_a_solver_that_dies_in_a_search_costs_one_frame_its_plate(solving_engine
 def test_a_child_that_hangs_is_ended_and_one_that_is_slow_is_not(tmp_path):
     child = IndiProcess(
         name="mount",
-        module="tests.faltering_child",
+        module="tests.children.faltering_child",
         settings={},
         log_path=tmp_path / "mount.log",
         on_event=lambda _message: None,

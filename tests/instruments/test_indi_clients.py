@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.instruments.indi.indi_process import SERVER_LOST
-from tests.indi_clients import CLIENTS
+from tests.children.indi_clients import CLIENTS
 
 DEVICE = "Mount"
 PATIENCE_S = 20.0
@@ -74,7 +74,15 @@ class Session:
         with socket.create_server(("127.0.0.1", 0)) as listener:
             host, port = listener.getsockname()
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "tests.indi_client_child", client, host, str(port), DEVICE],
+                [
+                    sys.executable,
+                    "-m",
+                    "tests.children.indi_client_child",
+                    client,
+                    host,
+                    str(port),
+                    DEVICE,
+                ],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

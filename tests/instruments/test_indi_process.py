@@ -31,7 +31,7 @@ def child(tmp_path: Path, heard: list[dict[str, Any]]) -> Iterator[IndiProcess]:
 
     process = IndiProcess(
         name="camera",
-        module="tests.faltering_child",
+        module="tests.children.faltering_child",
         settings={},
         log_path=tmp_path / "camera.log",
         on_event=receive,

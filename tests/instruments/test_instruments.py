@@ -23,12 +23,12 @@ from rsoconsole.instruments.ports import Instruments
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
-from tests.indi_clients import CLIENTS
-from tests.stub_stage import SITE, T_START_UTC_NS
+from tests.children.indi_clients import CLIENTS
+from tests.rigs.stub_stage import SITE, T_START_UTC_NS
 
 NS = 1_000_000_000
 ONE_ARCSEC = 1 / 3600
-STAGE = "tests.stub_stage:open_plain"
+STAGE = "tests.rigs.stub_stage:open_plain"
 START = (240.0, -5.0)
 
 

@@ -13,8 +13,8 @@ from rsoconsole.instruments.ports import ClockFault, SlewEnd
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChange, TrackState
 from rsoconsole.sky.frames import altaz_to_icrs
-from tests.engine_rig import SITE, Rig, asked, command_handler_of, end_when_idle, rig
 from tests.makers import NS
+from tests.rigs.engine_rig import SITE, Rig, asked, command_handler_of, end_when_idle, rig
 
 MINUTE = ClockFault(kind="stood still", seconds=60.0)
 ENDED = SlewEnd(unwatched_s=61.0, lease_s=10.0)

@@ -20,11 +20,11 @@ from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.indi_clients import CLIENTS
-from tests.stub_stage import T_START_UTC_NS
+from tests.children.indi_clients import CLIENTS
+from tests.rigs.stub_stage import T_START_UTC_NS
 
 NS = 1_000_000_000
-STAGE = "tests.stub_stage:open_plain"
+STAGE = "tests.rigs.stub_stage:open_plain"
 FAR = (290.0, 8.0)
 SHORT_S = 0.4
 

@@ -16,7 +16,7 @@ from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.process_memory import forget_contents
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.indi_clients import CLIENTS
+from tests.children.indi_clients import CLIENTS
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 HEAVY = ("/astropy/", "/scipy/", "/cv2/", "/pydantic_core/")
@@ -75,7 +75,7 @@ def test_frames_that_are_let_go_take_turns_in_one_slot_and_held_ones_stay(camera
 
 @pytest.mark.parametrize("client", CLIENTS)
 def test_the_mirror_keeps_no_blob_and_its_memory_is_given_back(observatory, client):
-    command = [sys.executable, "-m", "tests.blob_child", observatory.host]
+    command = [sys.executable, "-m", "tests.children.blob_child", observatory.host]
     command += [str(observatory.port), observatory.camera_name, client]
     clock = SimulatedClock(observatory.host, observatory.port)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:

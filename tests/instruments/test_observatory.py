@@ -90,7 +90,7 @@ def test_truth_names_what_the_header_does_not(night):
 
 
 def test_the_observatory_listens_on_loopback_only():
-    with start_observatory("plain", 1, 0, stage="tests.stub_stage:open_plain") as observatory:
+    with start_observatory("plain", 1, 0, stage="tests.rigs.stub_stage:open_plain") as observatory:
         listening = [
             line.split()[1]
             for line in Path("/proc/net/tcp").read_text().splitlines()[1:]
@@ -105,7 +105,7 @@ def test_an_unknown_scenario_is_an_error_that_lists_the_known():
 
 
 def test_a_client_that_hangs_up_leaves_no_trace():
-    with start_observatory("plain", 1, 0, stage="tests.stub_stage:open_plain") as observatory:
+    with start_observatory("plain", 1, 0, stage="tests.rigs.stub_stage:open_plain") as observatory:
         # More than the server has seats for, one after another.
         for _ in range(30):
             with socket.create_connection((observatory.host, observatory.port), 5.0) as client:

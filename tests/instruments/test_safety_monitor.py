@@ -15,10 +15,10 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import SkyReport
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.stub_stage import T_START_UTC_NS
+from tests.rigs.stub_stage import T_START_UTC_NS
 
 NS = 1_000_000_000
-STAGE = "tests.stub_stage:open_plain"
+STAGE = "tests.rigs.stub_stage:open_plain"
 WEATHER = ((60.0, "warning"), (120.0, "alert"), (180.0, "ok"))
 DOME = ((100.0, "moving"), (110.0, "closed"))
 

@@ -14,8 +14,8 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.indi_clients import CLIENTS
-from tests.relay import Relay
+from tests.children.indi_clients import CLIENTS
+from tests.children.relay import Relay
 
 NS = 1_000_000_000
 PATIENCE_S = 20.0
@@ -24,7 +24,7 @@ START = (240.0, -5.0)
 
 @pytest.fixture(scope="module")
 def observatory() -> Iterator[Observatory]:
-    with start_observatory("plain", 1, 0, stage="tests.stub_stage:open_plain") as running:
+    with start_observatory("plain", 1, 0, stage="tests.rigs.stub_stage:open_plain") as running:
         yield running
 
 

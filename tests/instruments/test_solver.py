@@ -18,7 +18,7 @@ from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
 from rsoconsole.records import NotSolved, Solution
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
-from tests.plate_fields import SCALE, SIZE, belt_plate, belt_stars, satsim_frame
+from tests.drawn.plate_fields import SCALE, SIZE, belt_plate, belt_stars, satsim_frame
 
 HALF_ARCSEC = 0.5
 SCALE_HINT = {"scale_low_arcsec_px": 0.95 * SCALE, "scale_high_arcsec_px": 1.05 * SCALE}

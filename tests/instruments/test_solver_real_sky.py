@@ -9,7 +9,7 @@ from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
 from rsoconsole.records import Solution
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
-from tests.plate_fields import SHARED, star_rows, whole_sky_index_dir
+from tests.drawn.plate_fields import SHARED, star_rows, whole_sky_index_dir
 
 pytestmark = pytest.mark.shared_data
 

@@ -22,10 +22,10 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.indi_clients import CLIENTS
+from tests.children.indi_clients import CLIENTS
 
 NS = 1_000_000_000
-STAGE = "tests.stub_stage:open_plain"
+STAGE = "tests.rigs.stub_stage:open_plain"
 START, FAR = (240.0, -5.0), (290.0, 8.0)
 NO_FAULTS = dict.fromkeys(
     (

@@ -11,10 +11,10 @@ from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.judge.summary import read_truth
 from rsoconsole.records import FrameTaken, Solution
 from rsoconsole.session.reading.reader import SessionReader
-from tests import real_sky_night
-from tests.ccd_law import CcdLaw
-from tests.gsc_sky import Sky, streaks
-from tests.real_sky_judge import truth_of
+from tests.real_sky import real_sky_night
+from tests.real_sky.gsc_sky import Sky, streaks
+from tests.real_sky.real_sky_judge import truth_of
+from tests.truth.ccd_law import CcdLaw
 
 pytestmark = [pytest.mark.nights, pytest.mark.indi_bin, pytest.mark.timeout(1500)]
 FRAMES = 12

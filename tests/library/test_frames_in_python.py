@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 import rsoconsole as rso
 from rsoconsole.cli.app import app
 from rsoconsole.errors import ConfigError, FrameError, InputError, NotSolvedError
-from tests.plate_fields import SHARED
-from tests.samples import SAMPLE
+from tests.drawn.plate_fields import SHARED
+from tests.nights.samples import SAMPLE
 
 FRAME = SAMPLE / "frames" / "000009.fits.fz"
 """1760 x 2328, 2.5 arcsec/px: one streak."""

@@ -18,8 +18,8 @@ from rsoconsole.errors import FrameError, InputError
 from rsoconsole.pipeline.batch.batch import Processed, process_files
 from rsoconsole.pipeline.frame.open import open_reducer
 from rsoconsole.records import TrackState
-from tests.plate_fields import SHARED
-from tests.samples import SAMPLE
+from tests.drawn.plate_fields import SHARED
+from tests.nights.samples import SAMPLE
 
 FRAMES = [SAMPLE / "frames" / f"{number:06d}.fits.fz" for number in (9, 11)]
 SITE = EarthLocation.from_geodetic(lon=-81.05 * u.deg, lat=29.19 * u.deg, height=10 * u.m)

@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 import rsoconsole as rso
 from rsoconsole.cli.app import app
 from rsoconsole.errors import ExportError, InputError, OrbitError, SessionError
-from tests.plate_fields import SHARED
-from tests.samples import SAMPLE
+from tests.drawn.plate_fields import SHARED
+from tests.nights.samples import SAMPLE
 
 ROOT = Path(__file__).parents[2]
 CATALOGUE = ROOT / "rsoconsole" / "simulator" / "data" / "belt_20230622.tle"

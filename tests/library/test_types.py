@@ -9,7 +9,7 @@ import pytest
 
 import rsoconsole as rso
 from rsoconsole.errors import RsoconsoleError
-from tests.source_graph import ROOT, door, modules
+from tests.pages.source_graph import ROOT, door, modules
 
 SCRIPT = Path(__file__).parent / "typed_script.py"
 _SAID = re.compile(r"^[^:]+:(\d+): (note|error): (.*)$")

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.browser_lab import environment_of
+from tests.nights.samples import SAMPLE, SESSIONS
 from tests.notebook.test_notebook import pictures, read, words
-from tests.samples import SAMPLE, SESSIONS
+from tests.rigs.browser_lab import environment_of
 
 FRAMES = SESSIONS / "frames"
 FIGURES = {"own-frames.ipynb": 1, "orbit-to-name.ipynb": 1}

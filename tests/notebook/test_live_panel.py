@@ -16,8 +16,8 @@ from rsoconsole.control import Outcome
 from rsoconsole.notebook.panel import LivePanel, link, panel
 from rsoconsole.records import Event
 from rsoconsole.session.writing.writer import SessionWriter
-from tests import made_up_night as night
-from tests.seat_rig import FRAMES, FakeWire
+from tests.nights import made_up_night as night
+from tests.rigs.seat_rig import FRAMES, FakeWire
 
 PATIENCE_S = 20.0
 STATIC = Path(panel.__file__).parents[1] / "static"

@@ -12,7 +12,7 @@ import pytest
 
 from rsoconsole.records import ParameterChange
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.browser_lab import (
+from tests.rigs.browser_lab import (
     Page,
     environment_of,
     expect_browser,
@@ -20,7 +20,7 @@ from tests.browser_lab import (
     open_browser,
     running_lab,
 )
-from tests.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
+from tests.rigs.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
 
 EXPOSURE = {"exposure_s": 2.0, "cadence_s": 4.0}
 DARK = {"twilight_deg": -80.0}
@@ -99,7 +99,7 @@ def user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NotebookUser]:
         f"import time\ntime.sleep({BUSY_S})",
     )
     (notebooks / "panel.ipynb").write_text(notebook(*cells), encoding="utf-8")
-    stage = "tests.stub_stage:open_plain"
+    stage = "tests.rigs.stub_stage:open_plain"
     with (
         start_observatory("intelsat-14", 1, SPEED, stage=stage) as sky,
         whole_engine(folder / "engine", sky, exposure=EXPOSURE, limits=DARK) as engine,

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from tests.browser_lab import environment_of
-from tests.samples import SAMPLE, SESSIONS
+from tests.nights.samples import SAMPLE, SESSIONS
+from tests.rigs.browser_lab import environment_of
 
 NOTEBOOK = SESSIONS / "review.ipynb"
 MOST_BYTES = 1_500_000

@@ -12,10 +12,10 @@ from rsoconsole.notebook.pictures import TrackStreak, draw_tracks
 from rsoconsole.notebook.report.report import render_report
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import FollowedAgain, Miss, Ruling
-from tests import eight_tracks as eight
-from tests import made_up_night
-from tests.made_up_night import t_of
 from tests.makers import straight_detection
+from tests.nights import eight_tracks as eight
+from tests.nights import made_up_night
+from tests.nights.made_up_night import t_of
 
 FRAMES = 12
 

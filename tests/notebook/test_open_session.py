@@ -22,9 +22,9 @@ from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, TrackState
 from rsoconsole.session.log import schema
 from rsoconsole.session.reading.reader import SessionReader
-from tests import made_up_night as made
-from tests import orbit_night
-from tests.samples import SCHEMA_1
+from tests.nights import made_up_night as made
+from tests.nights import orbit_night
+from tests.nights.samples import SCHEMA_1
 
 PLOTS = {"confidence": 1, "track": 2, "about_line": 2, "residuals": 2, "nis": 1}
 """Figures by name, and their panels."""

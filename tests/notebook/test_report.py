@@ -21,10 +21,10 @@ from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reasons import Unclassified, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reading.reader import SessionReader
-from tests.export_nights import MISSED, T0, closed_night, written_night
-from tests.leap_samples import leap_of, pass_of
-from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
-from tests.samples import SCHEMA_1
+from tests.nights.export_nights import MISSED, T0, closed_night, written_night
+from tests.nights.leap_samples import leap_of, pass_of
+from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
+from tests.nights.samples import SCHEMA_1
 
 MOST_BYTES = 8_000_000
 NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'

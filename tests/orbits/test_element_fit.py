@@ -25,8 +25,8 @@ from rsoconsole.orbits.identification.single import identify
 from rsoconsole.pipeline.orbits.element_errors_of import wide_errors_of
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY
-from tests.element_rows_of_truth import HISTORY, geo_pairs, low_rows, row_by, seen_of, times
-from tests.fields_of_truth import SITE
+from tests.truth.element_rows_of_truth import HISTORY, geo_pairs, low_rows, row_by, seen_of, times
+from tests.truth.fields_of_truth import SITE
 
 NAMES = ("along_at_epoch", "along_by_age", "across")
 LOW, LOW_MOVED = UNDISTURBED["LEO"], MANOEUVRED["LEO"]

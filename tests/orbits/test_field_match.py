@@ -20,7 +20,7 @@ from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_DAY
 from tests.bench.bench_field import Fields
-from tests.fields_of_truth import (
+from tests.truth.fields_of_truth import (
     DAY_UTC_NS,
     SITE,
     TLES,

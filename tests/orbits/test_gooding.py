@@ -6,8 +6,8 @@ import pytest
 from rsoconsole.orbits.first.gooding_iteration import GoodingOrbit, gooding
 from rsoconsole.orbits.first.lambert import lambert
 from rsoconsole.orbits.motion.two_body import propagate
-from tests.orbit_cases import MU, PUBLISHED, REGIMES, Published, Random, random_case
-from tests.orekit import ask
+from tests.truth.orbit_cases import MU, PUBLISHED, REGIMES, Published, Random, random_case
+from tests.truth.orekit import ask
 
 CASES_A_REGIME = 40
 

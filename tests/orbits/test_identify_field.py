@@ -19,10 +19,10 @@ from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.simulator.nights.scenarios import elements_path
 from rsoconsole.sky.angles import separation_deg, unit_to_direction
 from rsoconsole.sky.times import NS_PER_S
-from tests.fields_of_truth import SITE, behind, passing
-from tests.json_page import expect_documented
-from tests.seen_satellites import SHARED
-from tests.simulated_fields import HIGH_MAG, LOW_MAG, rendered
+from tests.pages.json_page import expect_documented
+from tests.truth.fields_of_truth import SITE, behind, passing
+from tests.truth.seen_satellites import SHARED
+from tests.truth.simulated_fields import HIGH_MAG, LOW_MAG, rendered
 
 OPTICS = OpticsConfig(width_px=1164, height_px=880, pixel_um=7.6, focal_length_mm=620.0)
 T_UTC_NS = 1_687_399_200 * NS_PER_S

@@ -14,7 +14,7 @@ from rsoconsole.orbits.identification.single import Identification, identify
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY
-from tests.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
+from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 DAYS_OLD = 4.0
 OFF_DEG = 0.03

@@ -14,7 +14,7 @@ from rsoconsole.orbits.motion.forces import Forces
 from rsoconsole.orbits.motion.zonal import Zonal
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, iso_to_utc_ns
-from tests.low_passes import (
+from tests.truth.low_passes import (
     FAST_ARCSEC_S,
     LEAST_ALTITUDE_DEG,
     SCATTER_S,

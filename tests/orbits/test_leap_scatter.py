@@ -10,7 +10,7 @@ from rsoconsole.orbits.low.low_fit import Timing
 from rsoconsole.orbits.motion import SkyAhead
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import NS_PER_S
-from tests.low_passes import (
+from tests.truth.low_passes import (
     SITE,
     LowPass,
     are_there,

@@ -22,8 +22,8 @@ from rsoconsole.orbits.elements.sgp4_fit import (
 from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.orbit_truth import DAYTONA, off_arcsec, seen_with_noise
-from tests.orekit import ask
+from tests.truth.orbit_truth import DAYTONA, off_arcsec, seen_with_noise
+from tests.truth.orekit import ask
 
 # Public catalogue, 2023-06-22.
 INTELSAT_14 = """\

@@ -1,6 +1,7 @@
 """Orbits from directions with known truth: how good they are, and whether they know it.
 
-Truth is moved by other code (`tests/orbit_truth.py`). Larger samples: `tests/bench/bench_orbit.py`.
+Truth is moved by other code (`tests/truth/orbit_truth.py`). Larger samples:
+`tests/bench/bench_orbit.py`.
 """
 
 from dataclasses import replace
@@ -20,8 +21,8 @@ from rsoconsole.orbits.motion.two_body import elements_of
 from rsoconsole.records import Site
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.orbit_cases import state_of
-from tests.orbit_truth import DAYTONA, Flight, geostationary, off_arcsec, seen_with_noise
+from tests.truth.orbit_cases import state_of
+from tests.truth.orbit_truth import DAYTONA, Flight, geostationary, off_arcsec, seen_with_noise
 
 T0 = iso_to_utc_ns("2023-06-22T03:00:00Z")
 HOUR_S, DAY_S = 3600.0, 86400.0

@@ -17,7 +17,7 @@ from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.orbits.motion.two_body import elements_of
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.orbit_truth import off_arcsec
+from tests.truth.orbit_truth import off_arcsec
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "observations"
 

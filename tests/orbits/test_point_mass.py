@@ -10,8 +10,8 @@ from rsoconsole.orbits.motion.point_mass import PAPER_STEP_S, PointMass
 from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.orbits.motion.two_body import propagate
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.orbit_cases import MU, state_of
-from tests.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
+from tests.truth.orbit_cases import MU, state_of
+from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
 
 T0 = iso_to_utc_ns("2023-06-22T03:00:00Z")
 

@@ -12,7 +12,7 @@ from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
 from tests.orbits.test_places import earth, site_below, skyfield_site, skyfield_timescale
-from tests.regimes import EACH, REGIMES, TLES, samples
+from tests.truth.regimes import EACH, REGIMES, TLES, samples
 
 __all__ = ["earth"]
 

@@ -11,7 +11,7 @@ from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.session.reading.reader import SessionReader
-from tests.samples import SCHEMA_1
+from tests.nights.samples import SCHEMA_1
 
 
 @pytest.fixture(scope="module")

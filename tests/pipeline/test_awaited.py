@@ -20,9 +20,9 @@ from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.limits.limits import Limits
 from rsoconsole.sky.times import NS_PER_S
-from tests.engine_rig import Rig
-from tests.leap_rig import config_with, leap_rig, orbit_over
-from tests.low_passes import SITE, are_there, in_true_sense, low_passes, streak_of
+from tests.rigs.engine_rig import Rig
+from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
+from tests.truth.low_passes import SITE, are_there, in_true_sense, low_passes, streak_of
 
 MOST_S = 30.0
 HELD = Limits(

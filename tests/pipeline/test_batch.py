@@ -28,7 +28,7 @@ from rsoconsole.records import Event
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.samples import SCHEMA_1, SESSIONS
+from tests.nights.samples import SCHEMA_1, SESSIONS
 
 HEIGHT, WIDTH = 480, 640
 NAMES = ("2023-06-22", "2023-06-23", "2023-06-24")

@@ -21,8 +21,8 @@ from rsoconsole.pipeline.replay.reprocess import Reprocessor, read_pixels, recor
 from rsoconsole.records import Event, Frame
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.frame.mosaic import evened
-from tests.samples import SCHEMA_1
-from tests.uneven_camera import STREAK, UnevenCamera
+from tests.drawn.uneven_camera import STREAK, UnevenCamera
+from tests.nights.samples import SCHEMA_1
 
 SHAPE = HEIGHT, WIDTH = 120, 160
 OFFSET, SKY, SIGMA = 500.0, 1000.0, 20.0

@@ -11,8 +11,8 @@ from rsoconsole.pipeline.orbits.expected import EVERY, Expected
 from rsoconsole.pipeline.orbits.orbits import Orbits
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import Event, ExpectedMembers, Identified, Miss, Record, Site, Solution, Wcs
-from tests.eight_tracks import name_of
-from tests.pair_nights import (
+from tests.nights.eight_tracks import name_of
+from tests.nights.pair_nights import (
     BEGIN_UTC_NS,
     NS,
     directions,
@@ -20,7 +20,7 @@ from tests.pair_nights import (
     geostationary,
     track_records,
 )
-from tests.regimes import TLES
+from tests.truth.regimes import TLES
 
 pytestmark = pytest.mark.skipif(not TLES.exists(), reason="the element files are not installed")
 SITE = Site(latitude_deg=45.0, longitude_deg=10.0, elevation_m=200.0)

@@ -19,7 +19,7 @@ from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
 from rsoconsole.vision.stars.stars import find_stars
-from tests.plate_fields import CACHE, SHARED, whole_sky_index_dir
+from tests.drawn.plate_fields import CACHE, SHARED, whole_sky_index_dir
 
 FIELD, REAL = SHARED / "field", SHARED / "real"
 NAVSTAR = sorted((FIELD / "modra").glob("00040A_R_4-*.fit"))

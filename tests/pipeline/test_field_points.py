@@ -21,7 +21,7 @@ from rsoconsole.sky.angles import (
 )
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.vision.stars.stars import find_stars
-from tests.seen_satellites import SHARED
+from tests.truth.seen_satellites import SHARED
 
 MODRA = SHARED / "field" / "modra"
 T0 = 1_700_000_000 * NS_PER_S

@@ -22,7 +22,7 @@ from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.frame.maps import FrameMap
 from rsoconsole.vision.stars.stars import StarList, find_stars
 from rsoconsole.vision.streaks.streak_class import PRIOR, decided, updated
-from tests.drawn_skies import (
+from tests.drawn.drawn_skies import (
     DrawnSky,
     Ends,
     flashes,

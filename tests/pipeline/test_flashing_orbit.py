@@ -11,9 +11,9 @@ from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky.places import Places
 from rsoconsole.tracking.association.following import expected_motion
-from tests.orbit_truth import DAYTONA
 from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
 from tests.tracking.test_streak_length import flashing
+from tests.truth.orbit_truth import DAYTONA
 
 PERIOD_S, LIT_SHARE = 9.9, 0.6
 FRAMES, AHEAD_S = 9, 600.0

@@ -24,9 +24,9 @@ from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.sky.wcs import sky_to_pixel
-from tests.engine_rig import START_DEG, PlainCamera, Rig, rig
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_rulings import night, replayed, say
+from tests.rigs.engine_rig import START_DEG, PlainCamera, Rig, rig
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 WIDE, HIGH = 6000, 2000

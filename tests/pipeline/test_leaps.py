@@ -30,10 +30,10 @@ from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, pier_side
 from rsoconsole.sky.limits.limits import Limits, Pose
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S
-from tests.leap_requests import random_leaps
-from tests.limits_by_astropy import EDGE_DEG, margins
-from tests.limits_requests import OBSERVATORIES
-from tests.low_passes import SITE, are_there, low_passes
+from tests.truth.leap_requests import random_leaps
+from tests.truth.limits_by_astropy import EDGE_DEG, margins
+from tests.truth.limits_requests import OBSERVATORIES
+from tests.truth.low_passes import SITE, are_there, low_passes
 
 TERMS = LeapTerms(
     field_deg=(1.63, 1.24), scale_arcsec_px=1.26, settle_s=2.0, latency_s=0.3, readout_s=1.0

@@ -9,8 +9,8 @@ from rsoconsole.pipeline.comparison.look_back import LookBack
 from rsoconsole.pipeline.comparison.solved_field import SolvedField, Word
 from rsoconsole.records import Frame, Wcs
 from rsoconsole.vision.stars.stars import find_stars
-from tests.drawn_lines import line_of_light
-from tests.drawn_skies import (
+from tests.drawn.drawn_lines import line_of_light
+from tests.drawn.drawn_skies import (
     CADENCE_S,
     EXPOSURE_S,
     NOISE_ADU,

@@ -16,7 +16,7 @@ from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.places import itrf_to_gcrs_rotation
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.navigation_truth import GPS_MINUS_UTC_S, SITE, constellation
+from tests.truth.navigation_truth import GPS_MINUS_UTC_S, SITE, constellation
 
 REAL = Path(__file__).parents[1] / "data" / "navigation"
 BROADCAST_2, PRECISE = REAL / "brdc1180.21n", REAL / "grg21553.sp3"

@@ -16,8 +16,8 @@ from rsoconsole.pipeline.outlook.passes import NightPass, night_passes
 from rsoconsole.records import Site
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 from tests.console.test_up_now import LOW, with_checksums
-from tests.json_page import expect_documented
-from tests.seen_satellites import SHARED
+from tests.pages.json_page import expect_documented
+from tests.truth.seen_satellites import SHARED
 
 MIX = SHARED / "tles" / "mix_20230622.tle"
 FROM, UNTIL = iso_to_utc_ns("2023-06-22T01:00:00Z"), iso_to_utc_ns("2023-06-22T09:00:00Z")

@@ -26,8 +26,8 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.detector import StreakDetector
 from rsoconsole.vision.detector.network import Network
-from tests.old_nights import old_session
-from tests.samples import SCHEMA_1
+from tests.nights.old_nights import old_session
+from tests.nights.samples import SCHEMA_1
 
 EXPORTED = {
     "sample": "bdb56fdc2414f35eb29f450c312bb7e5c0b351216b2e90b12dd67cba7f84abd9",

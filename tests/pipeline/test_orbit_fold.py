@@ -6,8 +6,8 @@ import pytest
 
 from rsoconsole.console.night.log_lines import line_of
 from rsoconsole.records import FollowedAgain, Identified
-from tests import made_up_night as night
-from tests.orbit_night import (
+from tests.nights import made_up_night as night
+from tests.nights.orbit_night import (
     BEST,
     FOLLOWED,
     estimate_of,

@@ -25,10 +25,10 @@ from rsoconsole.records import (
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
 from rsoconsole.tracking.association.following import Following
-from tests.engine_rig import Rig, rig
 from tests.makers import NS, T0_UTC_NS, geo_measurement
-from tests.orbit_truth import Flight
 from tests.pipeline.test_orbit_online import INCLINED, SITE, TLE, flight, measured_at
+from tests.rigs.engine_rig import Rig, rig
+from tests.truth.orbit_truth import Flight
 
 HIDDEN = range(24, 64)
 """Twenty minutes: the filter gives up before they are over."""

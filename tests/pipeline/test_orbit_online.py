@@ -38,8 +38,8 @@ from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.initiation.acquisition import REFUSED
-from tests.orbit_cases import state_of
-from tests.orbit_truth import DAYTONA, Flight
+from tests.truth.orbit_cases import state_of
+from tests.truth.orbit_truth import DAYTONA, Flight
 
 T0_UTC_NS = iso_to_utc_ns("2023-06-22T04:00:00Z")
 CADENCE_S = 30

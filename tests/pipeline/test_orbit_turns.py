@@ -9,8 +9,8 @@ from rsoconsole.pipeline.orbits.orbit_turns import AT_ONCE
 from rsoconsole.records import OrbitEstimate
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
+from tests.nights.slot_of_twelve import MEMBERS, frames
 from tests.pipeline.test_orbit_online import config
-from tests.slot_of_twelve import MEMBERS, frames
 from tests.tracking.test_company import settings
 
 FRAMES = 24

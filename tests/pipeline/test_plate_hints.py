@@ -15,7 +15,7 @@ from rsoconsole.pipeline.frame.hints import hint_of, overridden, relaxed, wrong_
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky.angles import separation_deg
-from tests.plate_fields import HEIGHT, SCALE, WIDTH, belt_plate, belt_stars
+from tests.drawn.plate_fields import HEIGHT, SCALE, WIDTH, belt_plate, belt_stars
 
 CONFIG = Config()
 HALF_ARCSEC = 0.5

@@ -20,7 +20,7 @@ from rsoconsole.records import Measurement, TrackState
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.tracking.filters import lqe
 from tests.cli.test_demo import night
-from tests.measured_night import record_night
+from tests.nights.measured_night import record_night
 from tests.pipeline.test_what_if import verb
 
 FRAMES = 50

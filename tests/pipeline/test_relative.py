@@ -15,7 +15,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.tracking.association.closest import closest
 from rsoconsole.tracking.association.relative import way_arcsec
-from tests.pair_nights import (
+from tests.nights.pair_nights import (
     BEGIN_UTC_NS,
     NS,
     PairNight,
@@ -24,7 +24,7 @@ from tests.pair_nights import (
     random_nights,
     track_records,
 )
-from tests.regimes import TLES
+from tests.truth.regimes import TLES
 
 NIGHTS = 160
 NO_WARNING = Config.model_validate({"alert": {"separation_arcsec": 0.0}})

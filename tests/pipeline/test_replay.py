@@ -32,8 +32,8 @@ from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.tracking.association.following import Following
 from tests.cli.test_demo import night
-from tests.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, solution_at
 from tests.makers import NS, geo_measurement, straight_detection
+from tests.rigs.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, solution_at
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 """With it every frame orders a slew."""

@@ -24,9 +24,9 @@ from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
 from rsoconsole.session.files.kept_frames import compress_frame
 from rsoconsole.session.reading.reader import SessionReader
-from tests import made_up_night as night
 from tests.makers import straight_detection
-from tests.samples import SCHEMA_1
+from tests.nights import made_up_night as night
+from tests.nights.samples import SCHEMA_1
 
 KEPT, LEFT_OUT = 9, 8
 A_HUNDREDTH_ARCSEC = 0.01 / 3600

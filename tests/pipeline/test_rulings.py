@@ -33,9 +33,9 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
-from tests import made_up_night
-from tests.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, told
 from tests.makers import straight_detection
+from tests.nights import made_up_night
+from tests.rigs.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, told
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 FAR_OFF_ARCSEC = 120.0

@@ -33,8 +33,8 @@ from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.tracking.association.following import Following, Tracked
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.made_up_night import taken
 from tests.makers import geo_measurement
+from tests.nights.made_up_night import taken
 from tests.pipeline.test_orbit_online import GEO, config, every_frame, flight, measured_at
 from tests.tracking.test_follow import SETTINGS as EVERY_DAY
 from tests.tracking.test_follow import seen

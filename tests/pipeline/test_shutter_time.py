@@ -27,11 +27,11 @@ from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.engine.test_arming import FACTS
-from tests.export_nights import closed_night
 from tests.makers import straight_detection
-from tests.navigation_truth import Plan, Shutter, constellation, night
+from tests.nights.export_nights import closed_night
+from tests.nights.samples import SAMPLE
 from tests.pipeline.test_measure import solution
-from tests.samples import SAMPLE
+from tests.truth.navigation_truth import Plan, Shutter, constellation, night
 
 NS = 1_000_000_000
 MODE = {"binning": "1x1", "width_px": 4656, "height_px": 3520, "gain": 139.0}

@@ -15,9 +15,9 @@ from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, 
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.engine_rig import Rig, ScriptedReducer, command_handler_of, rig, told
 from tests.makers import straight_detection
-from tests.slot_of_twelve import streak
+from tests.nights.slot_of_twelve import streak
+from tests.rigs.engine_rig import Rig, ScriptedReducer, command_handler_of, rig, told
 from tests.tracking.test_company import SLOT, owners, places, seen, settings
 
 FRAMES = 8

@@ -23,8 +23,8 @@ from rsoconsole.records import (
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.engine_rig import command_handler_of, told
 from tests.pipeline.test_track_lead import FRAMES, SEVERAL, aims, locked, night_of_two, shown
+from tests.rigs.engine_rig import command_handler_of, told
 from tests.tracking.test_company import SLOT, owners, seen, settings
 
 

@@ -37,11 +37,11 @@ from rsoconsole.records import (
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.json_page import expect_documented
-from tests.made_up_night import begin
-from tests.measured_night import record_night
+from tests.nights.made_up_night import begin
+from tests.nights.measured_night import record_night
+from tests.nights.samples import SCHEMA_1
+from tests.pages.json_page import expect_documented
 from tests.pipeline.test_replay import CONFIG, Night, busy_night
-from tests.samples import SCHEMA_1
 
 __all__ = ["busy_night"]  # a fixture that is asked for by name
 

@@ -15,8 +15,8 @@ from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.replay.what_if_figures import what_if
 from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
 from rsoconsole.session.reading.reader import SessionReader
-from tests.samples import SCHEMA_1
-from tests.whole_engine import wait_for
+from tests.nights.samples import SCHEMA_1
+from tests.rigs.whole_engine import wait_for
 
 CONFIG = SessionReader(SCHEMA_1).config()
 WIDER = {"filter.r_multiplier": 2.0}

@@ -22,7 +22,7 @@ from rsoconsole.config import (
 )
 from rsoconsole.config.environment import OTHERS, variable_of
 from rsoconsole.errors import ConfigError
-from tests.json_page import expect_documented
+from tests.pages.json_page import expect_documented
 
 ROOT = Path(__file__).resolve().parents[2]
 LATITUDE = "RSOCONSOLE_SITE__LATITUDE_DEG"

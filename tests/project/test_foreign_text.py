@@ -26,7 +26,7 @@ from rsoconsole.session.files.upkeep_log import parse_notes
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.recover import recover_session
 from rsoconsole.simulator.world.world_file import load_world
-from tests.made_up_night import add_frames, armed, begin
+from tests.nights.made_up_night import add_frames, armed, begin
 
 DEEP_JSON = "[" * 200_000
 DEEP_TOML = "a = " + DEEP_JSON

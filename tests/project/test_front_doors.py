@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import forget_handed_on
-from tests.source_graph import ROOT, Import, door, imports, modules, package_of
+from tests.pages.source_graph import ROOT, Import, door, imports, modules, package_of
 
 LONGEST_FILE, MOST_FILES = 450, 20
 

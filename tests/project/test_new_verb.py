@@ -14,7 +14,7 @@ from rsoconsole.control import COMMANDS, Command
 from rsoconsole.control.commands import Beside, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from rsoconsole.resources import resource
-from tests.engine_rig import command_handler_of, rig
+from tests.rigs.engine_rig import command_handler_of, rig
 
 ROOT = Path(__file__).parents[2]
 PAGE = resource("control", "README.md").read_text(encoding="utf-8")
@@ -30,7 +30,7 @@ from rsoconsole.control.commands import Flats
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
-from tests.engine_rig import SITE, command_handler_of, rig
+from tests.rigs.engine_rig import SITE, command_handler_of, rig
 
 r = rig(set())
 handler = command_handler_of(r)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.source_graph import circle_in, modules, needs, package_of
+from tests.pages.source_graph import circle_in, modules, needs, package_of
 
 
 def test_files_need_each_other_in_no_circle() -> None:

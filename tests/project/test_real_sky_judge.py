@@ -7,7 +7,7 @@ import pytest
 from rsoconsole.reasons import NotTaken, Unclassified
 from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
 from tests.notebook.test_figures import ARCSEC, FRAMES, NS, measurement, taken
-from tests.real_sky_judge import judge
+from tests.real_sky.real_sky_judge import judge
 
 SCATTER_ARCSEC = 3.0
 

@@ -50,8 +50,8 @@ from rsoconsole.session.reading import old_reasons
 from rsoconsole.session.reading.legacy import decode_recorded
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.engine_rig import rig
-from tests.old_nights import CONFIG, old_session
+from tests.nights.old_nights import CONFIG, old_session
+from tests.rigs.engine_rig import rig
 
 PACKAGE = Path(reason_text.__file__).parent
 TRIED: tuple[dict[str, float | str], ...] = (

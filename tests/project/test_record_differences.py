@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rsoconsole.reasons import Cause
 from rsoconsole.records import Event, StateChange
-from tests.record_differences import MOST_CHARACTERS, differences
+from tests.nights.record_differences import MOST_CHARACTERS, differences
 
 EVENT = Event(level="info", text="a" * 500, frame_id=3)
 CHANGE = StateChange(frame_id=1, before="IDLE", after="SEARCH", reason=Cause(kind="waiting"))

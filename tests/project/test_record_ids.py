@@ -10,8 +10,8 @@ from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.made_up_night import state_of, taken
 from tests.makers import geo_measurement
+from tests.nights.made_up_night import state_of, taken
 from tests.pipeline.test_rulings import CONFIG, night, replayed, say
 from tests.tracking.test_follow import SETTINGS, seen
 

@@ -213,7 +213,7 @@ def test_a_mount_with_a_wrong_name_fails_with_the_right_ones(server, tmp_path):
 def test_a_process_that_is_not_ready_in_time_says_what_it_waited_for(tmp_path: Path):
     process = IndiProcess(
         name="camera",
-        module="tests.faltering_child",
+        module="tests.children.faltering_child",
         settings={"awaits": "the lens cap"},
         log_path=tmp_path / "camera.log",
         on_event=lambda _: None,

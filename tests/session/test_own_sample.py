@@ -12,7 +12,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.sample import SAMPLE_NAME, own_sample
 from rsoconsole.session.upkeep.store import list_sessions
 from rsoconsole.session.upkeep.verify import verify_session
-from tests.samples import SAMPLE
+from tests.nights.samples import SAMPLE
 
 
 def test_it_is_copied_once_whole_and_can_be_written(tmp_path: Path) -> None:

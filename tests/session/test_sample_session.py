@@ -32,8 +32,8 @@ from rsoconsole.session.log.codec import KINDS
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.verify import verify_session
-from tests.old_nights import old_session
-from tests.samples import SAMPLE, SCHEMA_1
+from tests.nights.old_nights import old_session
+from tests.nights.samples import SAMPLE, SCHEMA_1
 
 MOST_BYTES = 8_000_000
 FRAMES = 36

@@ -56,9 +56,9 @@ from rsoconsole.session.upkeep.store import list_sessions, new_session_folder, s
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing import writer as writer_module
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.leap_samples import leap_of, pass_of
-from tests.orbit_night import estimate_of, identified_of
-from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
+from tests.nights.leap_samples import leap_of, pass_of
+from tests.nights.orbit_night import estimate_of, identified_of
+from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
 
 T0_UTC_NS = 1_800_000_000_123_456_789
 ABOUT = {"title": "test", "model_sha256": "ab" * 32, "clock_offset_s": 0.002}

@@ -26,7 +26,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.repair import repair_session
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.session_crash_child import T0_UTC_NS, pixels, record
+from tests.children.session_crash_child import T0_UTC_NS, pixels, record
 
 ROOT = Path(__file__).parents[2]
 CUTS = 200
@@ -43,7 +43,7 @@ class Lives:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.session_crash_child"],
+            [sys.executable, "-m", "tests.children.session_crash_child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

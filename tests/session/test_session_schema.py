@@ -21,8 +21,8 @@ from rsoconsole.session.files.digest import LogDigest, digest_rows
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.made_up_night import add_frames, add_previews, armed, begin
-from tests.samples import SCHEMA_1
+from tests.nights.made_up_night import add_frames, add_previews, armed, begin
+from tests.nights.samples import SCHEMA_1
 
 README = Path(__file__).parents[2] / "sessions" / "README.md"
 

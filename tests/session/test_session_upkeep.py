@@ -26,8 +26,8 @@ from rsoconsole.session.upkeep.archive import archive_session
 from rsoconsole.session.upkeep.pruning import Policy, Step, plan_pruning, prune
 from rsoconsole.session.upkeep.store import branches_of, list_sessions, sweep_removed
 from rsoconsole.session.upkeep.verify import verify_session
-from tests.made_up_night import begin
-from tests.session_rig import NOW_UTC_NS, cut_off, damage, flip, make
+from tests.nights.made_up_night import begin
+from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make
 
 DAY_NS = 86_400_000_000_000
 

@@ -28,8 +28,8 @@ from rsoconsole.session.upkeep.repair import repair_session
 from rsoconsole.session.upkeep.store import list_sessions
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.samples import SAMPLE, SCHEMA_1
-from tests.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
+from tests.nights.samples import SAMPLE, SCHEMA_1
+from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
 
 
 @pytest.fixture(scope="module")

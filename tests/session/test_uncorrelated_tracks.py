@@ -21,8 +21,8 @@ from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.times import NS_PER_DAY
 from tests.bench.bench_ledger import kept_of
 from tests.cli.test_cli_orbit import write_track
-from tests.json_page import expect_documented
-from tests.seen_satellites import DAYTONA, SHARED, geostationary, instants, seen
+from tests.pages.json_page import expect_documented
+from tests.truth.seen_satellites import DAYTONA, SHARED, geostationary, instants, seen
 
 DAY_S = 86_400.0
 STRANGER = geostationary(90001, -60.0, e=3e-4, i_deg=0.06)

@@ -34,8 +34,8 @@ from rsoconsole.simulator.sky.passes import Sight, satellite_passes
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz
 from rsoconsole.sky.sun import lit_fraction, sun_altitude_deg
 from rsoconsole.sky.wcs import tan_wcs
+from tests.nights.target_night import centre_offset_deg, first_exposure
 from tests.orbits.test_target_places import TRANSCRIBED
-from tests.target_night import centre_offset_deg, first_exposure
 
 NS = 1_000_000_000
 BELT = elements_path()

@@ -6,7 +6,7 @@ import pytest
 from rsoconsole.simulator.mount.mount_model import MountModel
 from rsoconsole.simulator.mount.mount_unrest import MountUnrest
 from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_from_cards
-from tests.world_rig import (
+from tests.rigs.world_rig import (
     FOUR_STARS,
     NS,
     SCALE_ARCSEC_PX,

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.world.world import World
-from tests.nameless_frames import FILE, frame_facts, mount_facts
+from tests.drawn.nameless_frames import FILE, frame_facts, mount_facts
 
 STORED = json.loads(FILE.read_text(encoding="utf-8"))
 

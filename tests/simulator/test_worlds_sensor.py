@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.sky.wcs import sky_to_pixel, wcs_from_cards
-from tests.world_rig import (
+from tests.rigs.world_rig import (
     FOUR_STARS,
     OPTICS,
     SCALE_ARCSEC_PX,

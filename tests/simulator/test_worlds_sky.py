@@ -8,7 +8,14 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator.camera.truth import truth_from_json
 from rsoconsole.simulator.sky.brightness_world import world_extra_mag
 from rsoconsole.simulator.world.world import SatelliteWorld
-from tests.world_rig import SCALE_ARCSEC_PX, STRIP, centre_and_spread, expose, stamps, streak_along
+from tests.rigs.world_rig import (
+    SCALE_ARCSEC_PX,
+    STRIP,
+    centre_and_spread,
+    expose,
+    stamps,
+    streak_along,
+)
 
 TINY = OpticsConfig(width_px=80, height_px=80)
 

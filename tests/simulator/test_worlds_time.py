@@ -11,7 +11,7 @@ from rsoconsole.simulator.camera.shutter import TrueShutter
 from rsoconsole.simulator.sky.passes import Sight, satellite_passes
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.wcs import pixel_to_sky, tan_wcs
-from tests.world_rig import (
+from tests.rigs.world_rig import (
     NS,
     RATE_ARCSEC_S,
     SCALE_ARCSEC_PX,

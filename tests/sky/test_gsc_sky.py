@@ -19,9 +19,9 @@ from rsoconsole.sky.stars.star_catalogue import StarCatalogue
 from rsoconsole.sky.sun import sun_altitude_deg
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
-from tests.ccd_law import CcdLaw
-from tests.gsc_sky import NS, Sky, serving, streaks, tell
-from tests.real_sky_rig import HOUR_ANGLE_DEG, geostationary, site_at_midnight
+from tests.real_sky.gsc_sky import NS, Sky, serving, streaks, tell
+from tests.real_sky.real_sky_rig import HOUR_ANGLE_DEG, geostationary, site_at_midnight
+from tests.truth.ccd_law import CcdLaw
 
 T0_UTC_NS = iso_to_utc_ns("2026-11-23T00:00:00Z")
 PATTERN = b"%10s %f %f %f %f %f %d %d %4s %2s %f %d"

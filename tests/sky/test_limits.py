@@ -19,8 +19,8 @@ from rsoconsole.sky.limits.horizon import horizon_altitude_deg
 from rsoconsole.sky.limits.limits import Limits, Pose
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from tests.limits_by_astropy import EDGE_DEG, broken_before_the_sky, margins
-from tests.limits_requests import OBSERVATORIES, random_requests
+from tests.truth.limits_by_astropy import EDGE_DEG, broken_before_the_sky, margins
+from tests.truth.limits_requests import OBSERVATORIES, random_requests
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 NIGHT_NS = iso_to_utc_ns("2023-06-22T05:00:00Z")

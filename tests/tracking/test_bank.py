@@ -25,7 +25,7 @@ from rsoconsole.sky.angles import direction_to_unit, separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
 from rsoconsole.tracking.filters import adaptive, bank, bank_update, estimator, filter_update, lqe
-from tests.seen_satellites import DAYTONA, T0_UTC_NS
+from tests.truth.seen_satellites import DAYTONA, T0_UTC_NS
 
 ADAPTIVE = FilterConfig()
 GATE_NIS = ADAPTIVE.gate_nis

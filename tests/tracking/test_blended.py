@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.approach_rig import night
+from tests.nights.approach_rig import night
 
 FRAMES = 200
 RMS_ARCSEC, INSIDE_3SIGMA = 1.0, 0.97

@@ -16,9 +16,9 @@ from rsoconsole.sky.places import Places
 from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.association.pattern import NO_PATTERN, Place, after
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.seen_satellites import DAYTONA
-from tests.slot_of_twelve import streak
+from tests.nights.slot_of_twelve import streak
 from tests.tracking.test_rivals import every_day
+from tests.truth.seen_satellites import DAYTONA
 
 SLOT = ("AMAZONAS 2", "AMAZONAS 3", "AMAZONAS 5")
 """At 61 degrees west, three within a tenth of a degree."""

@@ -1,7 +1,7 @@
 """Unseen for minutes to more than an hour, as through cloud or the Earth's shadow: taken up again.
 
-Truth is an integration with Moon, Sun and radiation pressure (``tests/orbit_truth.py``); fold and
-online orbit are the program's own, fed with directions of 0.5 arcsec.
+Truth is an integration with Moon, Sun and radiation pressure (``tests/truth/orbit_truth.py``);
+fold and online orbit are the program's own, fed with directions of 0.5 arcsec.
 """
 
 import numpy as np

@@ -11,7 +11,7 @@ import pytest
 from rsoconsole.orbits.determination.join import alone, join_probabilities, log_odds
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.initiation.link import Motion, best_disjoint, link_points
-from tests.seen_satellites import SHARED, geostationary, instants, seen
+from tests.truth.seen_satellites import SHARED, geostationary, instants, seen
 
 SPOTGEO = SHARED / "linking" / "spotgeo_truth_1_640.json"
 WIDTH_PX, HEIGHT_PX = 640.0, 480.0

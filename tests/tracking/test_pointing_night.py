@@ -25,8 +25,8 @@ from rsoconsole.records import Detections, Event, Frame, Measurement, Miss, Slew
 from rsoconsole.simulator.launch import start_observatory
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import hour_angle_icrs_deg
-from tests.engine_rig import Memory, solution_at
-from tests.stub_stage import SITE, T_START_UTC_NS
+from tests.rigs.engine_rig import Memory, solution_at
+from tests.rigs.stub_stage import SITE, T_START_UTC_NS
 
 NS = 1_000_000_000
 TWO_ARCMIN = 2.0
@@ -146,7 +146,7 @@ def night(
     """An engine against the observatory, armed."""
     truth_path = folder / f"truth{seed}.jsonl"
     with start_observatory(
-        "plain", seed, math.inf, truth_path, stage="tests.stub_stage:open_plain"
+        "plain", seed, math.inf, truth_path, stage="tests.rigs.stub_stage:open_plain"
     ) as observatory:
         indi = {"port": observatory.port, "simulated": True}
         config = Config.model_validate({"indi": indi, "optics": OPTICS} | settings)

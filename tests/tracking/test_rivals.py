@@ -22,8 +22,8 @@ from rsoconsole.tracking.association.following import Following, FollowSettings,
 from rsoconsole.tracking.association.rivals import Rival, odds
 from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.frame_by_frame import follow
-from tests.seen_satellites import DAYTONA, T0_UTC_NS
 from tests.tracking.test_bank import CADENCE_S, places_of
+from tests.truth.seen_satellites import DAYTONA, T0_UTC_NS
 
 FRAMES, EXPOSURE_S = 40, 10.0
 NEAR_ARCSEC = 72.0

@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_fit import StreakFit, fit_streak
-from tests.drawn_light import SIZE, sky_with, streak
+from tests.drawn.drawn_light import SIZE, sky_with, streak
 
 
 def fitted(x: float, y: float, angle_deg: float, length_px: float, snr: float, *, seed: int):

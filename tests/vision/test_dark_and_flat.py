@@ -13,7 +13,7 @@ from rsoconsole.vision.detector.network import Network
 from rsoconsole.vision.frame.dark_and_flat import DarkAndFlat, normalised
 from rsoconsole.vision.frame.workers import Workers
 from rsoconsole.vision.stars.stars import find_stars
-from tests.uneven_camera import STREAK, UnevenCamera
+from tests.drawn.uneven_camera import STREAK, UnevenCamera
 
 SHAPE = HEIGHT, WIDTH = 200, 260
 OFFSET, SKY, SIGMA = 300.0, 1000.0, 20.0

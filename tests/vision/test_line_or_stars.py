@@ -11,7 +11,7 @@ from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.stars.image import star_image
 from rsoconsole.vision.stars.stars import StarList, find_stars
 from rsoconsole.vision.stars.trailed_stars import Trail
-from tests.drawn_lines import exposed, line_of_light
+from tests.drawn.drawn_lines import exposed, line_of_light
 from tests.makers import straight_detection
 
 SHAPE = (500, 700)

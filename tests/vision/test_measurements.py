@@ -10,7 +10,7 @@ from rsoconsole.vision.detector.candidates import Measurements, proposals
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.stars import find_stars
-from tests.drawn_lines import exposed, line_of_light
+from tests.drawn.drawn_lines import exposed, line_of_light
 
 SHAPE = (300, 400)
 SIGMA_PX = 1.2

@@ -13,7 +13,7 @@ from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.sky.wcs import describe, wcs_from_cards
 from rsoconsole.vision.stars.plate_fit import PlateFit, field_radius_deg, refit
-from tests.plate_fields import SHARED, star_rows
+from tests.drawn.plate_fields import SHARED, star_rows
 
 MAS_DEG = 1 / 3.6e6
 NOW_NS = iso_to_utc_ns("2026-09-12T04:05:05Z")
@@ -181,7 +181,7 @@ def test_an_index_entry_that_is_no_star_is_left_out():
 
 def test_a_plate_refers_to_the_day_of_its_frame():
     """A field whose stars all move alike: its plate follows them by the frame's date alone."""
-    from tests.plate_fields import SIZE, belt_plate, belt_stars
+    from tests.drawn.plate_fields import SIZE, belt_plate, belt_stars
 
     wcs = belt_plate(40.0, 2.0)
     rows = belt_stars(wcs, false_stars=0)

@@ -16,7 +16,7 @@ from rsoconsole.vision.detector.detector import FrameAnalysis, StreakDetector
 from rsoconsole.vision.stars import stars as star_list
 from rsoconsole.vision.stars.psf_field import FEWEST_STARS, Psf, fit_psf_field
 from rsoconsole.vision.stars.stars import find_stars
-from tests.soft_corners import (
+from tests.drawn.soft_corners import (
     HEIGHT,
     PIXEL_FWHM,
     WIDTH,

@@ -14,7 +14,7 @@ from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.detector import FrameAnalysis, StreakDetector
 from rsoconsole.vision.stars.psf_memory import HOLDS_NS, PsfMemory
 from rsoconsole.vision.stars.stars import find_stars
-from tests.soft_corners import PIXEL_FWHM, Ends, Proposes, about, drawn, soft_and_tilted
+from tests.drawn.soft_corners import PIXEL_FWHM, Ends, Proposes, about, drawn, soft_and_tilted
 from tests.vision.test_trailed_stars import drawn_out
 
 CURVE = ConfidenceCurve.from_card(json.loads(model_resource("streak_ssd.json").read_text()))

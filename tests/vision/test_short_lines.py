@@ -13,7 +13,7 @@ from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.lines.short import MOST_SHORT, in_turn, short_lines
 from rsoconsole.vision.stars.stars import find_stars
 from tests.campaign.streaks import detector
-from tests.drawn_lines import exposed, line_of_light
+from tests.drawn.drawn_lines import exposed, line_of_light
 
 SHAPE = (600, 900)
 SIGMA_PX = 1.8

@@ -13,7 +13,7 @@ from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_class import Evidence, classify, probabilities
 from rsoconsole.vision.streaks.streak_light import Fading
 from rsoconsole.vision.streaks.streak_names import named
-from tests.drawn_classes import Drawn, drawn
+from tests.drawn.drawn_classes import Drawn, drawn
 
 SEEDS = range(1000, 1025)
 TELESCOPE = {"scale_arcsec_px": 1.3, "exposure_s": 10.0}

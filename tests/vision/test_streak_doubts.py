@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.streaks.streak_doubts import goes_on_beyond, is_broken
-from tests.drawn_light import SIGMA_PX, sky_with, streak
+from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 31.0, 118.0])

@@ -9,7 +9,7 @@ from rsoconsole.vision.lines.streak_search import cut_out
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_fit import NoStreak, StreakFit, fit_streak
-from tests.drawn_light import SIGMA_PX, sky_with, streak
+from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 
 def matched(length_px: float, ridge_snr: float) -> float:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.streaks.streak_glance import line_signal
-from tests.drawn_light import SIGMA_PX, sky_with, streak
+from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 DOUBTED = 0.001
 

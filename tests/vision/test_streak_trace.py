@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
-from tests.drawn_lines import (
+from tests.drawn.drawn_lines import (
     exposed,
     integrated_snr,
     line_of_light,

@@ -1,0 +1,1 @@
+"""Processes and servers that tests hurt, or that misbehave as tests say."""

@@ -1,0 +1,1 @@
+"""Frames drawn by hand, without the product's own renderer."""

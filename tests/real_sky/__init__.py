@@ -1,0 +1,1 @@
+"""Nights on Debian's own indiserver and simulators, under a sky of ours."""

@@ -1,0 +1,157 @@
+"""The seat in a test: an engine that says what it is told, a made-up night, a pilot."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from textual.pilot import Pilot
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.panes.panes import LinesPane, StopBanner
+from rsoconsole.control import Command, Outcome
+from rsoconsole.control.frame_commands import BeginMark
+from rsoconsole.errors import ControlError
+from rsoconsole.session.writing.writer import SessionWriter
+from tests.makers import NS
+from tests.nights import made_up_night as night
+
+FRAMES = 20
+PATIENCE_S = 30.0
+FULL = (80, 24)
+
+Play = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
+
+
+class FakeWire:
+    """An engine that says what a test wants and remembers what it was told."""
+
+    def __init__(self, session: Path) -> None:
+        self.sent: list[tuple[str, dict[str, Any]]] = []
+        self.begun: list[tuple[int | None, bool]] = []
+        """Marks that were begun, or left off: (frame, whether begun)."""
+        self.outcomes: dict[str, Outcome] = {
+            "stop": Outcome(ok=True, data={"stopped": True, "ms": 12.0, "path": "mount"})
+        }
+        self.is_gone = False
+        self.hangs: dict[str, threading.Event] = {}
+        self.status: dict[str, Any] = {
+            "state": "TRACK",
+            "holder": "autonomy",
+            "frame": FRAMES,
+            "ra": 150.0,
+            "dec": -5.0,
+            "alt": 41.2,
+            "az": 171.0,
+            "now_utc_ns": night.t_of(FRAMES) + 7 * NS,
+            "session": str(session),
+            "target": None,
+            "faults": [],
+            "lifted": [],
+            "next_limit": "pier in 52 min",
+            "exposing_until_utc_ns": night.t_of(FRAMES) + 9 * NS,
+            "health": [
+                {"name": "mount", "ok": True, "text": "tracking"},
+                {"name": "clock", "ok": True, "text": "NTP ±0.2 ms"},
+                {"name": "disk", "ok": False, "text": "4 GB, 2 h"},
+            ],
+        }
+
+    def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
+        verb = command.verb
+        if isinstance(command, BeginMark):
+            self.begun.append((command.frame_id, command.is_on))
+        elif verb != "status":
+            self.sent.append((verb, command.arguments()))
+        if verb in self.hangs:
+            self.hangs[verb].wait(PATIENCE_S)
+        if self.is_gone:
+            raise ControlError("no engine is running: start one") from ConnectionRefusedError()
+        if verb == "status":
+            return Outcome(ok=True, data=dict(self.status))
+        return self.outcomes.get(verb, Outcome(ok=True, message="done"))
+
+    @property
+    def verbs(self) -> list[str]:
+        return [verb for verb, _ in self.sent]
+
+
+def written(folder: Path) -> SessionWriter:
+    writer = night.begin(folder)
+    night.armed(writer)
+    night.add_frames(writer, range(1, FRAMES + 1))
+    night.add_previews(writer, range(FRAMES, FRAMES + 1))
+    return writer
+
+
+def play(
+    wire: FakeWire,
+    scene: Play,
+    size: tuple[int, int] = FULL,
+    *,
+    frames: int = FRAMES,
+    **settings: Any,
+) -> str | None:
+    """Open the seat, wait until it shows the night, play the scene; what the seat gave back."""
+
+    async def run() -> str | None:
+        app = ConsoleApp(lambda: wire, **settings)
+        async with app.run_test(size=size) as pilot:
+            if not wire.is_gone or settings.get("session"):
+                await until(
+                    pilot,
+                    lambda: len(app.live.night.rows) >= frames and app.live.picture is not None,
+                )
+            await scene(app, pilot)
+        return app.return_value
+
+    return asyncio.run(run())
+
+
+async def until(pilot: Pilot[str], is_so: Callable[[], bool]) -> None:
+    """Wait for what threads bring; a slow machine is given time, a broken seat is not."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not is_so():
+        assert time.monotonic() < deadline, "it never came to be"
+        await asyncio.sleep(0.01)
+    await pilot.pause()
+
+
+def has_outlook(app: ConsoleApp) -> bool:
+    """Whether the next hours are told of where the telescope looks, and of what is followed."""
+    outlook = app.live.outlook
+    if outlook is None or not outlook.margins_deg:
+        return False
+    return app.live.night.track is None or outlook.target_limit is not None
+
+
+async def can_answer(app: ConsoleApp, pilot: Pilot[str]) -> None:
+    """Wait for a dialog, and until it takes an answer."""
+    await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.is_deaf)
+
+
+def pane(app: ConsoleApp, name: str) -> str:
+    return app.live.query_one(f"#{name}", LinesPane).text
+
+
+async def click(app: ConsoleApp, pilot: Pilot[str], words: str) -> None:
+    """On a key of the last line, once it is there."""
+    await until(pilot, lambda: words in pane(app, "keys"))
+    rows = pane(app, "keys").splitlines()
+    row = next(n for n, each in enumerate(rows) if words in each)
+    await pilot.click("#keys", offset=(rows[row].index(words), row))
+
+
+def screen_text(app: ConsoleApp) -> str:
+    """The screen as a person reads it: no colours, no trailing blanks."""
+    strips = app.live._compositor.render_strips()
+    lines = ("".join(segment.text for segment in strip).rstrip() for strip in strips)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def stop_text(app: ConsoleApp) -> str:
+    banner = app.live.query_one("#stop", StopBanner)
+    return " ".join(banner.text.split()) if banner.display else ""
