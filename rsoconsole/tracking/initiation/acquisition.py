@@ -226,12 +226,16 @@ def initiated(
 def excesses_with(
     before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
 ) -> tuple[float, ...]:
+    if track.mixture is None:
+        return ()  # its filter asks for none
     return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
 
 
 def half_turns_with(
     before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
 ) -> tuple[float, ...]:
+    if track.mixture is None:
+        return ()
     return turns_with(before, taken, expected_motion(track, seen.exposure_s))
 
 
@@ -246,9 +250,11 @@ def believed_of(
 
     ``excesses_arcsec``, ``half_turns_arcsec``: of the track's streaks before it.
     """
+    if settings.filter.preset != "adaptive":
+        return m, 0.0  # the other presets believe what a measurement states
     shares_parts = settings.filter.part_errors == "shared"
     along = along_error_arcsec(m, expected, excesses_arcsec, shares_parts=shares_parts)
-    if settings.filter.preset != "adaptive" or settings.filter.across_errors == "own":
+    if settings.filter.across_errors == "own":
         return m, along
     return with_turn_error(m, expected, half_turns_arcsec, excesses_arcsec), along
 
