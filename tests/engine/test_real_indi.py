@@ -119,5 +119,13 @@ def test_a_parked_mount_is_not_slewed_until_it_is_unparked(night):
     assert not night["is_parked_after_unpark"]
 
 
+@pytest.mark.parametrize("device", ["mount", "camera"])
+def test_a_driver_that_is_started_again_is_connected_again(night, device):
+    said = night["driver_dies"][device]
+    assert said[-1] == "nothing", said
+    assert len(said) <= 3, said
+    assert all("is no longer connected" in words for words in said[:-1]), said
+
+
 def test_a_dead_server_is_an_error_with_words(night):
     assert "start indiserver" in night["after_death"]

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.instruments.indi.indi_process import SERVER_LOST
+from rsoconsole.instruments.indi.indi_process import DEVICE_LOST, SERVER_LOST
 from tests.children.indi_clients import CLIENTS
 
 DEVICE = "Mount"
@@ -294,6 +294,14 @@ def test_a_server_that_hangs_up_ends_the_process_at_once(session):
     begun_s = time.monotonic()
     assert session.process.wait(PATIENCE_S) == SERVER_LOST
     assert time.monotonic() - begun_s < 2.0
+
+
+def test_a_driver_that_is_started_again_unconnected_ends_the_process(session):
+    """indiserver starts a driver that died again, and it offers its connection anew."""
+    session.send(f'<delProperty device="{DEVICE}" {STAMP}/>\n')
+    again = CONNECTION.replace(">On<", ">?<").replace(">Off<", ">On<").replace(">?<", ">Off<")
+    session.send(again)
+    assert session.process.wait(PATIENCE_S) == DEVICE_LOST
 
 
 def test_what_is_sent_in_pieces_is_read_as_a_whole(session):

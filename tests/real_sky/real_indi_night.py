@@ -26,7 +26,7 @@ MOUNT = "Telescope Simulator"
 
 
 def main(folder: Path, client: str) -> None:
-    """Slews, a frame, stops, parking, weather and dome, and the death of the server."""
+    """Slews, a frame, stops, parking, weather and dome, the deaths of drivers and of the server."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     command = ["indiserver", "-p", str(PORT), "-u", str(folder / "indi.sock")]
     command += ["indi_simulator_telescope", "indi_simulator_ccd"]
@@ -48,6 +48,7 @@ def main(folder: Path, client: str) -> None:
             facts = night(instruments, config)
             facts["sky"] = weather_and_dome(instruments)
             facts["lease"] = unwatched_slew(instruments, config)
+            facts["driver_dies"] = drivers_die(server.pid, instruments, config)
             still = config.mount.model_copy(update={"after_stop": "stand still"})
             mount = IndiMount(config.indi, folder / "still.log", still)
             mount.start()
@@ -173,6 +174,34 @@ def unwatched_slew(instruments: Instruments, config: Config) -> dict[str, Any]:
         "is_slewing": report.is_slewing,
         "is_tracking": report.is_tracking,
     }
+
+
+def drivers_die(server: int, instruments: Instruments, config: Config) -> dict[str, Any]:
+    """Mount's and camera's drivers are killed; indiserver starts them again, unconnected."""
+    subprocess.run(["pkill", "-KILL", "-P", str(server), "indi_simulator"], check=True)
+    clock = instruments.clock
+
+    def slew() -> None:
+        now_utc_ns = clock.now_utc_ns()
+        ra_deg, dec_deg = icrs_of_hour_angle(config.site.to_site(), -20.0, 40.0, now_utc_ns)
+        instruments.mount.slew(float(ra_deg), float(dec_deg), now_utc_ns)
+
+    def take_frame() -> None:
+        instruments.camera.start_exposure(1.0, 8)
+        instruments.camera.wait_frame(10.0)
+
+    return {"mount": words_until_done(slew), "camera": words_until_done(take_frame)}
+
+
+def words_until_done(act: Any) -> list[str]:
+    """What each try said until one went well; at most for half a minute."""
+    said, ends_s = list[str](), time.monotonic() + 30.0
+    while time.monotonic() < ends_s:
+        said.append(what_happens(act))
+        if said[-1] == "nothing":
+            break
+        time.sleep(0.2)
+    return said
 
 
 def wait_for_server() -> None:

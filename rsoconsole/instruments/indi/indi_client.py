@@ -18,7 +18,7 @@ from typing import Any
 from rsoconsole.errors import InstrumentError
 from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.indi.indi_child import ReplyWriter
-from rsoconsole.instruments.indi.indi_process import SERVER_LOST, WAITING
+from rsoconsole.instruments.indi.indi_process import DEVICE_LOST, SERVER_LOST, WAITING
 
 _LOOK_S = 0.5
 
@@ -62,6 +62,7 @@ class IndiClient(ABC):
         self._serial = 0
         self._reported = 0
         self._ready = False
+        self._is_open = False
         self.last_message = ""
         self.has_connected_device = False
         """Whether this client switched the device's connection on: all it tells is new."""
@@ -104,6 +105,8 @@ class IndiClient(ABC):
         finally:
             for content in vector.blobs.values():
                 self._let_go(content)
+        if vector.name == "CONNECTION" and not vector.values.get("CONNECT"):
+            self._device_gone()
         with self._changed:
             self._reported = vector.serial
             self._changed.notify_all()
@@ -127,6 +130,13 @@ class IndiClient(ABC):
         if self._ready:
             print("the INDI server went away", file=sys.stderr, flush=True)
             os._exit(SERVER_LOST)
+
+    def _device_gone(self) -> None:
+        """Nothing is connected behind the driver: a fresh process connects and asks for all anew."""
+        if self._is_open:
+            words = f"{self.device} is not connected any more: its driver was started again, or"
+            print(f"{words} another program disconnected it", file=sys.stderr, flush=True)
+            os._exit(DEVICE_LOST)
 
     @staticmethod
     def _run_safely(work: Callable[..., Any], *arguments: Any) -> None:
@@ -164,6 +174,7 @@ class IndiClient(ABC):
                     f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
                     f"is it connected and powered? {self.last_message}".rstrip()
                 )
+        self._is_open = True
 
     def _await_device(self, order: Mapping[str, Any], writer: ReplyWriter) -> None:
         """Wait until the server announces the device. Raises InstrumentError."""

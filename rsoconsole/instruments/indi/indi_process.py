@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 SERVER_LOST = 3
 """Exit status of a child whose INDI server went away."""
+DEVICE_LOST = 4
+"""Exit status of a child whose driver came back unconnected, or was disconnected by somebody."""
 _START_S = 150.0
 """Unless told otherwise: the configuration's ``waits`` know better."""
 _END_S = 3.0
@@ -355,6 +357,11 @@ class IndiProcess:
         if process.poll() == SERVER_LOST:
             return InstrumentError(
                 f"the INDI server went away under the {self.name}: start indiserver again"
+            )
+        if process.poll() == DEVICE_LOST:
+            return InstrumentError(
+                f"the {self.name} is no longer connected: its driver was started again, or another"
+                " program disconnected it; the next order connects it again"
             )
         return InstrumentError(
             f"the {self.name}'s process ended (status {process.poll()}): it is started again "
