@@ -295,7 +295,7 @@ def _weighed_by(
     updated = all_updated_with(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
-        reasons = refusals(predicted, expected, updated, before.neighbours, seen, settings)
+        reasons = refusals(predicted, expected, updated, before, seen, settings)
     return Weighed(predicted=predicted, updated=updated, reasons=reasons)
 
 

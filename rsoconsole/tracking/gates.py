@@ -19,6 +19,7 @@ from rsoconsole.tracking.association import (
 from rsoconsole.tracking.filters import (
     BENT_TOLERANCE_DEG,
     DIRECTION_TOLERANCE_DEG,
+    FLASHING_TOLERANCE,
     LENGTH_TOLERANCE,
     LONGER_TOLERANCE,
     PART_TOLERANCE,
@@ -29,6 +30,7 @@ from rsoconsole.tracking.filters import (
     estimator,
     lqe,
     motion_between,
+    shows_parts,
 )
 from rsoconsole.tracking.initiation import believed_of, chains
 
@@ -63,16 +65,15 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
     updated: dict[Measurement, Update],
-    neighbours: tuple[Neighbour, ...],
+    before: Tracked,
     seen: Seen,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
     reasons: dict[Measurement, NotTaken] = {}
-    is_adaptive = settings.filter.preset == "adaptive"
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
-    if is_adaptive:
-        shares = (PART_TOLERANCE, LONGER_TOLERANCE)
+    if settings.filter.preset == "adaptive":
+        shares = (_shortest_part(expected, before, settings), LONGER_TOLERANCE)
     bent_deg = BENT_TOLERANCE_DEG if chains.is_wide(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
         mismatch = disagreement(measurement, expected, *shares, bent_deg)
@@ -82,6 +83,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
         if reason is not None:
             reasons[measurement] = reason
     alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
+    neighbours = before.neighbours
     errors = tuple(learnt_error_arcsec(m, updated[m].state) for m in alike) if neighbours else ()
     strangers = _strangers(alike, errors, predicted, expected, neighbours, seen, settings)
     for measurement, update in updated.items():
@@ -92,6 +94,14 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
         elif measurement in strangers:
             reasons[measurement] = strangers[measurement]
     return reasons
+
+
+def _shortest_part(expected: Motion, before: Tracked, settings: FollowSettings) -> float:
+    """Which share of its length a streak of the track may lack."""
+    is_flashing = settings.filter.part_errors == "shared" and shows_parts(
+        before.excesses_arcsec, expected.length_arcsec
+    )
+    return FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE
 
 
 def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing

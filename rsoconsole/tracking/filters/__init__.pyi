@@ -6,6 +6,7 @@ from .adaptive import scatter_words as scatter_words
 from .adaptive import summary_words as summary_words
 from .agreement import BENT_TOLERANCE_DEG as BENT_TOLERANCE_DEG
 from .agreement import DIRECTION_TOLERANCE_DEG as DIRECTION_TOLERANCE_DEG
+from .agreement import FLASHING_TOLERANCE as FLASHING_TOLERANCE
 from .agreement import LENGTH_TOLERANCE as LENGTH_TOLERANCE
 from .agreement import LONGER_TOLERANCE as LONGER_TOLERANCE
 from .agreement import PART_TOLERANCE as PART_TOLERANCE
@@ -34,6 +35,7 @@ from .lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
 from .sky_path import Plane as Plane
 from .streak_length import along_error_arcsec as along_error_arcsec
 from .streak_length import remembered_with as remembered_with
+from .streak_length import shows_parts as shows_parts
 from .streak_length import with_part_error as with_part_error
 from .streak_turn import turns_with as turns_with
 from .streak_turn import with_turn_error as with_turn_error

@@ -28,6 +28,8 @@ SHORTER_TOLERANCE = 0.4
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
 """Once it is followed it may have lost, or gained, so much: that then says how badly its place
 along the motion is known (``streak_length``). Half as long is another object, half as fast."""
+FLASHING_TOLERANCE = 0.65
+"""Of one that shows parts of its streak again and again."""
 
 
 @dataclass(frozen=True, slots=True)

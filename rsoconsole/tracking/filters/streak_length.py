@@ -41,6 +41,8 @@ _PART_SHARE = 0.15
 """Of its length that a streak lacks which shows a part of it: more than blur and haze take."""
 _FEWEST_PARTS = 3
 """In a row, before they are taken for a run."""
+_FLASHING_SHARE = 0.3
+"""Of the streaks remembered that show a part, from which on it flashes rather than meets clouds."""
 _HARMLESS_SHARE = 0.02
 """Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
 
@@ -112,6 +114,12 @@ def with_part_error(
 def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """Whether the last streaks showed a part of their length, one after the other."""
     return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _FEWEST_PARTS
+
+
+def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
+    """Whether so many of its streaks were parts of their length that it flashes."""
+    parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
+    return parts >= max(_FEWEST_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
 
 def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
