@@ -178,6 +178,11 @@ class LeapConfig(Section):
         description="order the next slew as the shutter closes, once one frame more changes nothing"
         " of where it leads; false: when the frame has been read out and examined",
     )
+    learns_settle: bool = Field(
+        True,
+        description="give the mount less time to settle than mount.settle_s where the stars of"
+        " leaps stay as sharp, and more where that makes them sharper; false: as configured",
+    )
     binning: int = Field(
         1,
         ge=0,

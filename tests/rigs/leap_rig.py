@@ -28,7 +28,8 @@ SETTINGS = {
     "mount": {"type": "fork", "settle_s": 1.0},
     "limits": {"twilight_deg": 80.0, "sun_cone_deg": 0.0, "max_hour_angle_deg": 180.0},
     "search": {"pattern": "stay"},
-    "leap": {"enabled": True},
+    # Its frames tell nothing of how much the mount swings.
+    "leap": {"enabled": True, "learns_settle": False},
 }
 SIGMA_PX = 0.3
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS, InstrumentController
+from rsoconsole.engine.leaps.settle_trials import SettleTrials
 from rsoconsole.engine.tasks import Watch
 from rsoconsole.pipeline.frame import shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.leaps import (
@@ -76,6 +77,7 @@ class LeapTimes:
         self._rows_s = 0.0
         """With a rolling shutter: by how much the last row closes later than the first."""
         self._latencies_s: deque[float] = deque(maxlen=_FRAMES)
+        self._settle = SettleTrials(config().mount.settle_s)
         self._ordered: tuple[tuple[float, float], int] | None = None
         """Travel of the slew under way, and when it was ordered."""
 
@@ -93,6 +95,7 @@ class LeapTimes:
             return
         travel, since_ns = self._ordered
         self._ordered = None
+        self._settle.begun()
         took_s = (self._instrument_controller.arrived_utc_ns - since_ns) / NS
         if took_s > 0.0:  # a hold may have come before the arrival
             self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
@@ -123,6 +126,12 @@ class LeapTimes:
         """Its clock was set, or it reads out in another mode."""
         self._readouts_s.clear()
         self._latencies_s.clear()
+        self._settle.forget_widths()
+
+    def stars_seen(self, width_px: float | None) -> str | None:
+        """How wide the stars of the last leap's frame are; words where the mount is given another
+        time to settle from now on."""
+        return self._settle.seen(width_px) if self._config().leap.learns_settle else None
 
     def closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
         """Seconds from the order of an exposure until its shutter has surely closed.
@@ -157,11 +166,19 @@ class LeapTimes:
         settled. By no more than ``exposure.start_latency_s``: a camera's clock that is ahead looks
         like a late shutter.
         """
-        config, latency = self._config(), self._shutter_s()
+        return max(self._given_s() - self._opens_s(), 0.0)
+
+    def _given_s(self) -> float:
+        """What the mount is given to settle before the next exposure."""
+        config = self._config()
+        return self._settle.seconds if config.leap.learns_settle else config.mount.settle_s
+
+    def _opens_s(self) -> float:
+        """From the order of an exposure until the shutter opens, at the least."""
+        latency = self._shutter_s()
         if latency is None:
-            return config.mount.settle_s
-        opens_s = min(max(latency[0], 0.0), config.exposure.start_latency_s)
-        return max(config.mount.settle_s - opens_s, 0.0)
+            return 0.0
+        return min(max(latency[0], 0.0), self._config().exposure.start_latency_s)
 
     def terms(self, binning: int) -> LeapTerms:
         """What a leap needs beside its slew, as learned so far."""
@@ -183,18 +200,22 @@ class LeapTimes:
 
     def configured(self, before: Config) -> None:
         """Other settings hold."""
-        if before.mount != self._config().mount:
+        mount = self._config().mount
+        if before.mount != mount:
             self._motion = None
+        if before.mount.settle_s != mount.settle_s:
+            self._settle = SettleTrials(mount.settle_s)
 
     def parts_of(self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool) -> LeapParts:
         """From the order of its slew until now, when the next could be ordered."""
         config, terms = self._config(), self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
-        while_settling_s = config.mount.settle_s - terms.settle_s
+        settled_s = self._settle.used_s if config.leap.learns_settle else config.mount.settle_s
+        while_settling_s = min(self._opens_s(), settled_s)
         return LeapParts(
             total_s=(now_utc_ns - leap.t_order_utc_ns) / NS,
             slew_s=self._seen[-1].seconds if self._seen else leap.slew_s,
-            settle_s=config.mount.settle_s,
+            settle_s=settled_s,
             shutter_s=max(terms.latency_s - while_settling_s, 0.0),
             exposure_s=leap.exposure_s,
             readout_s=readout_s if waited_for_frame else 0.0,

@@ -233,10 +233,7 @@ class Leaping:
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
-        if self._early is None:
-            self.times.examined(self._instrument_controller.now_utc_ns())
-            if leap is not None:
-                self._log.took(leap, waited_for_frame=True)
+        self._learn(leap, reduction)
         solution = reduction.solution
         if not isinstance(solution, Solution):
             if self.track is not None:
@@ -269,6 +266,15 @@ class Leaping:
             radius_deg = min(self._control.config.optics.field_deg) / 2.0
             self.track = unseen(self.track, t_mid_ns, centre, radius_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
+
+    def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
+        """What the last leap took, and whether the mount had settled by its stars."""
+        if self._early is None:
+            self.times.examined(self._instrument_controller.now_utc_ns())
+            if leap is not None:
+                self._log.took(leap, waited_for_frame=True)
+        if words := self.times.stars_seen(reduction.fwhm_px):
+            self._session_log.say("info", words)
 
     def _note_leap(
         self, leap: Leap | None, result: LeapResult, streak: FrameStreak | None = None
