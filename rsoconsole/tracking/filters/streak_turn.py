@@ -57,10 +57,10 @@ def with_turn_error(
         return measurement
     half -= statistics.median(turns_arcsec)
     length = expected.length_arcsec
-    # A part of a streak is no streak whose end something has moved.
-    excess -= (
-        excess if is_run_of_parts(excesses_arcsec, length) else statistics.median(excesses_arcsec)
-    )
+    if is_run_of_parts(excesses_arcsec, length):
+        excess = 0.0  # nothing has moved its ends: they are dark
+    else:
+        excess -= statistics.median(excesses_arcsec)
     left = np.array([-expected.north_arcsec, expected.east_arcsec]) / length
     more = ((_OF_TURN * half) ** 2 + (_OF_EXCESS * excess) ** 2) * np.outer(left, left)
     ee, en, nn = measurement.cov_sky_arcsec2
