@@ -32,7 +32,7 @@ from rsoconsole.tracking.filters import (
     motion_between,
     shows_parts,
 )
-from rsoconsole.tracking.initiation import believed_of, chains
+from rsoconsole.tracking.initiation import chains, errors_of
 
 INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
 
@@ -53,12 +53,9 @@ def all_updated_with(
 ) -> dict[Measurement, Update]:
     """``updated_with`` of several measurements."""
     expected = expected_motion(predicted, seen.exposure_s)
-    believed = {
-        m: believed_of(m, expected, before.excesses_arcsec, before.half_turns_arcsec, settings)
-        for m in measured
-    }
-    updated = estimator.all_weighed(predicted, list(believed.values()), settings.filter)
-    return {m: updated[wider] for m, (wider, _) in believed.items()}
+    history = before.excesses_arcsec, before.half_turns_arcsec
+    pairs = [(m, errors_of(m, expected, *history, settings)) for m in measured]
+    return estimator.all_weighed(predicted, pairs, settings.filter)
 
 
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing

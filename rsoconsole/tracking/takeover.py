@@ -22,6 +22,7 @@ from rsoconsole.tracking.association import (
 )
 from rsoconsole.tracking.filters import (
     SHORTER_TOLERANCE,
+    StreakErrors,
     along_error_arcsec,
     disagreement,
     estimator,
@@ -131,7 +132,8 @@ def _rival_updated(
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
-    update = estimator.weighed(predicted, m, settings.filter, along_error_arcsec(m, expected))
+    errors = StreakErrors(along_error_arcsec(m, expected))
+    update = estimator.weighed(predicted, m, settings.filter, errors)
     return None if lqe.is_gated_out(nis_of(update), settings.filter) else update.state
 
 

@@ -25,6 +25,7 @@ from rsoconsole.sky.angles import direction_to_unit, separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
 from rsoconsole.tracking.filters import adaptive, bank, bank_update, estimator, filter_update, lqe
+from rsoconsole.tracking.filters.streak_length import StreakErrors
 from tests.truth.seen_satellites import DAYTONA, T0_UTC_NS
 
 ADAPTIVE = FilterConfig()
@@ -364,7 +365,7 @@ def learnt(each_is_off: float, told: float, seed: int) -> list[TrackState]:
     state, updated = begun(*night[:2]), []
     for each in night[2:]:
         predicted = estimator.predict(state, each.t_mid_utc_ns, ADAPTIVE, each.frame_id)
-        state = estimator.update(predicted, each, ADAPTIVE, told)
+        state = estimator.update(predicted, each, ADAPTIVE, StreakErrors(told))
         updated.append(state)
     return updated
 
@@ -394,10 +395,11 @@ def test_a_streak_that_is_too_long_errs_along_itself_where_drift_has_bent_it(
     off = with_more_error(last, 30.0 * axis)
     ends = [with_more_error(off, side * 105.0 * axis) for side in (-1.0, 1.0)]
     off = replace(off, ends_icrs_deg=tuple((e.ra_icrs_deg, e.dec_icrs_deg) for e in ends))
-    assert (estimator.update(predicted, off, ADAPTIVE, 30.0).nis or 0.0) < 4.0
+    assert (estimator.update(predicted, off, ADAPTIVE, StreakErrors(30.0)).nis or 0.0) < 4.0
     across = with_more_error(last, 30.0 * np.array([-axis[1], axis[0]]))
     across = replace(across, ends_icrs_deg=off.ends_icrs_deg)
-    assert (estimator.update(predicted, across, ADAPTIVE, 30.0).nis or 0.0) > GATE_NIS
+    missed = estimator.update(predicted, across, ADAPTIVE, StreakErrors(30.0))
+    assert (missed.nis or 0.0) > GATE_NIS
 
 
 @pytest.mark.parametrize("times", [1.0, 3.0, 6.0])

@@ -33,9 +33,11 @@ from .lqe import measured_direction_deg as measured_direction_deg
 from .lqe import sky_covariance_arcsec2 as sky_covariance_arcsec2
 from .lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
 from .sky_path import Plane as Plane
+from .streak_length import NO_ERRORS as NO_ERRORS
+from .streak_length import StreakErrors as StreakErrors
 from .streak_length import along_error_arcsec as along_error_arcsec
 from .streak_length import remembered_with as remembered_with
 from .streak_length import shows_parts as shows_parts
 from .streak_length import with_part_error as with_part_error
+from .streak_turn import across_error_arcsec as across_error_arcsec
 from .streak_turn import turns_with as turns_with
-from .streak_turn import with_turn_error as with_turn_error

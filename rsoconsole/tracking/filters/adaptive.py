@@ -19,6 +19,7 @@ from rsoconsole.tracking.filters.bank import Bank, Position
 from rsoconsole.tracking.filters.bank_update import Innovation
 from rsoconsole.tracking.filters.scatter import scatter_interval_s
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Plane
+from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 _WORTH_REPORTING = 1.5
 _MOST_CORRELATED = 0.99999
@@ -49,8 +50,8 @@ def initialise(
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
         raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
-    one = _position(first, settings, along_arcsec[0])
-    two = _position(second, settings, along_arcsec[1])
+    one = _position(first, settings, StreakErrors(along_arcsec[0]))
+    two = _position(second, settings, StreakErrors(along_arcsec[1]))
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
     bank = banks.initiate(one, rate, bend, is_shutter_known=is_shutter_known)
@@ -88,25 +89,25 @@ def innovation(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
-    along_arcsec: float = 0.0,
+    errors: StreakErrors = NO_ERRORS,
 ) -> Innovation:
     """How far a measurement at the predicted instant is off the track: what ``taken`` begins with.
 
-    ``along_arcsec``: sigma along the motion that the length of its streak adds. Raises ValueError
-    when the measurement belongs to another instant: predict to it first.
+    ``errors``: what its streak adds. Raises ValueError when the measurement belongs to another
+    instant: predict to it first.
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
-    return innovations(predicted, ((measurement, along_arcsec),), settings)[0]
+    return innovations(predicted, ((measurement, errors),), settings)[0]
 
 
 def innovations(
     predicted: TrackState,
-    measured: Sequence[tuple[Measurement, float]],
+    measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[Innovation]:
-    """``innovation`` of several measurements, each with its ``along_arcsec``, for less."""
-    positions = [_position(m, settings, along_arcsec) for m, along_arcsec in measured]
+    """``innovation`` of several measurements, each with what its streak adds, for less."""
+    positions = [_position(m, settings, errors) for m, errors in measured]
     return bank_update.innovations_of(_bank_of(predicted), positions)
 
 
@@ -138,14 +139,14 @@ def update(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
-    along_arcsec: float = 0.0,
+    errors: StreakErrors = NO_ERRORS,
 ) -> TrackState:
     """The track after a measurement at the predicted instant, with what the innovation says.
 
     Arguments and errors as of ``innovation``.
     """
-    found = innovation(predicted, measurement, settings, along_arcsec)
-    return taken(predicted, measurement, found, along_arcsec)
+    found = innovation(predicted, measurement, settings, errors)
+    return taken(predicted, measurement, found, errors.along_arcsec)
 
 
 def begun_from(
@@ -191,7 +192,7 @@ def log_det_innovation(
 
 
 def _position(
-    measurement: Measurement, settings: FilterConfig, along_arcsec: float = 0.0
+    measurement: Measurement, settings: FilterConfig, errors: StreakErrors = NO_ERRORS
 ) -> Position:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
@@ -199,13 +200,18 @@ def _position(
     noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
     cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
     to_sky = np.array([cos_dec, 1.0])
+    covariance = noise * np.outer(to_sky, to_sky)
+    axis = streak_axis(measurement) if any(errors) else None
+    if errors.across_arcsec and axis is not None:
+        left = np.array([-axis[1], axis[0]])
+        covariance += errors.across_arcsec**2 * np.outer(left, left)
     return Position(
         t_utc_ns=measurement.t_mid_utc_ns,
         ra_icrs_deg=measurement.ra_icrs_deg,
         dec_icrs_deg=measurement.dec_icrs_deg,
-        covariance=noise * np.outer(to_sky, to_sky),
-        along_arcsec=along_arcsec,
-        axis=streak_axis(measurement) if along_arcsec else None,
+        covariance=covariance,
+        along_arcsec=errors.along_arcsec,
+        axis=axis,
     )
 
 

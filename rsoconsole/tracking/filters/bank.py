@@ -89,6 +89,8 @@ _GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
 _LONGEST_STEP_S, _MOST_STEPS = 120.0, 60
 _WIDENED = 2.0
 """Of the variances that the admissible region leaves: it is no census."""
+_MOST = np.array([60.0 * 3600.0, 60.0 * 3600.0, 10.0 * 3600.0, 10.0 * 3600.0])
+"""Place, arcsec, and rate, arcsec/s, and one sigma of them: beyond, a filter has run away."""
 _OF_RATE = 0.5
 """Sigma of the first rate, in units of it: the places alone are to tell it."""
 
@@ -233,13 +235,59 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
     covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
+    return _sound(
+        replace(
+            bank,
+            plane=onto,
+            means=after,
+            covariances=covariances,
+            path_since_update_rad=bank.path_since_update_rad + length,
+        )
+    )
+
+
+def _sound(bank: Bank) -> Bank:
+    """Filters that have run away begin again from the likeliest of their motion that has not.
+
+    Over a pole, or a long way of a low orbit, what nobody believes any more may grow without end;
+    1e-12 of that, the least weight, is what the mixture is then. Where all have run away they know
+    nothing.
+    """
+    is_sound = _which_are_sound(bank)
+    if is_sound.all():
+        return bank
+    means, covariances = bank.means.copy(), bank.covariances.copy()
+    if not is_sound.any():
+        means[:], covariances[:] = 0.0, np.diag([*_MOST**2, 0.0, 0.0])
+        return replace(bank, means=means, covariances=covariances)
+    log_weights, path = bank.log_weights.copy(), bank.path_since_update_rad.copy()
+    likely = np.where(is_sound, log_weights, -np.inf)
+    for motion, first in enumerate(range(0, len(means), bank.grid.per_motion)):
+        own = np.arange(first, first + bank.grid.per_motion)
+        among = own if is_sound[own].any() else np.arange(len(means))
+        best, astray = among[np.argmax(likely[among])], own[~is_sound[own]]
+        means[astray], covariances[astray] = bank.means[best], bank.covariances[best]
+        if motion < ANY_ORBIT:
+            means[astray, ACCELERATION:] = 0.0
+            covariances[astray, ACCELERATION:, :] = 0.0
+            covariances[astray, :, ACCELERATION:] = 0.0
+        path[astray], log_weights[astray] = path[best], math.log(LEAST_WEIGHT)
     return replace(
         bank,
-        plane=onto,
-        means=after,
+        means=means,
         covariances=covariances,
-        path_since_update_rad=bank.path_since_update_rad + length,
+        log_weights=log_weights,
+        path_since_update_rad=path,
     )
+
+
+def _which_are_sound(bank: Bank) -> npt.NDArray[np.bool_]:
+    """(N,) filters whose numbers are of a place and a rate on the sky."""
+    spread = np.diagonal(bank.covariances, axis1=1, axis2=2)[:, :4]
+    # Every comparison with what is no number is false.
+    is_small = (np.abs(bank.means[:, :4]) < _MOST) & (spread >= 0.0) & (spread < _MOST**2)
+    bends = np.isfinite(bank.means[:, ACCELERATION:]).all(axis=1)
+    return np.asarray(is_small.all(axis=1) & bends & np.isfinite(bank.covariances).all(axis=(1, 2)))
 
 
 def _noise(

@@ -12,6 +12,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking.filters import adaptive, lqe
 from rsoconsole.tracking.filters.adaptive import Bend
+from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 
 def initialise(
@@ -70,31 +71,30 @@ def weighed(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
-    along_arcsec: float = 0.0,
+    errors: StreakErrors = NO_ERRORS,
 ) -> Update:
     """A measurement against the track.
 
-    ``along_arcsec``: sigma that the length of its streak adds, for the preset that asks. With a
-    rolling shutter the measurement may be of a little later than the frame: the prediction is
-    carried there.
+    ``errors``: what its streak adds, for the preset that asks. With a rolling shutter the
+    measurement may be of a little later than the frame: the prediction is carried there.
     """
     there = _at(predicted, measurement, settings)
-    return _weighed_there(there, ((measurement, along_arcsec),), settings)[measurement]
+    return _weighed_there(there, ((measurement, errors),), settings)[measurement]
 
 
 def all_weighed(
     predicted: TrackState,
-    measured: Sequence[tuple[Measurement, float]],
+    measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> dict[Measurement, Update]:
-    """``weighed`` of several measurements, each with its ``along_arcsec``, for less."""
+    """``weighed`` of several measurements, each with what its streak adds, for less."""
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
-    return {m: weighed(predicted, m, settings, along) for m, along in measured}
+    return {m: weighed(predicted, m, settings, errors) for m, errors in measured}
 
 
 def _weighed_there(
-    there: TrackState, measured: Sequence[tuple[Measurement, float]], settings: FilterConfig
+    there: TrackState, measured: Sequence[tuple[Measurement, StreakErrors]], settings: FilterConfig
 ) -> dict[Measurement, Update]:
     if not measured:
         return {}
@@ -102,8 +102,11 @@ def _weighed_there(
         return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
     innovations = adaptive.innovations(there, measured, settings)
     return {
-        m: Update(nis=found.nis, make=functools.partial(adaptive.taken, there, m, found, along))
-        for (m, along), found in zip(measured, innovations, strict=True)
+        m: Update(
+            nis=found.nis,
+            make=functools.partial(adaptive.taken, there, m, found, errors.along_arcsec),
+        )
+        for (m, errors), found in zip(measured, innovations, strict=True)
     }
 
 
@@ -115,10 +118,10 @@ def update(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
-    along_arcsec: float = 0.0,
+    errors: StreakErrors = NO_ERRORS,
 ) -> TrackState:
     """The track after a measurement; arguments as of ``weighed``."""
-    return weighed(predicted, measurement, settings, along_arcsec).state
+    return weighed(predicted, measurement, settings, errors).state
 
 
 def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:

@@ -21,6 +21,7 @@ import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,18 @@ _FLASHING_SHARE = 0.3
 """Of the streaks remembered that show a part, from which on it flashes rather than meets clouds."""
 _HARMLESS_SHARE = 0.02
 """Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
+
+
+class StreakErrors(NamedTuple):
+    """One sigma of a streak's middle beyond what its measurement states, arcsec."""
+
+    along_arcsec: float = 0.0
+    """The streak: what its length tells."""
+    across_arcsec: float = 0.0
+    """What its direction and length tell (``streak_turn``)."""
+
+
+NO_ERRORS = StreakErrors()
 
 
 def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:

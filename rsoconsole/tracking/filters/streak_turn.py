@@ -8,11 +8,9 @@ in fifty by what is added here. Stars that drift while the shutter is open turn 
 and move no middle, so the turn counts from the middle of those before it.
 """
 
+import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from rsoconsole.records import Measurement
 from rsoconsole.tracking.filters.agreement import Motion, streak_motion
@@ -42,30 +40,25 @@ def half_turn_arcsec(measurement: Measurement, expected: Motion) -> float | None
     return left / 2.0 if ahead >= 0.0 else -left / 2.0
 
 
-def with_turn_error(
+def across_error_arcsec(
     measurement: Measurement,
     expected: Motion,
     turns_arcsec: Sequence[float] = (),
     excesses_arcsec: Sequence[float] = (),
-) -> Measurement:
-    """A measurement as wide across its motion as its direction and length leave it.
+) -> float:
+    """Sigma across the motion beyond the measurement's own, from its streak's turn and excess.
 
     ``turns_arcsec``, ``excesses_arcsec``: of the streaks before it.
     """
     half, excess = half_turn_arcsec(measurement, expected), excess_arcsec(measurement, expected)
     if half is None or excess is None or not turns_arcsec or not excesses_arcsec:
-        return measurement
+        return 0.0
     half -= statistics.median(turns_arcsec)
-    length = expected.length_arcsec
-    if is_run_of_parts(excesses_arcsec, length):
+    if is_run_of_parts(excesses_arcsec, expected.length_arcsec):
         excess = 0.0  # nothing has moved its ends: they are dark
     else:
         excess -= statistics.median(excesses_arcsec)
-    left = np.array([-expected.north_arcsec, expected.east_arcsec]) / length
-    more = ((_OF_TURN * half) ** 2 + (_OF_EXCESS * excess) ** 2) * np.outer(left, left)
-    ee, en, nn = measurement.cov_sky_arcsec2
-    wider = (ee + float(more[0, 0]), en + float(more[0, 1]), nn + float(more[1, 1]))
-    return replace(measurement, cov_sky_arcsec2=wider)
+    return math.hypot(_OF_TURN * half, _OF_EXCESS * excess)
 
 
 def turns_with(

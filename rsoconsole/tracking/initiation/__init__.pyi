@@ -2,8 +2,8 @@ from . import chains as chains
 from .acquisition import NOT_CHOSEN as NOT_CHOSEN
 from .acquisition import REFUSED as REFUSED
 from .acquisition import acquire as acquire
-from .acquisition import believed_of as believed_of
 from .acquisition import beside as beside
+from .acquisition import errors_of as errors_of
 from .acquisition import excesses_with as excesses_with
 from .acquisition import first_state as first_state
 from .acquisition import half_turns_with as half_turns_with

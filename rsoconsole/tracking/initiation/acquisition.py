@@ -22,8 +22,11 @@ from rsoconsole.tracking.association import (
 )
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.filters import (
+    NO_ERRORS,
     Bend,
     Motion,
+    StreakErrors,
+    across_error_arcsec,
     along_error_arcsec,
     disagreement,
     estimator,
@@ -32,7 +35,6 @@ from rsoconsole.tracking.filters import (
     pair_misfit_arcsec,
     remembered_with,
     turns_with,
-    with_turn_error,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
@@ -178,8 +180,8 @@ def first_state(
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
         expected = expected_motion(at, seen.exposure_s)
-        believed, along = believed_of(m, expected, excesses, half_turns, settings)
-        track = estimator.update(at, believed, settings.filter, along)
+        errors = errors_of(m, expected, excesses, half_turns, settings)
+        track = estimator.update(at, m, settings.filter, errors)
         excesses = excesses_with(excesses, track, m, seen)
         half_turns = half_turns_with(half_turns, track, m, seen)
     if len(chain) > 2:
@@ -239,24 +241,25 @@ def half_turns_with(
     return turns_with(before, taken, expected_motion(track, seen.exposure_s))
 
 
-def believed_of(
+def errors_of(
     m: Measurement,
     expected: Motion,
     excesses_arcsec: tuple[float, ...],
     half_turns_arcsec: tuple[float, ...],
     settings: FollowSettings,
-) -> tuple[Measurement, float]:
-    """A measurement with the error across that its streak shows, and the sigma that it adds along.
+) -> StreakErrors:
+    """What a measurement's streak shows of the errors of its middle, for the preset that asks.
 
     ``excesses_arcsec``, ``half_turns_arcsec``: of the track's streaks before it.
     """
     if settings.filter.preset != "adaptive":
-        return m, 0.0  # the other presets believe what a measurement states
+        return NO_ERRORS  # the other presets believe what a measurement states
     shares_parts = settings.filter.part_errors == "shared"
     along = along_error_arcsec(m, expected, excesses_arcsec, shares_parts=shares_parts)
     if settings.filter.across_errors == "own":
-        return m, along
-    return with_turn_error(m, expected, half_turns_arcsec, excesses_arcsec), along
+        return StreakErrors(along)
+    across = across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec)
+    return StreakErrors(along, across)
 
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
