@@ -35,7 +35,7 @@ from tests.campaign.cases import ELEMENTS, Case
 from tests.truth.regimes import samples
 
 FILE = ELEMENTS / "mix_20230622.tle"
-FRAMES = 75
+FRAMES = 110
 LEAST_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
 FIRST_WORLD = 4001
