@@ -1,4 +1,4 @@
-"""How long a mount is given to settle before a leap's exposure: tried by turns, told by the stars.
+"""How long a mount is given to settle before a leap's exposure: in turns, by the width of the stars.
 
 A mount that still swings draws its stars wider. Every second leap is given less time than is kept;
 after some of each sort their stars are compared, leap beside leap, so that seeing, altitude and
@@ -13,7 +13,7 @@ import statistics
 from dataclasses import dataclass, field
 
 STEP = 0.8
-"""Of the time that is kept: what is tried."""
+"""Of the time that is kept: what a trial has."""
 TURNS = 4
 """Leaps of each sort, before they are compared."""
 AS_SHARP, SHARPER = 1.05, 0.94
@@ -24,7 +24,7 @@ _SURE_SIGMAS = 1.5
 _MEDIAN = 1.25
 """Of the error of a mean is that of a median."""
 _RESTS = 2
-"""Comparisons for which nothing is tried once neither less nor more is better."""
+"""Comparisons for which there is no trial once neither less nor more is better."""
 
 
 @dataclass(slots=True)
@@ -36,7 +36,7 @@ class SettleTrials:
     _factor: float = 1.0
     """Of the configured time, as it is kept."""
     _is_shorter: bool = True
-    """Whether less is tried; else more."""
+    """Whether less is in trial; else more."""
     _next: tuple[float, bool] | None = None
     """What the next leap is given, and whether that is a trial: it is planned by it already."""
     _used: tuple[float, bool] | None = None
@@ -45,7 +45,7 @@ class SettleTrials:
     """Trials in a row that were not kept."""
     _rests: int = 0
     _widths: dict[bool, list[float]] = field(default_factory=lambda: {False: [], True: []})
-    """Of the stars, px, by whether the time was the one that is tried."""
+    """Of the stars, px, by whether the time was the one of a trial."""
 
     @property
     def seconds(self) -> float:
@@ -63,7 +63,7 @@ class SettleTrials:
         return self.seconds if self._used is None else self._used[0]
 
     @property
-    def _tried_s(self) -> float:
+    def _trial_s(self) -> float:
         """Less than is kept; or more: what is configured, and a step beyond where that is kept."""
         if self._is_shorter:
             return max(self.kept_s * STEP, min(SHORTEST_S, self.configured_s))
@@ -77,7 +77,7 @@ class SettleTrials:
         """A leap has had its time: the next one has its turn."""
         self._used = self._next or (self.kept_s, False)
         is_trial = not self._used[1] and self._rests == 0
-        self._next = self._tried_s if is_trial else self.kept_s, is_trial
+        self._next = self._trial_s if is_trial else self.kept_s, is_trial
 
     def forget_widths(self) -> None:
         """Stars are as wide as before no more: the camera reads out in another mode."""
@@ -107,19 +107,19 @@ class SettleTrials:
             self._widths = {False: [], True: []}
 
     def _compared(self) -> str | None:
-        kept, tried = (statistics.median(self._widths[each]) for each in (False, True))
-        ratio, error = tried / kept, self._error_of_ratio()
+        kept, trial = (statistics.median(self._widths[each]) for each in (False, True))
+        ratio, error = trial / kept, self._error_of_ratio()
         self._widths = {False: [], True: []}
-        before_s, tried_s = self.kept_s, self._tried_s
+        before_s, trial_s = self.kept_s, self._trial_s
         was_shorter, self._is_shorter = self._is_shorter, not self._is_shorter
         after_s = before_s
         if was_shorter and ratio <= AS_SHARP:
-            after_s = tried_s
+            after_s = trial_s
         elif not was_shorter and ratio <= min(SHARPER, 1.0 - _SURE_SIGMAS * error):
             after_s = self._step_back_s
         if after_s == before_s:
             self._refused += 1
-            # More is no better as a rule: only where less is not, either, is there nothing to try.
+            # More is no better as a rule: only where less is not, either, is there nothing to gain.
             if was_shorter and self._refused >= 2:
                 self._refused, self._rests = 0, _RESTS
             return None
@@ -128,8 +128,8 @@ class SettleTrials:
         if was_shorter:
             than = f"stars are as sharp as after {before_s:.1f} s"
         else:
-            than = f"stars are sharper after {tried_s:.1f} s than after {before_s:.1f} s"
-        return f"the mount is given {after_s:.1f} s to settle: {than} ({tried:.1f}, {kept:.1f} px)"
+            than = f"stars are sharper after {trial_s:.1f} s than after {before_s:.1f} s"
+        return f"the mount is given {after_s:.1f} s to settle: {than} ({trial:.1f}, {kept:.1f} px)"
 
     def _error_of_ratio(self) -> float:
         """One sigma of the ratio of both medians, by the scatter of the widths."""

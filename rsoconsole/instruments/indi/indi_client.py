@@ -132,7 +132,7 @@ class IndiClient(ABC):
             os._exit(SERVER_LOST)
 
     def _device_gone(self) -> None:
-        """Nothing is connected behind the driver: a fresh process connects, and asks all anew."""
+        """Nothing is connected behind the driver: a fresh process connects it again."""
         if self._is_open:
             words = f"{self.device} is not connected any more: its driver was started again, or"
             print(f"{words} another program disconnected it", file=sys.stderr, flush=True)

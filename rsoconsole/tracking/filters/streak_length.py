@@ -130,7 +130,7 @@ def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> b
 
 
 def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """Whether so many of its streaks were parts of their length that it flashes."""
+    """Whether enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_FEWEST_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
