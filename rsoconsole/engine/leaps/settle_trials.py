@@ -1,4 +1,4 @@
-"""How long a mount is given to settle before a leap's exposure: in turns, by the width of the stars.
+"""How long a mount is given to settle before a leap: in turns, by the width of the stars.
 
 A mount that still swings draws its stars wider. Every second leap is given less time than is kept;
 after some of each sort their stars are compared, leap beside leap, so that seeing, altitude and
