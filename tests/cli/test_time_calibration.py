@@ -30,7 +30,9 @@ from tests.truth.navigation_truth import (
     constellation,
     flight_of_file,
     night,
+    of_elements,
 )
+from tests.truth.regimes import TLES
 
 T0 = iso_to_utc_ns("2023-06-22T01:00:00Z") - GPS_MINUS_UTC_S * NS_PER_S
 NIGHTS = 6
@@ -254,6 +256,23 @@ def test_real_broadcast_ephemerides_calibrate_what_real_precise_orbits_show(tmp_
     assert mode["bias_sigma_s"] <= FIVE_MS
     for name, truth in (("bias_s", 0.137), ("scatter_s", 0.008), ("line_time_us", 15.0)):
         assert abs(off(mode, name, truth)) <= SIGMAS
+
+
+@pytest.mark.skipif(not (TLES / "mix_20230622.tle").exists(), reason="the elements are not there")
+@pytest.mark.parametrize("late_s", [0.0, 0.1, 0.26])
+def test_elements_tell_the_clock_as_well_as_they_know_it(late_s, tmp_path) -> None:
+    """Each satellite is late by its own error: its tracks agree with each other, and are wrong."""
+    file, off_by = TLES / "mix_20230622.tle", []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        sky = of_elements(file, T0, 8.0, late_s, rng)
+        told = found(night(tmp_path / f"n{seed}", sky, Shutter(), Plan(), rng), "--tle", file)
+        assert told["source"] == "tle"
+        assert "a sanity check of the clock, not a calibration" in told["cautions"][0]
+        (mode,) = told["modes"]
+        assert 0.08 < mode["bias_sigma_s"] < 0.3
+        off_by.append(off(mode, "bias_s", 0.137))
+    assert np.max(np.abs(off_by)) <= SIGMAS
 
 
 class TestWriting:

@@ -160,6 +160,31 @@ def constellation(t0_utc_ns: int, hours: float = 12.0) -> Constellation:
     return Constellation(t0_utc_ns=t0_utc_ns, hours=hours, names=names, flights=flights)
 
 
+def of_elements(
+    path: Path, t0_utc_ns: int, hours: float, late_s: float, rng: np.random.Generator
+) -> Constellation:
+    """The navigation satellites of a file by skyfield's SGP4, each late by an error of its own.
+
+    ``late_s``: one sigma of by how much element sets are off along their orbits.
+    """
+    from skyfield.api import EarthSatellite
+
+    lines, names, flights = path.read_text().splitlines(), [], []
+    knots = np.arange(-600.0, hours * 3600 + 601.0, 60.0)
+    for name, first, second in zip(lines, lines[1:], lines[2:], strict=False):
+        if not (first.startswith("1 ") and second.startswith("2 ")):
+            continue
+        is_medium = 1.6 < float(second[52:63]) < 2.4 and float(f"0.{second[26:33]}") < 0.05
+        if not is_medium or not name.strip().startswith(("NAVSTAR", "GSAT", "GPS")):
+            continue
+        satellite = EarthSatellite(first, second, name, timescale())
+        t = t0_utc_ns + np.rint((knots + rng.normal(0.0, late_s)) * 1e9).astype(np.int64)
+        at = satellite.at(instants(t))
+        names.append(name.strip())
+        flights.append(CubicHermiteSpline(knots, at.position.km.T, at.velocity.km_per_s.T))
+    return Constellation(t0_utc_ns=t0_utc_ns, hours=hours, names=names, flights=flights)
+
+
 def _slope(_t: float, state: FloatArray) -> FloatArray:
     r = state[:3]
     distance = np.linalg.norm(r)

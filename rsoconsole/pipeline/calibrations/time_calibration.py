@@ -43,6 +43,8 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD, NS_PER_DAY, NS_PER_S
 
 _TYPICAL_RANGE_KM = 22_000.0
+_ORBIT_KM_S = 3.9
+"""Of a navigation satellite."""
 _EPOCH = date(1970, 1, 1)
 _FEWEST_LENGTHS = 3
 """Of a track: fewer do not tell what is usual."""
@@ -158,6 +160,8 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
     moved = tuple(
         timing and _later(timing, float(late_s[mode])) for mode, timing in enumerate(found.modes)
     )
+    if file.kind == "tle":
+        moved = _as_sure_as_elements(moved, used, number)
     last_ns = max(streak.measurement.t_mid_utc_ns for streak in used)
     return FoundTiming(
         kind=file.kind,
@@ -230,13 +234,34 @@ def _widened(timing: ShutterTiming, nights: Sequence[Estimated]) -> ShutterTimin
     if chi2 <= len(nights) - 1 + _UNLIKELY * math.sqrt(2.0 * (len(nights) - 1)):
         return timing
     spread_s = float(np.std(value, ddof=1))
+    return replace(_less_sure(timing, spread_s), night_spread_s=spread_s)
+
+
+def _less_sure(timing: ShutterTiming, by_s: float) -> ShutterTiming:
+    """Its bias with one sigma more."""
+    bias, middle = timing.bias_s, timing.bias_at_middle_s
     return replace(
         timing,
-        bias_s=replace(timing.bias_s, sigma=math.hypot(timing.bias_s.sigma, spread_s)),
-        bias_at_middle_s=replace(
-            timing.bias_at_middle_s, sigma=math.hypot(timing.bias_at_middle_s.sigma, spread_s)
-        ),
-        night_spread_s=spread_s,
+        bias_s=replace(bias, sigma=math.hypot(bias.sigma, by_s)),
+        bias_at_middle_s=replace(middle, sigma=math.hypot(middle.sigma, by_s)),
+    )
+
+
+def _as_sure_as_elements(
+    found: Sequence[ShutterTiming | None], used: Sequence[Streak], number: Sequence[int]
+) -> tuple[ShutterTiming | None, ...]:
+    """The biases with what element sets are off along their orbits: one error a satellite.
+
+    No scatter of the tracks shows it, as those of one satellite have it in common.
+    """
+    off_s = SIGMA_KM["tle"] / _ORBIT_KM_S
+    seen = [
+        {id(streak.satellite) for streak, own in zip(used, number, strict=True) if own == mode}
+        for mode in range(len(found))
+    ]
+    return tuple(
+        timing and _less_sure(timing, off_s / math.sqrt(max(len(satellites), 1)))
+        for timing, satellites in zip(found, seen, strict=True)
     )
 
 
