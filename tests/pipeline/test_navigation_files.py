@@ -2,6 +2,7 @@
 
 import gzip
 import re
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,39 @@ def test_broadcast_gps_and_galileo_of_rinex_3_agree_with_rapid_orbits(name: str)
     found, told = parse_rinex_nav(text_of(BROADCAST_3)), epochs_of(RAPID)
     three_metres = 3.0
     assert apart_m(found, name, told[name]) < three_metres
+
+
+def in_beidou_time(text: str, name: str, as_name: str) -> str:
+    """A file with the messages of one GPS satellite alone, told as BeiDou tells its own.
+
+    BDT is 14 s behind GPS time and counts weeks from 2006 (BDS-SIS-ICD-2.1, 3.3).
+    """
+    lines = text.splitlines()
+    head = lines[: next(n for n, line in enumerate(lines) if "END OF HEADER" in line) + 1]
+    told = []
+    for n, line in enumerate(lines):
+        if not line.startswith(f"{name} "):
+            continue
+        epoch = datetime(*map(int, line[4:23].split()), tzinfo=UTC) - timedelta(seconds=14)
+        rows = [f"{as_name} {epoch:%Y %m %d %H %M %S}{line[23:]}", *lines[n + 1 : n + 8]]
+        toe_s, node_rad = float(rows[3][4:23]) - 14.0, float(rows[3][42:61])
+        # The node is told from Greenwich as it is when the week begins: 14 s later here.
+        node_rad -= 14.0 * 7.292115e-5
+        rows[3] = f"    {toe_s:19.12e}{rows[3][23:42]}{node_rad:19.12e}{rows[3][61:]}"
+        rows[5] = f"{rows[5][:42]}{float(rows[5][42:61]) - 1356.0:19.12e}{rows[5][61:]}"
+        told += rows
+    return "\n".join([*head, *told]) + "\n"
+
+
+@pytest.mark.parametrize("name", ["G01", "G02"])
+def test_beidou_counts_its_own_time(name: str) -> None:
+    """The same orbit told as BeiDou's is at the same place; 14 s would be 55 km."""
+    text, told = BROADCAST_3.read_text(encoding="latin-1"), epochs_of(RAPID)
+    found = parse_rinex_nav({"day": in_beidou_time(text, name, "C21")})
+    assert [each.name for each in found.satellites] == ["C21"]
+    # Of that 7 m are the turn of the Earth since the week began, by either constant.
+    ten_metres = 10.0
+    assert apart_m(found, "C21", told[name]) < ten_metres
 
 
 def test_what_cannot_be_used_of_a_mixed_file_is_counted() -> None:
