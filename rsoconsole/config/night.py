@@ -84,6 +84,13 @@ class FilterConfig(Section):
         description="errors across a streak, by preset adaptive; direction: larger by how far it"
         " points and reaches otherwise than its track moves; own: as they were measured",
     )
+    most_ambiguous: int = Field(
+        4,
+        ge=0,
+        le=1000,
+        description="frames in a row whose streak fits two tracks alike, after which the likelier"
+        " takes it, by preset adaptive; 0: none ever does",
+    )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"

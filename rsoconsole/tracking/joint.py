@@ -8,7 +8,8 @@ Errors of a frame's time are one number for all of its streaks, those of the fra
 the predictions: members of a slot may all be beside them by as much as they are from each other.
 So every likely pair is held to be right in turn, and the others then need only stand to it as they
 did before (``pattern``). Where an explanation that does not give a track its streak is as likely,
-it takes none.
+it takes none; but of two that fit one streak alike frame after frame, each would wait for the other
+until both are lost: then the likelier takes it (``filter.most_ambiguous``).
 """
 
 import math
@@ -56,6 +57,8 @@ class Weighed:
     """Why some of them do not belong to it."""
     by_filter: dict[Measurement, NotTaken] = field(default_factory=dict)
     """Where the prediction is the orbit's: why the filter's own had refused them."""
+    must_decide: bool = False
+    """Whether it has been ambiguous for so long that the likeliest is taken."""
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
@@ -122,7 +125,7 @@ def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assig
             same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
             others.append(_explained(_without(cost, row, same)).cost)
-            unsure = min(others) - best.cost < LEAST_MARGIN
+            unsure = min(others) - best.cost < LEAST_MARGIN and not tracks[row].must_decide
         taken.append(pairs.columns[column] if is_seen and not unsure else None)
         is_ambiguous.append(unsure)
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))

@@ -62,6 +62,7 @@ def stepped_track(
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
     if isinstance(reason, Missed) and is_nothing_fitting and INDISTINGUISHABLE in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
+        before = replace(before, ambiguous=before.ambiguous + 1)
     records: tuple[FoldRecord, ...] = (predicted, *rejections(reasons, updated))
     step = _coast(before, predicted, seen, settings, records, reason)
     if settings.filter.preset != "adaptive" or step.after is None:
@@ -131,6 +132,7 @@ def _measured(
         half_turns_arcsec=half_turns,
         rivals=(),
         unexplained=0,
+        ambiguous=0,
     )
     return Step(records=records, after=after, is_measured=True)
 

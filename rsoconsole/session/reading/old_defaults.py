@@ -9,6 +9,7 @@ _OLD_FILTER = {
     "initiation": "pairs",
     "part_errors": "single",
     "across_errors": "own",
+    "most_ambiguous": 0,
 }
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 

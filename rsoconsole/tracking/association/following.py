@@ -94,6 +94,8 @@ class Tracked:
     """By how much its last streaks were longer than it moves in one exposure."""
     half_turns_arcsec: tuple[float, ...] = ()
     """By how much their ends lay off the line of its motion through their middles."""
+    ambiguous: int = 0
+    """Frames in a row that could not tell it from another track."""
     is_kept: bool = False
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
     since_utc_ns: int = 0
