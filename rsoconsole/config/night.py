@@ -74,10 +74,11 @@ class FilterConfig(Section):
         " without a direction by a line through five, and what a frame between has hidden; pairs:"
         " two successive frames alone",
     )
-    part_errors: Literal["shared", "single"] = Field(
-        "shared",
+    part_errors: Literal["flashing", "shared", "single"] = Field(
+        "flashing",
         description="along-track errors of a satellite whose streaks show a part of their length,"
-        " as of one that flashes; shared: one error of all of them; single: each its own",
+        " as of one that flashes; single: each its own; shared: one of all that follow each other;"
+        " flashing: so, the first may lie anywhere, and shorter ones are its own",
     )
     across_errors: Literal["direction", "own"] = Field(
         "direction",

@@ -33,7 +33,6 @@ def after(trials: SettleTrials, smear: Smear, noise: float, leaps: int, seed: in
     for leap in range(leaps):
         given.append(trials.seconds)
         trials.begun()
-        assert trials.used_s == given[-1]
         seeing = WIDTH_PX * (1.0 + 0.3 * math.sin(leap / 40.0))
         trials.seen(math.hypot(seeing, smear(given[-1])) * math.exp(random.normal(0.0, noise)))
     return given
@@ -89,14 +88,43 @@ def test_a_leap_has_what_it_was_planned_with():
         trials.seen(WIDTH_PX)
         assert trials.seconds == planned_s
         trials.begun()
-        assert trials.used_s == planned_s
 
 
-def test_frames_that_tell_no_width_teach_nothing():
+def test_where_no_star_can_be_measured_it_has_what_is_configured():
     trials = SettleTrials(2.0)
     for width in (None, math.nan, 0.0) * 40:
         trials.begun()
         assert trials.seen(width) is None
+    assert trials.kept_s == 2.0
+
+
+def test_a_trial_that_leaves_no_stars_is_refused_like_one_that_smears_them():
+    trials, given = SettleTrials(2.0), []
+    for _ in range(400):
+        given.append(trials.seconds)
+        trials.begun()
+        trials.seen(None if given[-1] < 1.5 else WIDTH_PX)
+    assert trials.kept_s == pytest.approx(1.6)
+    assert sum(each < 1.5 for each in given[100:]) < 60  # one now and then
+
+
+def test_time_is_given_back_where_the_stars_have_gone():
+    trials = SettleTrials(2.0)
+    after(trials, still, 0.03, 200, 1)
+    assert trials.kept_s == SHORTEST_S
+    for _ in range(400):
+        seconds = trials.seconds
+        trials.begun()
+        trials.seen(WIDTH_PX if seconds >= 1.9 else None)
+    assert trials.kept_s > 1.5
+
+
+def test_a_frame_that_is_of_no_leap_counts_for_none():
+    trials = SettleTrials(2.0)
+    for _ in range(100):
+        trials.begun()
+        trials.lost()
+        assert trials.seen(WIDTH_PX) is None
     assert trials.kept_s == 2.0
 
 
@@ -111,5 +139,5 @@ def test_what_is_kept_is_said_once():
         trials.begun()
         said.append(trials.seen(WIDTH_PX))
     assert [each for each in said if each] == [
-        "the mount is given 1.6 s to settle: stars are as sharp as after 2.0 s (2.6, 2.6 px)"
+        "the mount is given 1.6 s to settle: stars are as sharp as after 2.0 s (2.6 px, 2.6 px)"
     ]

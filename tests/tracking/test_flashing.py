@@ -26,7 +26,7 @@ def part(frame_id: int, share: float, phase: float) -> Measurement:
     )
 
 
-def records(shares: list[float], seed: int = 1, part_errors: str = "shared") -> list:
+def records(shares: list[float], seed: int = 1, part_errors: str = "flashing") -> list:
     """Of the frames whose streaks show these shares of their length, somewhere."""
     random = np.random.default_rng(seed)
     settings = FollowSettings(filter=FilterConfig(part_errors=part_errors), half_field_deg=0.62)

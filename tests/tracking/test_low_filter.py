@@ -14,6 +14,7 @@ from rsoconsole.records import Measurement, TrackState
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking.filters import adaptive, bank, estimator
+from tests.makers import geo_measurement
 from tests.truth.low_passes import SITE, LowPass, are_there, low_passes
 
 pytestmark = pytest.mark.skipif(not are_there(), reason="the element files are not there")
@@ -123,3 +124,31 @@ def test_where_all_have_run_away_nothing_is_known():
     there = estimator.predict(state, night[2].t_mid_utc_ns, ADAPTIVE, 3)
     assert np.all(np.isfinite(there.P))
     assert there.P[2][2] > 50.0**2
+
+
+@pytest.mark.parametrize("rate_arcsec_s", [60.0, 200.0, 500.0])
+def test_over_a_long_coast_nobody_grows_surer(rate_arcsec_s):
+    """Filters that are believed and have grown wider than the sky keep their say."""
+    night = [
+        geo_measurement(
+            n,
+            dec_deg=40.0,
+            cadence_s=5.0,
+            rate_deg_s=rate_arcsec_s / 3600.0,
+            cov_sky_arcsec2=(0.25, 0.0, 0.25),
+        )
+        for n in range(1, 5)
+    ]
+    state = estimator.initialise(*night[:2], ADAPTIVE)
+    for m in night[2:]:
+        there = estimator.predict(state, m.t_mid_utc_ns, ADAPTIVE, m.frame_id)
+        state = estimator.update(there, m, ADAPTIVE)
+    start_ns, sigma_deg, most = night[-1].t_mid_utc_ns, 0.0, []
+    for since_s in range(100, 7200, 100):
+        there = estimator.predict(state, start_ns + since_s * NS_PER_S, ADAPTIVE, since_s)
+        own = np.sqrt(max(there.P[0][0] * np.cos(np.radians(there.x[2])) ** 2, there.P[2][2]))
+        assert own > min(0.8 * sigma_deg, 10.0), since_s
+        sigma_deg = own
+        assert there.mixture is not None
+        most.append(dict(there.mixture.motion_probabilities)["any orbit"])
+    assert np.ptp(most) < 1e-6  # a mere prediction believes no other motion

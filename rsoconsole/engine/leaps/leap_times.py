@@ -78,12 +78,15 @@ class LeapTimes:
         """With a rolling shutter: by how much the last row closes later than the first."""
         self._latencies_s: deque[float] = deque(maxlen=_FRAMES)
         self._settle = SettleTrials(config().mount.settle_s)
+        self._given_last_s = config().mount.settle_s
+        """What the mount was given to settle before the last leap."""
         self._ordered: tuple[tuple[float, float], int] | None = None
         """Travel of the slew under way, and when it was ordered."""
 
     def forget_slew(self) -> None:
         """The one under way is no longer its own."""
         self._ordered = None
+        self._settle.lost()
 
     def ordered(self, travel_deg: tuple[float, float], t_utc_ns: int) -> None:
         """A slew of its own is under way."""
@@ -92,10 +95,13 @@ class LeapTimes:
     def arrived(self) -> None:
         """A slew of its own has ended: what it took is learned."""
         if self._ordered is None:
+            self._settle.lost()
             return
         travel, since_ns = self._ordered
         self._ordered = None
-        self._settle.begun()
+        self._given_last_s = self._given_s()
+        if self._config().leap.learns_settle:
+            self._settle.begun()
         took_s = (self._instrument_controller.arrived_utc_ns - since_ns) / NS
         if took_s > 0.0:  # a hold may have come before the arrival
             self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
@@ -203,19 +209,19 @@ class LeapTimes:
         mount = self._config().mount
         if before.mount != mount:
             self._motion = None
-        if before.mount.settle_s != mount.settle_s:
+        is_other = before.leap.learns_settle != self._config().leap.learns_settle
+        if is_other or before.mount.settle_s != mount.settle_s:
             self._settle = SettleTrials(mount.settle_s)
 
     def parts_of(self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool) -> LeapParts:
         """From the order of its slew until now, when the next could be ordered."""
-        config, terms = self._config(), self.terms(leap.binning)
+        terms = self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
-        settled_s = self._settle.used_s if config.leap.learns_settle else config.mount.settle_s
-        while_settling_s = min(self._opens_s(), settled_s)
+        while_settling_s = min(self._opens_s(), self._given_last_s)
         return LeapParts(
             total_s=(now_utc_ns - leap.t_order_utc_ns) / NS,
             slew_s=self._seen[-1].seconds if self._seen else leap.slew_s,
-            settle_s=settled_s,
+            settle_s=self._given_last_s,
             shutter_s=max(terms.latency_s - while_settling_s, 0.0),
             exposure_s=leap.exposure_s,
             readout_s=readout_s if waited_for_frame else 0.0,

@@ -27,6 +27,15 @@ _RESTS = 2
 """Comparisons for which there is no trial once neither less nor more is better."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Turn:
+    """What one leap is given."""
+
+    seconds: float
+    is_trial: bool
+    comparison: int
+
+
 @dataclass(slots=True)
 class SettleTrials:
     """Learns from leap to leap."""
@@ -37,10 +46,12 @@ class SettleTrials:
     """Of the configured time, as it is kept."""
     _is_shorter: bool = True
     """Whether less is in trial; else more."""
-    _next: tuple[float, bool] | None = None
-    """What the next leap is given, and whether that is a trial: it is planned by it already."""
-    _used: tuple[float, bool] | None = None
-    """What the leap under way was given, and whether that was a trial."""
+    _next: _Turn | None = None
+    """What the next leap is given: it is planned by it already."""
+    _used: _Turn | None = None
+    """What the leap under way was given; None: nobody knows."""
+    _comparison: int = 0
+    """Number of the one under way."""
     _refused: int = 0
     """Trials in a row that were not kept."""
     _rests: int = 0
@@ -50,17 +61,12 @@ class SettleTrials:
     @property
     def seconds(self) -> float:
         """For the next leap."""
-        return self.kept_s if self._next is None else self._next[0]
+        return self.kept_s if self._next is None else self._next.seconds
 
     @property
     def kept_s(self) -> float:
         """As learned until now."""
         return self.configured_s * self._factor
-
-    @property
-    def used_s(self) -> float:
-        """What the leap under way was given."""
-        return self.seconds if self._used is None else self._used[0]
 
     @property
     def _trial_s(self) -> float:
@@ -75,45 +81,56 @@ class SettleTrials:
 
     def begun(self) -> None:
         """A leap has had its time: the next one has its turn."""
-        self._used = self._next or (self.kept_s, False)
-        is_trial = not self._used[1] and self._rests == 0
-        self._next = self._trial_s if is_trial else self.kept_s, is_trial
+        self._used = self._next or _Turn(self.kept_s, False, self._comparison)
+        is_trial = not self._used.is_trial and self._rests == 0
+        seconds = self._trial_s if is_trial else self.kept_s
+        self._next = _Turn(seconds, is_trial, self._comparison)
+
+    def lost(self) -> None:
+        """The frame under way is of no leap, or never comes."""
+        self._used = None
 
     def forget_widths(self) -> None:
         """Stars are as wide as before no more: the camera reads out in another mode."""
-        self._widths = {False: [], True: []}
+        self._begin_comparison()
         self._used = None
 
+    def _begin_comparison(self) -> None:
+        self._widths = {False: [], True: []}
+        self._comparison += 1
+
     def seen(self, width_px: float | None) -> str | None:
-        """How wide the stars of the leap under way were; None: nobody could tell.
+        """How wide the stars of the leap under way were; None: so wide that none could be measured.
 
         Words for the log where another time is kept from now on.
         """
         used, self._used = self._used, None
-        if used is None or width_px is None or not math.isfinite(width_px) or width_px <= 0.0:
+        if used is None or used.comparison != self._comparison:
             return None
+        is_known = width_px is not None and 0.0 < width_px < math.inf
+        self._widths[used.is_trial].append(width_px if is_known and width_px else math.inf)
         if self._rests:
-            self._rested(width_px)
+            self._rest()
             return None
-        self._widths[used[1]].append(width_px)
         if min(map(len, self._widths.values())) < TURNS:
             return None
         return self._compared()
 
-    def _rested(self, width_px: float) -> None:
-        self._widths[False].append(width_px)
-        if len(self._widths[False]) >= 2 * TURNS:
+    def _rest(self) -> None:
+        if sum(map(len, self._widths.values())) >= 2 * TURNS:
             self._rests -= 1
-            self._widths = {False: [], True: []}
+            self._begin_comparison()
 
     def _compared(self) -> str | None:
         kept, trial = (statistics.median(self._widths[each]) for each in (False, True))
-        ratio, error = trial / kept, self._error_of_ratio()
-        self._widths = {False: [], True: []}
+        is_clear = math.isfinite(kept)  # else what is kept is no better than a trial may be
+        ratio = trial / kept if is_clear else (0.0 if math.isfinite(trial) else 1.0)
+        error = self._error_of_ratio()
+        self._begin_comparison()
         before_s, trial_s = self.kept_s, self._trial_s
         was_shorter, self._is_shorter = self._is_shorter, not self._is_shorter
         after_s = before_s
-        if was_shorter and ratio <= AS_SHARP:
+        if was_shorter and ratio <= AS_SHARP and is_clear:
             after_s = trial_s
         elif not was_shorter and ratio <= min(SHARPER, 1.0 - _SURE_SIGMAS * error):
             after_s = self._step_back_s
@@ -129,9 +146,11 @@ class SettleTrials:
             than = f"stars are as sharp as after {before_s:.1f} s"
         else:
             than = f"stars are sharper after {trial_s:.1f} s than after {before_s:.1f} s"
-        return f"the mount is given {after_s:.1f} s to settle: {than} ({trial:.1f}, {kept:.1f} px)"
+        seen = ", ".join(f"{w:.1f} px" if math.isfinite(w) else "none seen" for w in (trial, kept))
+        return f"the mount is given {after_s:.1f} s to settle: {than} ({seen})"
 
     def _error_of_ratio(self) -> float:
         """One sigma of the ratio of both medians, by the scatter of the widths."""
-        relative = [statistics.stdev(w) / statistics.mean(w) for w in self._widths.values()]
+        known = [[w for w in widths if math.isfinite(w)] for widths in self._widths.values()]
+        relative = [statistics.stdev(w) / statistics.mean(w) for w in known if len(w) > 1]
         return _MEDIAN * math.hypot(*relative) / math.sqrt(TURNS)

@@ -175,6 +175,9 @@ class IndiClient(ABC):
                     f"is it connected and powered? {self.last_message}".rstrip()
                 )
         self._is_open = True
+        connection = self.get("CONNECTION")  # it may have gone off just before
+        if connection is not None and connection.values.get("CONNECT") is False:
+            self._device_gone()
 
     def _await_device(self, order: Mapping[str, Any], writer: ReplyWriter) -> None:
         """Wait until the server announces the device. Raises InstrumentError."""

@@ -156,7 +156,8 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
         line_time_s=lines_s,
         place_arcsec=place_arcsec,
     )
-    found = _by_night(seen, found, lines_s, place_arcsec)
+    if file.kind != "tle":  # whose own errors differ from night to night
+        found = _by_night(seen, found, lines_s, place_arcsec)
     moved = tuple(
         timing and _later(timing, float(late_s[mode])) for mode, timing in enumerate(found.modes)
     )
@@ -256,13 +257,18 @@ def _as_sure_as_elements(
     """
     off_s = SIGMA_KM["tle"] / _ORBIT_KM_S
     seen = [
-        {id(streak.satellite) for streak, own in zip(used, number, strict=True) if own == mode}
-        for mode in range(len(found))
+        Counter(id(streak.satellite) for streak, own in zip(used, number, strict=True) if own == n)
+        for n in range(len(found))
     ]
     return tuple(
-        timing and _less_sure(timing, off_s / math.sqrt(max(len(satellites), 1)))
-        for timing, satellites in zip(found, seen, strict=True)
+        timing and _less_sure(timing, off_s / math.sqrt(_as_many_alike(list(streaks.values()))))
+        for timing, streaks in zip(found, seen, strict=True)
     )
+
+
+def _as_many_alike(counts: Sequence[int]) -> float:
+    """As how many that count alike those of such counts tell (Kish 1965, 11.7)."""
+    return max(sum(counts) ** 2 / max(sum(n * n for n in counts), 1), 1.0)
 
 
 def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:

@@ -108,7 +108,7 @@ def _of_track(
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     taken = tuple(track.measurements)
-    if config.filter.part_errors == "shared":
+    if config.filter.part_errors != "single":
         taken = PartErrors().widened(taken, taken, track.last, exposures)
     try:
         seen = sightings_of(site, taken)

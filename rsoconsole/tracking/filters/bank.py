@@ -91,6 +91,10 @@ _WIDENED = 2.0
 """Of the variances that the admissible region leaves: it is no census."""
 _MOST = np.array([60.0 * 3600.0, 60.0 * 3600.0, 10.0 * 3600.0, 10.0 * 3600.0])
 """Place, arcsec, and rate, arcsec/s, and one sigma of them: beyond, a filter has run away."""
+_WIDEST = 0.99
+"""Of that, where a filter is brought back."""
+_BELIEVED = 1e-9
+"""Weight from which on a filter is part of what the mixture says."""
 _OF_RATE = 0.5
 """Sigma of the first rate, in units of it: the places alone are to tell it."""
 
@@ -247,26 +251,28 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
 
 
 def _sound(bank: Bank) -> Bank:
-    """Filters that have run away begin again from the likeliest of their motion that has not.
+    """Filters whose numbers are of no place on the sky, brought back to it.
 
     Over a pole, or a long way of a low orbit, what nobody believes any more may grow without end;
-    1e-12 of that, the least weight, is what the mixture is then. Where all have run away they know
-    nothing.
+    1e-12 of that, the least weight, is what the mixture is then. Such a filter begins again from
+    the likeliest of its motion that is sound, or of all. One that is believed, as after a long
+    coast, keeps its weight and is as wide as a filter may be: the mixture stays as unsure as it is.
     """
     if _are_sound(bank):
         return bank
     is_sound = _which_are_sound(bank)
+    is_believed = bank.weights > _BELIEVED
     means, covariances = bank.means.copy(), bank.covariances.copy()
-    if not is_sound.any():
-        means[:], covariances[:] = 0.0, np.diag([*_MOST**2, 0.0, 0.0])
-        return replace(bank, means=means, covariances=covariances)
+    for n in np.flatnonzero(~is_sound & is_believed):
+        means[n], covariances[n] = _as_wide_as_may_be(means[n], covariances[n])
     log_weights, path = bank.log_weights.copy(), bank.path_since_update_rad.copy()
-    likely = np.where(is_sound, log_weights, -np.inf)
+    usable = is_sound | is_believed
+    likely = np.where(usable, log_weights, -np.inf)
     for motion, first in enumerate(range(0, len(means), bank.grid.per_motion)):
         own = np.arange(first, first + bank.grid.per_motion)
-        among = own if is_sound[own].any() else np.arange(len(means))
-        best, astray = among[np.argmax(likely[among])], own[~is_sound[own]]
-        means[astray], covariances[astray] = bank.means[best], bank.covariances[best]
+        among = own if usable[own].any() else np.arange(len(means))
+        best, astray = among[np.argmax(likely[among])], own[~usable[own]]
+        means[astray], covariances[astray] = means[best], covariances[best]
         if motion < ANY_ORBIT:
             means[astray, ACCELERATION:] = 0.0
             covariances[astray, ACCELERATION:, :] = 0.0
@@ -279,6 +285,16 @@ def _sound(bank: Bank) -> Bank:
         log_weights=log_weights,
         path_since_update_rad=path,
     )
+
+
+def _as_wide_as_may_be(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A filter's moments with a place and a rate on the sky, and an error that is no larger."""
+    spread = np.diagonal(covariance)[:4]
+    if np.isfinite(mean).all() and np.isfinite(covariance).all() and (spread > 0.0).all():
+        shrunk = min(1.0, float(np.min(_WIDEST * _MOST**2 / spread)))
+        within = np.concatenate([np.clip(mean[:4], -_MOST * _WIDEST, _MOST * _WIDEST), mean[4:]])
+        return within, covariance * shrunk
+    return np.zeros(6), np.diag([*(_WIDEST * _MOST**2), 0.0, 0.0])
 
 
 def _are_sound(bank: Bank) -> bool:

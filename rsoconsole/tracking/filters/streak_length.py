@@ -54,7 +54,8 @@ class StreakErrors(NamedTuple):
     along_arcsec: float = 0.0
     """The streak: what its length tells."""
     across_arcsec: float = 0.0
-    """What its direction and length tell (``streak_turn``)."""
+    """What its direction and length tell (``streak_turn``); as part of what the measurement states
+    it is larger where a bank believes that all its errors are."""
 
 
 NO_ERRORS = StreakErrors()
@@ -65,6 +66,8 @@ def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
     streak = streak_motion(measurement)
     if streak is None or measurement.is_clipped or measurement.is_crossing:
         return None
+    if not math.isfinite(streak.length_arcsec):
+        return None
     return streak.length_arcsec - expected.length_arcsec
 
 
@@ -74,11 +77,13 @@ def along_error_arcsec(
     before: Sequence[float] = (),
     *,
     shares_parts: bool = False,
+    is_first_open: bool = False,
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 
     ``before``: the excess of the streaks before it, arcsec. ``shares_parts``: whether streaks in a
-    row that show a part of their length have one error in common.
+    row that show a part of their length have one error in common. ``is_first_open``: whether the
+    first of them may lie anywhere in what it should fill.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
@@ -100,8 +105,7 @@ def along_error_arcsec(
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
     variance = away**2 / 4.0 + slack**2 / 24.0
-    if shares_parts and excess < -_PART_SHARE * length:
-        # The first after one that was whole may lie anywhere in what it should fill.
+    if is_first_open and excess < -_PART_SHARE * length:
         variance = max(variance, (1 + parts) * excess**2 / 12.0)
     return math.sqrt(max(variance - own2, 0.0))
 

@@ -13,7 +13,11 @@ import statistics
 from collections.abc import Sequence
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.filters.agreement import Motion, streak_motion
+from rsoconsole.tracking.filters.agreement import (
+    SHORTEST_WITH_DIRECTION_ARCSEC,
+    Motion,
+    streak_motion,
+)
 from rsoconsole.tracking.filters.streak_length import (
     REMEMBERED,
     excess_arcsec,
@@ -33,6 +37,8 @@ def half_turn_arcsec(measurement: Measurement, expected: Motion) -> float | None
     streak = streak_motion(measurement)
     length = expected.length_arcsec
     if streak is None or measurement.is_clipped or measurement.is_crossing or length == 0.0:
+        return None
+    if not streak.length_arcsec > SHORTEST_WITH_DIRECTION_ARCSEC:
         return None
     east, north = expected.east_arcsec / length, expected.north_arcsec / length
     ahead = streak.east_arcsec * east + streak.north_arcsec * north

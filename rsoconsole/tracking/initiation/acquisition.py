@@ -228,8 +228,6 @@ def initiated(
 def excesses_with(
     before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
 ) -> tuple[float, ...]:
-    if track.mixture is None:
-        return ()  # its filter asks for none
     return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
 
 
@@ -254,8 +252,13 @@ def errors_of(
     """
     if settings.filter.preset != "adaptive":
         return NO_ERRORS  # the other presets believe what a measurement states
-    shares_parts = settings.filter.part_errors == "shared"
-    along = along_error_arcsec(m, expected, excesses_arcsec, shares_parts=shares_parts)
+    along = along_error_arcsec(
+        m,
+        expected,
+        excesses_arcsec,
+        shares_parts=settings.filter.part_errors != "single",
+        is_first_open=settings.filter.part_errors == "flashing",
+    )
     if settings.filter.across_errors == "own":
         return StreakErrors(along)
     across = across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec)
