@@ -125,7 +125,30 @@ def itrf_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
 
 
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
-    """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system."""
+    """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system.
+
+    The tracks of a field are of the same instants, frame after frame: those are remembered.
+    """
+    t = np.asarray(t_utc_ns, np.int64)
+    if t.size > _FEW:
+        return _velocity_km_s(t)
+    instants = t.ravel().tolist()
+    found = {each: _remembered.get(each) for each in instants}
+    fresh = [each for each, velocity in found.items() if velocity is None]
+    if fresh:
+        new = dict(zip(fresh, _velocity_km_s(np.array(fresh, np.int64)), strict=True))
+        if len(_remembered) > _MOST_REMEMBERED:
+            _remembered.clear()
+        _remembered.update(new)
+        found.update(new)
+    return np.array([found[each] for each in instants]).reshape(*t.shape, 3)
+
+
+_FEW, _MOST_REMEMBERED = 256, 4096
+_remembered: dict[int, FloatArray] = {}
+
+
+def _velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
     _, barycentric = erfa.epv00(*jd_tt(t_utc_ns))
     return np.asarray(barycentric["v"]) * (AU_KM / S_PER_DAY)
 

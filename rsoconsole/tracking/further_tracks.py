@@ -6,6 +6,7 @@ another one. What was seen three or four times is not waited for as long as what
 One that has left the field ends too: the lead alone is looked for.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -65,12 +66,15 @@ def within_reach(
         3600.0 * three_sigma_deg(predicted) / 3.0
         + scatter_s * float(np.hypot(*lqe.sky_rate_arcsec_s(predicted)))
     )
-    return tuple(
-        m
-        for m in measurements
-        if motion_between(*here, m.ra_icrs_deg, m.dec_icrs_deg).length_arcsec
-        <= reach_arcsec + 3.0 * float(np.sqrt(max(m.cov_sky_arcsec2[0], m.cov_sky_arcsec2[2])))
-    )
+    near = []
+    for m in measurements:
+        ee, _, nn = m.cov_sky_arcsec2
+        most_arcsec = reach_arcsec + 3.0 * math.sqrt(max(ee, nn))
+        if abs(m.dec_icrs_deg - here[1]) * 3600.0 > most_arcsec:
+            continue
+        if motion_between(*here, m.ra_icrs_deg, m.dec_icrs_deg).length_arcsec <= most_arcsec:
+            near.append(m)
+    return tuple(near)
 
 
 def without_ghost(

@@ -331,11 +331,11 @@ def make_ready() -> None:
 
 
 def _kalman(state: TrackState) -> Any:
-    # filterpy pulls in scipy, most of a second: only who filters pays for it.
-    from filterpy.kalman import KalmanFilter
-
     kalman = getattr(_own, "kalman", None)
     if kalman is None:
+        # filterpy pulls in scipy, most of a second: only who filters pays for it.
+        from filterpy.kalman import KalmanFilter
+
         kalman = _own.kalman = KalmanFilter(dim_x=4, dim_z=2)
         kalman.H = C
     kalman.x, kalman.P = np.array(state.x), np.array(state.P)

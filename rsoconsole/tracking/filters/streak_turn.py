@@ -56,8 +56,10 @@ def across_error_arcsec(
 
     ``turns_arcsec``, ``excesses_arcsec``: of the streaks before it.
     """
+    if not turns_arcsec or not excesses_arcsec:
+        return 0.0
     half, excess = half_turn_arcsec(measurement, expected), excess_arcsec(measurement, expected)
-    if half is None or excess is None or not turns_arcsec or not excesses_arcsec:
+    if half is None or excess is None:
         return 0.0
     half -= statistics.median(turns_arcsec)
     if is_run_of_parts(excesses_arcsec, expected.length_arcsec):
