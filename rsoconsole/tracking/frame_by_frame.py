@@ -105,10 +105,12 @@ def _follow_tracks(
         steps = _steps_of_all(before, seen, settings)
     else:
         steps = _steps_in_turn(before, seen, settings)
-        steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
+        if before.dropped:
+            steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
     of_dropped = steps[len(steps) - len(before.dropped) :]
     dropped, of_those_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
-    before = replace(before, dropped=dropped)
+    if before.dropped:
+        before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
     last_track_id, causes, ended = before.last_track_id, list[Cause](), list[Step]()
     for number, (each, step) in enumerate(zip(before.tracks, steps, strict=False)):
@@ -193,7 +195,8 @@ def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> l
         steps.append(step)
         if step.begins_with is not None:
             return steps
-        if step.is_measured and step.after is not None:
+        is_last = number == len(before.tracks) - 1
+        if not is_last and step.is_measured and step.after is not None:
             others = tuple(m for m in left.measurements if m != step.after.taken)
             left = replace(left, measurements=others, chosen=None)
     return steps
