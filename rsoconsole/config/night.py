@@ -92,6 +92,11 @@ class FilterConfig(Section):
         description="frames in a row whose streak fits two tracks alike, after which the likelier"
         " takes it, by preset adaptive; 0: none ever does",
     )
+    blend_width: Literal["streaks", "stars"] = Field(
+        "streaks",
+        description="by whose width two satellites beside each other are found as one streak;"
+        " streaks: by the frame's streaks, where stars that drift are wider",
+    )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"

@@ -1,6 +1,7 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
+import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -110,7 +111,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         measurements=measurements,
         absence=absence,
         field=_field_of(shown),
-        star_width_arcsec=_star_width_arcsec(shown),
+        star_width_arcsec=_width_arcsec(shown, config),
         chosen=chosen,
         refused=refused,
         dropped=decision.dropped,
@@ -126,11 +127,17 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     )
 
 
-def _star_width_arcsec(shown: Shown) -> float | None:
-    """Of the frame's stars, where they and its scale are known."""
+def _width_arcsec(shown: Shown, config: Config) -> float | None:
+    """Of the frame's stars, where they and its scale are known; of its streaks, if narrower.
+
+    Stars that drift while the shutter is open are wider than what shows two satellites apart.
+    """
     width_px = None if shown.detections is None else shown.detections.star_fwhm_px
     if width_px is None or not isinstance(shown.solution, Solution):
         return None
+    streaks_px = [d.width_px for d in shown.detections.detections if d.kind == "streak"]
+    if config.filter.blend_width == "streaks" and streaks_px:
+        width_px = min(width_px, statistics.median(streaks_px))
     return width_px * shown.solution.scale_arcsec_px
 
 

@@ -10,6 +10,7 @@ _OLD_FILTER = {
     "part_errors": "single",
     "across_errors": "own",
     "most_ambiguous": 0,
+    "blend_width": "stars",
 }
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 
