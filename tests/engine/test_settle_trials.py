@@ -44,7 +44,9 @@ def wider(smear: Smear, seconds: float) -> float:
 
 @pytest.mark.parametrize("noise", [0.03, 0.1])
 @pytest.mark.parametrize(
-    "smear", [swinging(20.0, 0.35), swinging(60.0, 0.5), swinging(20.0, 1.0)], ids=str
+    "smear",
+    [swinging(20.0, 0.35), swinging(60.0, 0.5), swinging(20.0, 1.0)],
+    ids=["as the demo's", "far", "slow"],
 )
 def test_time_that_costs_no_sharpness_is_saved(smear, noise):
     kept = []
