@@ -78,7 +78,8 @@ def objects_figures(
 
     ``views``: each frame with its exposure's truth. ``detections``: frames in which a streak of
     the object was detected. ``visible_frames``: its place at mid-exposure lies in the field, and
-    its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with.
+    its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with, of
+    two about as near on the brighter.
     ``track_frames``: such a track took its measurement.
     ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
     ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
@@ -125,6 +126,8 @@ class _Judge:
             taken = _taken(frame, step)
             if taken is not None:
                 number = _object_at(taken.x_px, taken.y_px, there, width_px)
+                if step.updated is not None and step.updated.kind == "initial":
+                    number = _begun_on(taken.x_px, taken.y_px, there, width_px)
                 apart_px = APART_FWHM * float(truth.get("fwhm_px", 0.0))
                 if _is_of_both(step, taken, there, (on, number), (width_px, apart_px)):
                     number = on
@@ -216,12 +219,35 @@ def _object_at(
     x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
 ) -> int | None:
     """The object on whose streak a pixel lies."""
+    near = _near(x_px, y_px, there, width_px)
+    return min(near)[1] if near else None
+
+
+def _begun_on(
+    x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
+) -> int | None:
+    """The object that a track begins with: of those about as near as the nearest the brightest.
+
+    A frame in which chance moves the middle of a bright streak towards a satellite that it does not
+    show would put the track on that for the rest of the night.
+    """
+    near = _near(x_px, y_px, there, width_px)
+    if not near:
+        return None
+    most_px = BETWEEN * min(near)[0]
+    return max((there[n]["snr_integrated"], -away, n) for away, n in near if away <= most_px)[2]
+
+
+def _near(
+    x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
+) -> list[tuple[float, int]]:
+    """Distance from the middle, px, and number of the objects on whose streak a pixel lies."""
     near: list[tuple[float, int]] = []
     for number, each in there.items():
         ends = [(each[f"x_{end}_px"], each[f"y_{end}_px"]) for end in ("start", "end")]
         if _beside_px((x_px, y_px), *ends) <= width_px:
             near.append((math.hypot(x_px - each["x_px"], y_px - each["y_px"]), number))
-    return min(near)[1] if near else None
+    return near
 
 
 def _beside_px(
