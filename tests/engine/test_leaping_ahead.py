@@ -89,7 +89,8 @@ def test_a_mount_whose_stars_stay_sharp_is_given_less_time_to_settle(ahead) -> N
     r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"learns_settle": True})), 60)
     settled = [each.settle_s for each in r.memory.of(LeapDone)]
     assert settled[0] == 1.0
-    assert np.median(settled[-8:]) < 0.7  # some are held against the configured time
+    # While what is kept is held against the configured time, every second leap has that.
+    assert sorted(settled[-8:])[2] < 0.7
     # What was planned with is what was given: none comes late by it, and every one is met.
     assert met(r) >= len(leaps(r)) - 1
     assert r.camera.moved == set()
