@@ -124,6 +124,12 @@ def itrf_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
     return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole @ from_itrf)
 
 
+_FEW, _MOST_REMEMBERED = 256, 4096
+"""Instants: asked for at once, to be remembered; and all that are."""
+_remembered: dict[int, FloatArray] = {}
+"""Velocity of the Earth, km/s, by its instant."""
+
+
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
     """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system.
 
@@ -142,10 +148,6 @@ def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
         _remembered.update(new)
         found.update(new)
     return np.array([found[each] for each in instants]).reshape(*t.shape, 3)
-
-
-_FEW, _MOST_REMEMBERED = 256, 4096
-_remembered: dict[int, FloatArray] = {}
 
 
 def _velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:

@@ -297,7 +297,7 @@ def test_a_server_that_hangs_up_ends_the_process_at_once(session):
 
 
 def test_a_driver_that_is_started_again_unconnected_ends_the_process(session):
-    """indiserver starts a driver that died again, and it offers its connection anew."""
+    """indiserver starts a driver that died again, and it offers its connection once more."""
     session.send(f'<delProperty device="{DEVICE}" {STAMP}/>\n')
     again = CONNECTION.replace(">On<", ">?<").replace(">Off<", ">On<").replace(">?<", ">Off<")
     session.send(again)
