@@ -38,6 +38,10 @@ class Case:
     """What follows ``rsoconsole demo --headless --json``, but for the world."""
     world: str = ""
     """Text of a world file; empty: the world as the demo has it."""
+    late_s: float | None = None
+    """The engine waits for its target by elements by which it is so late (`late_pass`)."""
+    is_over: Callable[[Path], bool] | None = None
+    """By its session's folder, whether it may end before its frames are taken; None: it may not."""
     real_indi: RealIndi | None = None
     """Not a demo: a night on INDI's own simulators."""
 
@@ -212,9 +216,9 @@ GROUPS = {
         ),
         Group(
             name="approaches",
-            title="close approaches, 400 frames",
+            title="close approaches, 400 frames, demo's world and random ones",
             cases=_clusters(clusters.long_nights, "approaches"),
-            seeds=(1,),
+            seeds=(1, 2, 3),
         ),
         Group(
             name="low",

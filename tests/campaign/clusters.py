@@ -73,10 +73,10 @@ def nights(seeds: Sequence[int], elements: str) -> list[ClusterNight]:
 
 
 def long_nights(seeds: Sequence[int], elements: str) -> list[ClusterNight]:
-    """The close approaches for more than three hours."""
+    """The close approaches for more than three hours: the first seed's in the demo's world."""
     return [
-        _night(name, seed, elements, world=0, frames=LONG_FRAMES, at=field.long_at)
-        for seed in seeds
+        _night(name, seed, elements, world=world, frames=LONG_FRAMES, at=field.long_at)
+        for world, seed in enumerate(seeds)
         for name, field in FIELDS.items()
         if field.long_at
     ]

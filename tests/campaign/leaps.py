@@ -3,9 +3,11 @@
     python -m tests.campaign.leaps --folder ~/leaps
     python -m tests.campaign.leaps --folder ~/leaps --nights 3
     python -m tests.campaign.leaps --folder ~/leaps --worlds 10
+    python -m tests.campaign.leaps --folder ~/leaps --late 20
     python -m tests.campaign.leaps --folder ~/leaps --table
 
 ``--worlds``: the first so many, each in a random world of its own instead of the demo's.
+``--late``: the first so many, waited for by elements that are up to 20 s wrong (`late_pass`).
 Without elements: the telescope stares within 0.3 deg of where the satellite comes by 20 s later,
 and knows nothing else. Passes are of real element sets, lit and in darkness; the truth is SGP4. A
 night takes two to four minutes of a core; stop it when you like, the same command goes on. It needs
@@ -14,9 +16,11 @@ the whole sky's stars ('rsoconsole index install', or ``tests/fetch_debian_index
 
 import argparse
 import json
+import sqlite3
 import statistics
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -39,6 +43,9 @@ FRAMES = 110
 LEAST_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
 FIRST_WORLD = 4001
+MOST_LATE_S, LATE_SEED = 20.0, 24
+BEGUN_AGAIN = "its next streak says otherwise"
+"""How a pass ends whose first streak was a part: the next one is of the same satellite."""
 PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
 
 
@@ -51,12 +58,15 @@ class LeapNight:
     site: str
     world: int | None = None
     """Number of its random world; None: the demo's own."""
+    late_s: float | None = None
+    """It is waited for by elements, and comes so much later; None: whatever comes is caught."""
 
     @property
     def name(self) -> str:
         """Of its files."""
         world = "" if self.world is None else f"-world-{self.world}"
-        return f"{self.norad_id}-{self.at[5:16].replace(':', '')}{world}"
+        late = "" if self.late_s is None else f"-late-{self.late_s:+.0f}"
+        return f"{self.norad_id}-{self.at[5:16].replace(':', '')}{world}{late}"
 
     @property
     def case(self) -> Case:
@@ -68,6 +78,8 @@ class LeapNight:
                 *("--target", str(self.norad_id), "--tle", str(FILE), "--site", self.site),
                 *("--at", self.at, "--frames", str(FRAMES)),
             ),
+            late_s=self.late_s,
+            is_over=_is_over,
             world="" if self.world is None else world_to_toml(random_world(self.world)),
         )
 
@@ -112,6 +124,21 @@ NIGHTS = (
 )
 
 
+def _is_over(session: Path) -> bool:
+    """Whether its pass is on record: what may come by afterwards is not asked."""
+    log = session / "session.db"
+    if not log.exists():
+        return False
+    with closing(sqlite3.connect(f"file:{log}?mode=ro", uri=True, timeout=30.0)) as database:
+        try:
+            ends = database.execute(
+                "SELECT json_extract(body, '$.ended') FROM log WHERE kind = 'LowPass'"
+            ).fetchall()
+        except sqlite3.OperationalError:  # it has only just been made
+            return False
+    return any(end != BEGUN_AGAIN for (end,) in ends)
+
+
 def judged(night: LeapNight, session: Path) -> dict[str, Any]:
     """What came of one night, by its records and by SGP4."""
     leaps: list[LeapDone] = []
@@ -124,7 +151,7 @@ def judged(night: LeapNight, session: Path) -> dict[str, Any]:
     entry = next(e.entry for e in samples("low orbit", 20) if e.entry.norad_id == night.norad_id)
     truth, site = Satellite(entry), night.to_site()
     # What was caught first is the one that the night was made for; others may follow it.
-    first = passes[0] if passes else None
+    first = next((each for each in passes if each.ended != BEGUN_AGAIN), None)
     begun = first.begun_frame_id if first is not None else leaps[0].begun_frame_id if leaps else 0
     own = [each for each in leaps if each.begun_frame_id == begun]
     met = [each.t_mid_utc_ns for each in own if each.result == "met"]
@@ -237,12 +264,17 @@ def main() -> int:
     parser.add_argument("--nights", type=int, default=len(NIGHTS), help="only the first so many")
     parser.add_argument("--table", action="store_true", help="what is known by now, no more nights")
     parser.add_argument("--worlds", type=int, default=0, help="so many in random worlds instead")
+    parser.add_argument("--late", type=int, default=0, help="so many by wrong elements instead")
     asked = parser.parse_args()
     answers, is_well = {}, True
     nights = NIGHTS[: asked.nights]
     if asked.worlds:
         numbered = enumerate(NIGHTS[: asked.worlds], FIRST_WORLD)
         nights = tuple(replace(night, world=number) for number, night in numbered)
+    if asked.late:
+        drawn = np.random.default_rng(LATE_SEED).uniform(-MOST_LATE_S, MOST_LATE_S, len(NIGHTS))
+        late = zip(NIGHTS, drawn.tolist(), strict=True)
+        nights = tuple(replace(night, late_s=each) for night, each in list(late)[: asked.late])
     for night in nights:
         path = asked.folder / f"{night.name}.json"
         if not path.exists() and not asked.table:
