@@ -203,6 +203,14 @@ class LeapConfig(Section):
         description="pixels joined on each axis while it stares and leaps, where the camera can;"
         " 0: as many as leave a streak well measured",
     )
+    subframe: float = Field(
+        1.0,
+        ge=0,
+        le=1,
+        description="share of each side of the sensor that is read out, about its middle, where a"
+        " leap is sure to have the streak there and the camera can; 1: all of it; 0: half, where"
+        " the whole keeps a leap waiting",
+    )
     pass_norad: int = Field(
         0,
         ge=0,

@@ -226,6 +226,13 @@ class CameraPort(Protocol):
         where the camera cannot or is silent.
         """
 
+    def set_subframe(self, share: float) -> float:
+        """Read only a share of each side of what the camera was set to read, about its middle.
+
+        1: all of it. Between exposures. Returns the share that holds from now on, which the camera
+        may have rounded. Raises InstrumentError where the camera cannot or is silent.
+        """
+
     def wait_frame(self, timeout_s: float) -> Frame:
         """The frame of the exposure under way, within ``timeout_s`` of wall time.
 

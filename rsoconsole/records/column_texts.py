@@ -269,6 +269,7 @@ shutter_s real until it opened, beyond what the mount settled in
 open_s real of this
 readout_s real of this, with what came of the frame
 wait_s real of this, for the satellite to come
+subframe real share of each side of the sensor that was read out
 """
 
 OF_LOW_PASS = """

@@ -53,6 +53,8 @@ class LeapDone:
     readout_s: float
     """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
     wait_s: float
+    subframe: float = 1.0
+    """Share of each side of the sensor that was read out; 1 in sessions of before it was set."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

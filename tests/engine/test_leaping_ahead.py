@@ -274,6 +274,86 @@ def test_a_camera_that_cannot_join_pixels_is_said_once_and_used() -> None:
     assert met(r) >= 1
 
 
+# ---- a part of the sensor
+
+FINE = {"pixel_um": 3.8, "width_px": 4656, "height_px": 3520}
+
+
+def slow_camera(subframe: float, readout_s: float = 6.0, *, leap=None) -> Rig:
+    config = config_with(
+        optics=FINE, exposure={"readout_s": readout_s}, leap={"subframe": subframe, **(leap or {})}
+    )
+    return leap_rig(orbit_over(heading_deg=50.0), config)
+
+
+def test_a_part_of_the_sensor_is_read_where_the_streak_surely_is() -> None:
+    r = run(slow_camera(0.5), 24)
+    assert r.camera.shares[0] == 0.5
+    done = r.memory.of(LeapDone)
+    assert [each.subframe for each in done[:2]] == [1.0, 1.0]  # its orbit is not known yet
+    parts = [each for each in done if each.subframe == 0.5]
+    assert len(parts) > 10
+    assert all(each.result == "met" for each in parts)
+    sizes = {each.frame_id: (each.width_px, each.height_px) for each in r.memory.of(FrameTaken)}
+    assert {sizes[each.frame_id] for each in parts} == {(2328, 1760)}
+
+
+def test_half_of_each_side_is_read_where_the_whole_keeps_leaps_waiting() -> None:
+    slow, quick, whole = (
+        run(slow_camera(subframe, readout_s), 24)
+        for subframe, readout_s in ((0.0, 6.0), (0.0, 0.4), (1.0, 6.0))
+    )
+    assert set(slow.camera.shares) == {0.5}
+    assert not quick.camera.shares
+    assert not whole.camera.shares
+    took_s = [
+        np.median([each.total_s for each in r.memory.of(LeapDone)[-8:]]) for r in (slow, whole)
+    ]
+    assert took_s[0] < 0.75 * took_s[1]
+
+
+def test_after_a_miss_the_whole_sensor_is_read() -> None:
+    r, number = slow_camera(0.5), 14
+    r.reducer.blind = {number}
+    run(r, 24)
+    by_frame = {each.frame_id: each for each in r.memory.of(LeapDone)}
+    assert by_frame[number].subframe == 0.5
+    assert by_frame[number].result == "not in the frame"
+    assert by_frame[number + 1].subframe == 1.0
+    assert r.memory.of(LeapDone)[-1].subframe == 0.5
+
+
+def test_a_stop_gives_the_whole_sensor_back() -> None:
+    r = slow_camera(0.5)
+    r.engine.arm()
+    r.engine.run(frames=16)
+    assert r.camera.shares == [0.5]
+    engine_rig.told(engine_rig.command_handler_of(r), "disarm", {})
+    engine_rig.end_when_idle(r)
+    r.engine.run()
+    assert r.camera.shares == [0.5, 1.0]
+
+
+def test_a_camera_that_reads_no_parts_is_said_once_and_read_whole() -> None:
+    r = slow_camera(0.5)
+
+    def cannot(share: float) -> float:
+        raise InstrumentError("the camera's driver cannot read a part of the sensor")
+
+    r.camera.set_subframe = cannot
+    run(r, 20)
+    assert sum("leaps without subframes" in text for text in words(r)) == 1
+    assert {each.subframe for each in r.memory.of(LeapDone)} == {1.0}
+    assert met(r) >= 10
+
+
+def test_a_part_with_too_few_stars_for_a_plate_is_not_read() -> None:
+    config = config_with(leap={"subframe": 0.5})  # 880 px high: 440 are too few
+    r = run(leap_rig(orbit_over(heading_deg=50.0), config), 16)
+    assert not r.camera.shares
+    assert met(r) >= 10
+
+
 # ---- when the shutter has surely closed
 
 

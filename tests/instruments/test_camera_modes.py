@@ -129,6 +129,51 @@ def test_what_a_camera_cannot_is_said_with_the_remedy(tmp_path):
         instruments.camera.set_binning(2)
 
 
+def whole_of(observatory: Observatory) -> dict[str, float]:
+    return dict(zip(("X", "Y", "WIDTH", "HEIGHT"), (0.0, 0.0, WIDTH_PX, HEIGHT_PX), strict=True))
+
+
+@pytest.mark.parametrize("binning", [1, 2])
+def test_a_subframe_is_the_middle_of_the_sensor(observatory, tmp_path, binning):
+    with connected(observatory, tmp_path) as instruments:
+        instruments.camera.set_binning(binning)
+        assert instruments.camera.set_subframe(0.5) == pytest.approx(0.5)
+        part = take(instruments, 1)
+        assert instruments.camera.set_subframe(1.0) == 1.0
+        whole = take(instruments, 2)
+    assert (part.width_px, part.height_px) == (320 // binning, 240 // binning)
+    corner = (part.camera.x0_px, part.camera.y0_px)
+    assert corner == pytest.approx((160 // binning, 120 // binning), abs=16)
+    assert (whole.width_px, whole.height_px) == (WIDTH_PX // binning, HEIGHT_PX // binning)
+    assert part.camera.binning == whole.camera.binning == f"{binning}x{binning}"
+
+
+def test_a_camera_is_left_with_all_of_its_sensor(observatory, tmp_path):
+    with connected(observatory, tmp_path) as instruments:
+        instruments.camera.set_subframe(0.5)
+        assert numbers(observatory, "CCD_FRAME")["WIDTH"] == 320.0
+    assert numbers(observatory, "CCD_FRAME") == whole_of(observatory)
+
+
+def test_a_subframe_that_a_killed_engine_has_left_is_not_taken_for_the_whole(observatory, tmp_path):
+    wire = IndiWire(observatory.host, observatory.port)
+    set_frame(wire, observatory, {"X": 160, "Y": 128, "WIDTH": 320, "HEIGHT": 240})
+    wire.close()
+    with connected(observatory, tmp_path) as instruments:
+        instruments.camera.set_subframe(0.5)
+        assert numbers(observatory, "CCD_FRAME")["WIDTH"] == 320.0
+        instruments.camera.set_subframe(1.0)
+        assert numbers(observatory, "CCD_FRAME") == whole_of(observatory)
+
+
+def test_a_part_that_a_camera_refuses_is_said_with_the_remedy(observatory, tmp_path):
+    with connected(observatory, tmp_path) as instruments:
+        instruments.camera.set_binning(4)
+        with pytest.raises(InstrumentError, match=r"did not take 32 x 16 .* leap\.subframe to 1"):
+            instruments.camera.set_subframe(0.05)
+        assert take(instruments, 1).width_px == WIDTH_PX // 4
+
+
 def test_a_part_of_the_sensor_is_that_part_and_says_where_it_lies(observatory, tmp_path):
     with connected(observatory, tmp_path) as instruments:
         wire = IndiWire(observatory.host, observatory.port)

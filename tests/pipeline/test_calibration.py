@@ -161,6 +161,28 @@ def test_masters_of_another_size_leave_the_frame_as_it_is(tmp_path):
     assert ["calibration.flat" in words for words in warnings_of(told)] == [True]
 
 
+def test_a_part_of_the_sensor_gets_its_part_of_the_masters(tmp_path):
+    lamp = np.linspace(0.8, 1.2, WIDTH) * np.ones(SHAPE)
+    dark = master(tmp_path / "dark.fits", current() + OFFSET, EXPTIME=10.0)
+    flat = master(tmp_path / "flat.fits", 20_000.0 * lamp)
+    calibration = Calibration(config_of(darks=[dark], flat=flat))
+    sky = np.random.default_rng(1).normal(SKY, SIGMA, SHAPE) * lamp
+    whole = np.rint(sky + current() + OFFSET).astype(np.uint16)
+    even, _ = calibration.prepare(exposed(current(), pixels=whole))
+    header = {"XBINNING": 1, "YBINNING": 1, "XORGSUBF": 32, "YORGSUBF": 16}
+    part = exposed(current(), pixels=whole[16:96, 32:128], header=header)
+    even_part, told = calibration.prepare(part)
+    assert warnings_of(told) == []
+    of_whole = even.pixels[16:96, 32:128].astype(float)
+    # What stays in the frame is the median of the dark's own part.
+    apart = even_part.pixels.astype(float) - of_whole
+    assert np.percentile(np.abs(apart - np.median(apart)), 99) <= 2.0
+    # Joined pixels are others, and a frame that does not say where it lies has no part.
+    for header_of in ({**header, "XBINNING": 2, "YBINNING": 2}, {}):
+        other = exposed(current(), pixels=whole[16:96, 32:128], header=header_of)
+        assert any("does not fit" in words for words in warnings_of(calibration.prepare(other)[1]))
+
+
 def test_a_flat_alone_is_not_divided_by(tmp_path):
     flat = master(tmp_path / "flat.fits", np.full(SHAPE, 2.0))
     frame = exposed(current() + OFFSET)

@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from rsoconsole.instruments.solver import index_files
 from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
 from rsoconsole.pipeline.frame.hints import hint_of, overridden, relaxed, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
-from rsoconsole.records import FloatArray, Frame, NotSolved, Solution
+from rsoconsole.records import CameraMode, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky.angles import separation_deg
 from tests.drawn.plate_fields import HEIGHT, SCALE, WIDTH, belt_plate, belt_stars
 
@@ -298,3 +300,30 @@ def test_without_a_scale_it_is_said_that_it_is_not_known(solver, stars):
     assert isinstance(found, NotSolved)
     assert "finer index files than 4108" in found.reason
     assert solver.missing_index(SolveHint(), 400, 400) == ()
+
+
+def part_of(whole: Frame, x0: int, y0: int, width: int, height: int, **camera: Any) -> Frame:
+    return replace(
+        whole,
+        pixels=np.broadcast_to(np.uint16(0), (height, width)),
+        camera=CameraMode(**{"binning": "1x1", "x0_px": x0, "y0_px": y0, **camera}),
+    )
+
+
+def stars_in(stars: FloatArray, x0: int, y0: int, width: int, height: int) -> FloatArray:
+    x, y = stars[:, 0] - x0, stars[:, 1] - y0
+    is_in = (x > 0) & (x < width - 1) & (y > 0) & (y < height - 1)
+    return np.column_stack([x, y, stars[:, 2:]])[is_in]
+
+
+def test_the_last_plate_serves_for_a_part_of_the_sensor_and_back(solver, stars):
+    """Where headers say where it lies; else the part is solved as any other frame."""
+    window = (WIDTH // 4, HEIGHT // 4, WIDTH // 2, HEIGHT // 2)
+    whole = replace(frame(), camera=CameraMode(binning="1x1"))
+    finder = PlateFinder(solver, CONFIG)
+    assert expect_right(finder.solve(whole, stars)).path == "full"
+    inner = stars_in(stars, *window)
+    assert expect_right(finder.solve(part_of(whole, *window), inner)).path == "refit"
+    assert expect_right(finder.solve(whole, stars)).path == "refit"
+    silent = part_of(whole, *window, x0_px=None, y0_px=None)
+    assert expect_right(finder.solve(silent, inner)).path == "full"

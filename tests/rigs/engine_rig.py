@@ -140,6 +140,7 @@ class PlainCamera:
         self.broken_for = 0
         self.aborts = 0
         self.binned: list[int] = []
+        self.shares: list[float] = []
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         self.taken = (frame_id, self.clock.t_utc_ns, exposure_s)
@@ -147,6 +148,10 @@ class PlainCamera:
     def set_binning(self, binning: int) -> int:
         self.binned.append(binning)
         return binning
+
+    def set_subframe(self, share: float) -> float:
+        self.shares.append(share)
+        return share
 
     def wait_frame(self, timeout_s: float) -> Frame:
         if self.broken_for > 0:

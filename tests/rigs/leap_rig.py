@@ -12,7 +12,7 @@ from rsoconsole.pipeline.frame.glance import Glance
 from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.leaps.awaited import is_dark
-from rsoconsole.records import Detection, Detections, Frame
+from rsoconsole.records import CameraMode, Detection, Detections, Frame
 from rsoconsole.simulator.mount.mount_model import travel_s
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.places import astrometric_places, line_of_sight_gcrs, site_gcrs
@@ -93,9 +93,11 @@ class TravellingMount(PlainMount):
 class SlowCamera(PlainCamera):
     """Opens its shutter 0.1 s after the order; its header knows."""
 
-    def __init__(self, clock, mount: TravellingMount) -> None:
+    def __init__(
+        self, clock, mount: TravellingMount, size_px: tuple[int, int] = (WIDTH_PX, HEIGHT_PX)
+    ) -> None:
         super().__init__(clock)
-        self.mount = mount
+        self.mount, self.size_px = mount, size_px
         self.looked_deg: dict[int, tuple[float, float]] = {}
         """Where the telescope looked while each frame was exposed."""
         self.arrived_ns: dict[int, int] = {}
@@ -116,9 +118,13 @@ class SlowCamera(PlainCamera):
         closed_ns = frame.t_start_utc_ns + round((0.1 + frame.exposure_s) * NS)
         if self.mount.ordered_ns and frame.t_start_utc_ns < self.mount.ordered_ns[-1] < closed_ns:
             self.moved.add(frame.frame_id)
-        pixels = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint16)
+        share = self.shares[-1] if self.shares else 1.0
+        width_px, height_px = (round(share * side) for side in self.size_px)
         return dataclasses.replace(
-            frame, pixels=pixels, t_start_utc_ns=frame.t_start_utc_ns + NS // 10
+            frame,
+            pixels=np.zeros((height_px, width_px), np.uint16),
+            t_start_utc_ns=frame.t_start_utc_ns + NS // 10,
+            camera=CameraMode(binning="1x1"),
         )
 
 
@@ -168,8 +174,8 @@ class LowReducer(ScriptedReducer):
             scale_arcsec_px=scale,
             rotation_deg=20.0,
             is_flipped=False,
-            width_px=WIDTH_PX,
-            height_px=HEIGHT_PX,
+            width_px=frame.width_px,
+            height_px=frame.height_px,
         )
         solution = dataclasses.replace(
             plain.solution,
@@ -185,7 +191,7 @@ class LowReducer(ScriptedReducer):
         x, y = (each + self.random.normal(0.0, SIGMA_PX, 2) for each in (x, y))
         is_in = bool(
             np.all(np.isfinite(x))
-            and np.all((x > 0) & (x < WIDTH_PX - 1) & (y > 0) & (y < HEIGHT_PX - 1))
+            and np.all((x > 0) & (x < frame.width_px - 1) & (y > 0) & (y < frame.height_px - 1))
         )
         if is_in and not any(was for _, was in self.in_frame):
             turn = np.radians(self.first_turned_deg)
@@ -196,8 +202,8 @@ class LowReducer(ScriptedReducer):
         is_lit = not (self.is_eclipsed and is_dark(self.orbit, int(t[0])))
         found = Detections(
             frame_id=frame.frame_id,
-            width_px=WIDTH_PX,
-            height_px=HEIGHT_PX,
+            width_px=frame.width_px,
+            height_px=frame.height_px,
             detections=(
                 (
                     _detection(
@@ -248,7 +254,7 @@ def leap_rig(orbit: KnownOrbit, config: Config | None = None) -> Rig:
     config = config or config_with()
     made = engine_rig.rig(set(), config)
     mount = TravellingMount(made.clock)
-    camera = SlowCamera(made.clock, mount)
+    camera = SlowCamera(made.clock, mount, (config.optics.width_px, config.optics.height_px))
     instruments = dataclasses.replace(
         made.engine.instrument_controller.instruments, mount=mount, camera=camera
     )

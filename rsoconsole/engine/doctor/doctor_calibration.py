@@ -40,13 +40,13 @@ def check_calibration(config: Config) -> Check:
 def _doubts(masters: Sequence[Master], camera: Traits) -> Iterator[tuple[str, str]]:
     """Why a master would not be used, or not be right, and what to do."""
     for each in masters:
-        if not each.traits.has_size_of(camera):
+        if not each.traits.has_pixels_of(camera):
             yield (
                 f"{each.path.name} does not fit the camera's {camera.size_words}",
                 "give masters of the camera's binning, or correct optics.width_px and"
                 " optics.height_px",
             )
-    fitting = [each for each in masters if each.traits.has_size_of(camera)]
+    fitting = [each for each in masters if each.traits.has_pixels_of(camera)]
     bias = next((each for each in fitting if each.setting == "bias"), None)
     dark = nearest_dark(fitting, camera)
     if dark is None and bias is None and any(each.setting == "flat" for each in fitting):

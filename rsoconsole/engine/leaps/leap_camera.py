@@ -26,6 +26,10 @@ class LeapCamera:
         self._control, self._camera, self._session_log = control, instruments.camera, session_log
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""
+        self.share = 1.0
+        """Of each side of the sensor, what is read out."""
+        self._share_asked = 1.0
+        self._can_read_parts = True
         self._asked = 1
         """What was asked for last; the camera may have refused it."""
         self._before_s: float | None = None
@@ -51,6 +55,23 @@ class LeapCamera:
             self._session_log.say("info", f"the camera is binned {self.binning} x {self.binning}")
         return self.binning != before
 
+    def read(self, share: float) -> bool:
+        """Read so much of each side from the next exposure on; True where that is another share.
+
+        A camera that cannot is said once, and read whole.
+        """
+        if share == self._share_asked or not (self._can_read_parts or share == 1.0):
+            return False
+        before = self.share
+        try:
+            self.share = self._camera.set_subframe(share)
+        except InstrumentError as error:
+            self._can_read_parts = False
+            self._session_log.say("warning", f"leaps without subframes: {error}")
+            return False
+        self._share_asked = share
+        return self.share != before
+
     def expose_for(self, exposure_s: float) -> None:
         """Set the exposure, on record, where another one is wanted."""
         config = self._control.config
@@ -66,6 +87,8 @@ class LeapCamera:
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
+        if self._share_asked != 1.0:
+            self.read(1.0)
         was_asked, self._asked = self._asked, 1
         if was_asked == 1:
             return
@@ -79,6 +102,8 @@ class LeapCamera:
 
     def configured(self, before: Config) -> None:
         """What the operator sets meanwhile holds where the leaps end."""
+        if before.leap.subframe != self._control.config.leap.subframe:
+            self._can_read_parts = True
         wanted_s = self._control.config.exposure.exposure_s
         if self._before_s is not None and wanted_s not in (before.exposure.exposure_s, self._set_s):
             self._before_s = wanted_s

@@ -59,6 +59,7 @@ def leap_record(seen: LeapSeen, parts: LeapParts) -> LeapDone:
         open_s=parts.exposure_s,
         readout_s=parts.readout_s,
         wait_s=parts.wait_s,
+        subframe=leap.share,
     )
 
 

@@ -25,6 +25,8 @@ from rsoconsole.records import Frame
 
 _FRAMES = 12
 _LONGEST_READOUT_S = 20.0
+_SUBFRAME = 0.5
+"""Of each side, where nothing else is set: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
 """From an order to the shutter, at the least and at most: beyond, the camera's clock is off."""
 _LEAST_FRAMES = 3
@@ -72,6 +74,8 @@ class LeapTimes:
         self._motion: MountMotion | None = None
         """By the slews seen so far; None: to be found again."""
         self._readouts_s: deque[float] = deque(maxlen=_FRAMES)
+        self._whole_s: deque[float] = deque(maxlen=_FRAMES)
+        """From the end of an exposure until the next could be ordered, the whole sensor read."""
         self._closed_utc_ns: int | None = None
         """When the shutter of the last frame closed, by its header."""
         self._rows_s = 0.0
@@ -131,8 +135,32 @@ class LeapTimes:
     def forget_camera(self) -> None:
         """Its clock was set, or it reads out in another mode."""
         self._readouts_s.clear()
+        self._whole_s.clear()
         self._latencies_s.clear()
         self._settle.forget_widths()
+
+    def read_otherwise(self) -> None:
+        """It reads out more or less of its sensor: the shutter is the same."""
+        self._readouts_s.clear()
+
+    def subframe_for(self, leap: Leap) -> float:
+        """Share of each side of the sensor that is worth reading for a leap that is sure."""
+        share = self._config().leap.subframe or self._worth_reading()
+        return share if leap.fits_in(share, self.terms(leap.binning)) else 1.0
+
+    def _worth_reading(self) -> float:
+        ways_s = [each.seconds + self.settle_s() for each in self._seen]
+        if len(self._whole_s) < _LEAST_FRAMES or not ways_s:
+            return 1.0
+        is_slow = float(np.median(self._whole_s)) > float(np.median(ways_s))
+        return _SUBFRAME if is_slow else 1.0
+
+    def whole_seen(self, now_utc_ns: int) -> None:
+        """A whole frame is done with: the next exposure could be ordered now."""
+        if self._closed_utc_ns is not None:
+            took_s = (now_utc_ns - self._closed_utc_ns) / NS
+            if 0.0 <= took_s < _LONGEST_READOUT_S:
+                self._whole_s.append(took_s)
 
     def stars_seen(self, width_px: float | None) -> str | None:
         """How wide the stars of the last leap's frame are; words where the mount is given another

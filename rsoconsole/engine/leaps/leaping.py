@@ -10,6 +10,7 @@ only where the next one is.
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS, Plan
@@ -202,10 +203,12 @@ class Leaping:
         return taken
 
     def _is_sure(self, track: LeapTrack) -> bool:
-        best, leap = track.best, self._control.config.leap
+        return self._control.config.leap.at_close and self._is_known(track)
+
+    def _is_known(self, track: LeapTrack) -> bool:
+        best = track.best
         return (
-            leap.at_close
-            and self._misses == 0
+            self._misses == 0
             and best.orbit is not None
             and len(best.streaks) >= SURE_STREAKS
             and best.probability >= SURE_PROBABILITY
@@ -364,6 +367,22 @@ class Leaping:
 
         Raises what ``Slews.order`` does.
         """
+        if self._camera.share == 1.0:
+            self.times.whole_seen(self._instrument_controller.now_utc_ns())
+        plan = self._next_plan(is_held=is_held)
+        self._read_what_shows_it()
+        return plan
+
+    def _read_what_shows_it(self) -> None:
+        """A part of the sensor where the next leap is sure, while the mount is on its way."""
+        leap, track = self._leap, self.track
+        is_sure = leap is not None and track is not None and self._is_known(track)
+        share = self.times.subframe_for(leap) if leap is not None and is_sure else 1.0
+        if self._camera.read(share):
+            self.times.read_otherwise()
+        self._leap = leap and replace(leap, share=self._camera.share)
+
+    def _next_plan(self, *, is_held: bool) -> Plan:
         now_ns = self._instrument_controller.now_utc_ns()
         early, self._early = self._early, None
         pose = self._planner.pose(now_ns)

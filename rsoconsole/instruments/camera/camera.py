@@ -47,7 +47,7 @@ class IndiCamera:
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
-        self._width_px = optics.width_px
+        self._size_px = optics.width_px, optics.height_px
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
@@ -55,6 +55,10 @@ class IndiCamera:
         """Of the driver, before this program has set another."""
         self._binning = 1
         """How many of those are joined."""
+        self._own_window: list[int] | None = None
+        """What the driver read of the sensor before: x, y, width, height in its pixels."""
+        self._share = 1.0
+        """Of each side of that, what is read now."""
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="camera",
@@ -99,10 +103,22 @@ class IndiCamera:
             self._order_s,
             binning=binning,
             own=self._own_binning or 0,
-            width_px=self._width_px,
+            width_px=self._size_px[0],
         )
         self._own_binning, self._binning = int(answer["own"]), binning
         return self._binning
+
+    def set_subframe(self, share: float) -> float:
+        """Read only a share of each side, about the middle of what the driver read before."""
+        answer = self.process.request(
+            "subframe",
+            self._order_s,
+            share=share,
+            own=self._own_window or [],
+            size_px=self._size_px,
+        )
+        self._own_window, self._share = list(answer["own"]), float(answer["share"])
+        return self._share
 
     def wait_frame(self, timeout_s: float) -> Frame:
         """The frame of the exposure under way, within ``timeout_s`` of wall time.
@@ -161,9 +177,12 @@ class IndiCamera:
 
     def close(self) -> None:
         """End the process and release the shared memory."""
-        if self._binning != 1 and self.process.pid is not None:
+        if self.process.pid is not None:
             with contextlib.suppress(InstrumentError):
-                self.set_binning(1)
+                if self._share < 1.0:
+                    self.set_subframe(1.0)
+                if self._binning != 1:
+                    self.set_binning(1)
         self.process.close()
         self._ring.close()
 

@@ -24,6 +24,12 @@ from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_cl
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
+_FRAME = "CCD_FRAME"
+_SIDES = ("X", "Y", "WIDTH", "HEIGHT")
+_GRID_PX = 16
+"""Places and sides of a part are multiples of it: drivers round others as they like."""
+_ROUNDED_PX = 64
+"""By more than that a driver has not rounded, but done something else."""
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
 """What the client puts before a driver's words."""
 
@@ -104,6 +110,38 @@ class CameraChild:
                 f" ({client.last_message or 'no reason given'}): set leap.binning to 1"
             )
         return {"own": own}
+
+    def subframe(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Read only ``share`` of each side, about the middle of what the driver read before.
+
+        ``own``: what that was, in pixels of the sensor, where it is known already; it is in the
+        answer. Else it is the whole sensor where that has the configured ``size_px``: an engine
+        that was killed has left the driver in another.
+        """
+        client = self._ready()
+        vector = client.get(_FRAME)
+        if vector is None:
+            raise InstrumentError(
+                "the camera's driver cannot read a part of the sensor: set leap.subframe to 1"
+            )
+        now = [int(float(vector.values[side])) for side in _SIDES]
+        own = list(order["own"]) or _own_window(client.get("CCD_INFO"), order) or now
+        wanted = _middle_of(own, float(order["share"]))
+        if wanted != now:
+            sides = dict(zip(_SIDES, map(float, wanted), strict=True))
+            before = client.send_numbers(_FRAME, sides)
+            answer = client.wait(_FRAME, lambda v: v.state != "Busy", self._answer_s, before)
+            is_set = answer is not None and answer.state != "Alert"
+            if answer is not None:
+                now = [int(float(answer.values[side])) for side in _SIDES]
+            off_px = max(abs(a - b) for a, b in zip(now, wanted, strict=True))
+            if not is_set or off_px > _ROUNDED_PX:
+                raise InstrumentError(
+                    f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
+                    f" ({client.last_message or 'no reason given'}): set leap.subframe to 1"
+                )
+        share = 1.0 if wanted == own else max(now[2] / own[2], now[3] / own[3])
+        return {"own": own, "share": share}
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Give up the exposure under way."""
@@ -201,6 +239,34 @@ def _own_binning(info: Vector | None, order: dict[str, Any]) -> int:
     return own if own >= 1 and abs(sensor_px - own * width_px) < own else 0
 
 
+def _own_window(info: Vector | None, order: dict[str, Any]) -> list[int]:
+    """The whole sensor, where the configured size is that of all of it; else nothing."""
+    if info is None:
+        return []
+    sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]
+    size = [int(each) for each in order.get("size_px", ())]
+    if len(size) != 2 or min(*sensor, *size) <= 0:
+        return []
+    joined = round(sensor[0] / size[0])
+    is_all = joined >= 1 and all(
+        abs(all_px - joined * px) < joined for all_px, px in zip(sensor, size, strict=True)
+    )
+    return [0, 0, *sensor] if is_all else []
+
+
+def _middle_of(window: list[int], share: float) -> list[int]:
+    """A share of each side about the middle: x, y, width, height; 1 is the window itself."""
+    if share >= 1.0:
+        return list(window)
+    x, y, width, height = window
+    sides = [max(int(share * side) // _GRID_PX, 1) * _GRID_PX for side in (width, height)]
+    corner = [
+        start + (side - part) // 2 // _GRID_PX * _GRID_PX
+        for start, side, part in zip((x, y), (width, height), sides, strict=True)
+    ]
+    return [*corner, *sides]
+
+
 def main() -> None:
     """Obey until the parent goes away."""
     return_what_is_freed()
@@ -209,7 +275,12 @@ def main() -> None:
     try:
         run_child(
             writer,
-            slow={"start": child.start, "expose": child.expose, "bin": child.bin},
+            slow={
+                "start": child.start,
+                "expose": child.expose,
+                "bin": child.bin,
+                "subframe": child.subframe,
+            },
             urgent={"abort": child.abort},
         )
     finally:

@@ -44,6 +44,8 @@ class _Choice:
     """Of what the dark has above the bias."""
     flat: Path | None
     has_mosaic: bool
+    window: tuple[int, int, int, int] | None = None
+    """Of a frame that may be a part of what the masters show: x0, y0, width, height."""
 
 
 class Calibration:
@@ -116,7 +118,7 @@ class Calibration:
     def _choice(self, wanted: Traits) -> _Choice | None:
         """None where there is neither a dark nor a bias of the frame's size."""
         masters = self._masters[0]
-        fitting = [each for each in masters if each.traits.has_size_of(wanted)]
+        fitting = [each for each in masters if each.traits.has_pixels_of(wanted)]
         dark = nearest_dark(fitting, wanted)
         bias = next((each for each in fitting if each.setting == "bias"), None)
         flat = next((each for each in fitting if each.setting == "flat"), None)
@@ -132,6 +134,7 @@ class Calibration:
             dark_scale=scale,
             flat=None if flat is None else flat.path,
             has_mosaic=wanted.has_mosaic,
+            window=_window_of(wanted),
         )
 
     def _ready(self, choice: _Choice) -> DarkAndFlat:
@@ -140,7 +143,7 @@ class Calibration:
         if ready is None:
             while len(self._prepared) >= _MOST_PREPARED:
                 self._prepared.popitem(last=False)
-            flat = None if choice.flat is None else read_pixels(choice.flat)
+            flat = None if choice.flat is None else _pixels_of(choice.flat, choice)
             ready = DarkAndFlat(_dark_pixels(choice), flat, has_mosaic=choice.has_mosaic)
         self._prepared[choice] = ready
         return ready
@@ -152,15 +155,31 @@ def _dark_scale(dark_s: float | None, frame_s: float | None) -> float:
     return frame_s / dark_s
 
 
+def _window_of(wanted: Traits) -> tuple[int, int, int, int] | None:
+    """Of a frame that says where on its sensor it begins; None: the masters are as they are."""
+    if wanted.corner_px is None:
+        return None
+    return (*wanted.corner_px, wanted.width_px, wanted.height_px)
+
+
+def _pixels_of(path: Path, choice: _Choice) -> PixelArray:
+    """A master's pixels, of these the frame's part where it shows more."""
+    pixels = read_pixels(path)
+    if choice.window is None:
+        return pixels
+    x0, y0, width, height = choice.window
+    return pixels if pixels.shape == (height, width) else pixels[y0 : y0 + height, x0 : x0 + width]
+
+
 def _dark_pixels(choice: _Choice) -> PixelArray:
     """What the camera gives without light, ADU."""
     if choice.bias is None:
         assert choice.dark is not None
-        return read_pixels(choice.dark)
-    bias = read_pixels(choice.bias)
+        return _pixels_of(choice.dark, choice)
+    bias = _pixels_of(choice.bias, choice)
     if choice.dark is None:
         return bias
-    pixels = read_pixels(choice.dark).astype(np.float32)
+    pixels = _pixels_of(choice.dark, choice).astype(np.float32)
     if pixels.shape != bias.shape:
         raise ValueError("dark and bias are of different sizes")
     pixels -= bias
@@ -175,7 +194,7 @@ def _not_used(
     """Kinds of which no master has the frame's size, and a flat that would stand alone."""
     for setting in ("darks", "bias", "flat"):
         there = [each for each in masters if each.setting == setting]
-        if not there or any(each.traits.has_size_of(wanted) for each in there):
+        if not there or any(each.traits.has_pixels_of(wanted) for each in there):
             continue
         names = ", ".join(each.words for each in there)
         words = (
@@ -184,7 +203,7 @@ def _not_used(
         )
         yield Caution(kind=f"calibration.{setting} size", words=words)
     flat = [each for each in masters if each.setting == "flat"]
-    if choice is None and any(each.traits.has_size_of(wanted) for each in flat):
+    if choice is None and any(each.traits.has_pixels_of(wanted) for each in flat):
         words = (
             "calibration.flat is not used: without a dark or bias of its size it would divide the"
             " camera's offset too"

@@ -85,3 +85,21 @@ def middle_of(frame: Frame, reach_px: float) -> Part | None:
         y0_px=(frame.height_px - sides[1]) // 2,
         size_px=(sides[0], sides[1]),
     )
+
+
+def part_between(before: Frame, frame: Frame) -> Part | None:
+    """A frame as a part of the one before, where both are of one sensor, joined alike.
+
+    Where it is the larger one, its corner lies outside. None where the headers do not tell.
+    """
+    one, other = before.camera, frame.camera
+    if one is None or other is None or one.binning is None or one.binning != other.binning:
+        return None
+    smaller = one if before.width_px < frame.width_px else other
+    if smaller.x0_px is None or smaller.y0_px is None:
+        return None
+    return Part(
+        x0_px=(other.x0_px or 0) - (one.x0_px or 0),
+        y0_px=(other.y0_px or 0) - (one.y0_px or 0),
+        size_px=(frame.width_px, frame.height_px),
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from rsoconsole.config import CalibrationConfig
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frames import exposure_s, read_frame, sensor_temperature_c
+from rsoconsole.instruments.frames import camera_mode, exposure_s, read_frame, sensor_temperature_c
 from rsoconsole.records import Frame, PixelArray
 from rsoconsole.vision.frame import has_mosaic
 
@@ -23,6 +23,8 @@ SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
 MOST_NONFINITE = 0.2
 """Of a master's pixels: fewer that are NaN or infinite count as the median about them."""
 _SAMPLE = 5
+_PLAIN = "1x1"
+"""Binning of what says none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,15 +38,28 @@ class Traits:
     has_mosaic: bool = False
     settings: Mapping[str, str] = field(default_factory=dict)
     """Of ``SETTINGS`` those that its header tells."""
+    binning: str | None = None
+    """As 2x2, where the header tells it."""
+    corner_px: tuple[int, int] | None = None
+    """Column and row of the sensor's joined pixels where a part of it begins."""
 
     @property
     def size_words(self) -> str:
         """Width by height."""
         return f"{self.width_px} x {self.height_px} px"
 
-    def has_size_of(self, other: "Traits") -> bool:
-        """Whether the pixels of both are the same."""
-        return (self.width_px, self.height_px) == (other.width_px, other.height_px)
+    def has_pixels_of(self, other: "Traits") -> bool:
+        """Whether it is of the same size, or of the whole sensor of which the other is a part."""
+        if (self.width_px, self.height_px) == (other.width_px, other.height_px):
+            return True
+        if other.corner_px is None or self.corner_px not in (None, (0, 0)):
+            return False
+        x0, y0 = other.corner_px
+        return (
+            (self.binning or _PLAIN) == (other.binning or _PLAIN)
+            and x0 + other.width_px <= self.width_px
+            and y0 + other.height_px <= self.height_px
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +90,11 @@ def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
 
 def traits_of(frame: Frame) -> Traits:
     """Of a frame, or of a master that was read as one."""
+    mode = camera_mode(frame.header)
+    has_corner = mode.x0_px is not None and mode.y0_px is not None
     return Traits(
+        binning=mode.binning,
+        corner_px=(mode.x0_px or 0, mode.y0_px or 0) if has_corner else None,
         width_px=frame.width_px,
         height_px=frame.height_px,
         exposure_s=frame.exposure_s or exposure_s(frame.header),
@@ -149,7 +168,7 @@ def nearest_dark(masters: Iterable[Master], wanted: Traits) -> Master | None:
         )
 
     fitting = [
-        each for each in masters if each.setting == "darks" and each.traits.has_size_of(wanted)
+        each for each in masters if each.setting == "darks" and each.traits.has_pixels_of(wanted)
     ]
     return min(fitting, key=apart, default=None)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver import MIN_STARS, PlateSolver, SolveHint
-from rsoconsole.pipeline.frame.frame_part import Part
+from rsoconsole.pipeline.frame.frame_part import Part, part_between
 from rsoconsole.pipeline.frame.hints import hint_of, relaxed, rescaled
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky import wrap_180
@@ -47,7 +47,7 @@ class PlateFinder:
         self._config = config
 
     def forget(self) -> None:
-        """After a flip or a change of the camera the last plate says nothing."""
+        """After a flip the last plate says nothing."""
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
@@ -151,8 +151,13 @@ class PlateFinder:
     ) -> Solution | None:
         last, before = last or self._last, self._last_frame
         size_px = (frame.width_px, frame.height_px) if part is None else part.size_px
-        if last is None or before is None or before.width_px != frame.width_px:
+        if last is None or before is None:
             return None
+        if before.width_px != frame.width_px:
+            between = part_between(before, frame)
+            if between is None:
+                return None
+            last = replace(last, wcs=between.of_part(last.wcs))
         if before.pointing_ra_icrs_deg is None or before.pointing_dec_icrs_deg is None:
             return None
         if frame.pointing_ra_icrs_deg is None or frame.pointing_dec_icrs_deg is None:

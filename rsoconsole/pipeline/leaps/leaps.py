@@ -28,6 +28,8 @@ BESIDE_ARCSEC = 180.0
 """What a mount may look beside where it was sent, its offset known."""
 RIM = 0.96
 """Share of the field within which ends count as in it."""
+LEAST_SUBFRAME_PX = 1_100
+"""Of its short side: fewer pixels have too few catalogue stars for a plate."""
 LEAST_WITHIN = 0.2
 """Less likely to be in the field, a leap is not worth it."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
@@ -122,6 +124,8 @@ class Leap:
     flips: bool
     binning: int = 1
     """Of the camera."""
+    share: float = 1.0
+    """Of each side of the sensor, what is read out of it."""
 
     @property
     def t_close_utc_ns(self) -> int:
@@ -137,6 +141,11 @@ class Leap:
         """From the middle of the field either end is surely no farther."""
         off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
         return off_arcsec / terms.scale_arcsec_px
+
+    def fits_in(self, share: float, terms: LeapTerms) -> bool:
+        """Whether a share of each side surely has both ends, and stars enough for a plate."""
+        short_px = share * 3600.0 * min(terms.field_deg) / terms.scale_arcsec_px
+        return short_px >= LEAST_SUBFRAME_PX and self.reach_px(terms) <= RIM * short_px / 2.0
 
 
 NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
