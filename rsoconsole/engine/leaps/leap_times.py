@@ -139,7 +139,7 @@ class LeapTimes:
         self._latencies_s.clear()
         self._settle.forget_widths()
 
-    def read_otherwise(self) -> None:
+    def forget_readouts(self) -> None:
         """It reads out more or less of its sensor: the shutter is the same."""
         self._readouts_s.clear()
 

@@ -379,7 +379,7 @@ class Leaping:
         is_sure = leap is not None and track is not None and self._is_known(track)
         share = self.times.subframe_for(leap) if leap is not None and is_sure else 1.0
         if self._camera.read(share):
-            self.times.read_otherwise()
+            self.times.forget_readouts()
         self._leap = leap and replace(leap, share=self._camera.share)
 
     def _next_plan(self, *, is_held: bool) -> Plan:
