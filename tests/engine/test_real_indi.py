@@ -87,6 +87,15 @@ def test_a_frame_arrives_with_its_start_and_length(night):
     assert separation_deg(*night["target"], *frame["pointing"]) < 0.05
 
 
+def test_a_part_of_the_sensor_is_read_and_its_corner_known_though_no_header_tells(night):
+    assert night["parts"] == [
+        [640, 512, "1x1", 320, 256],
+        [320, 256, "2x2", 160, 128],
+        [640, 512, "2x2", None, None],
+        [1280, 1024, "1x1", None, None],
+    ]
+
+
 @pytest.mark.parametrize("path", ["mount", "indi", "still_mount", "still_indi"])
 def test_stop_ends_a_slew_by_either_path_and_tracking_is_as_configured(night, path):
     stop = night[f"stop_by_{path}"]

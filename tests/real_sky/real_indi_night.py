@@ -95,6 +95,7 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
         "pointing": [frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg],
     }
 
+    facts["parts"] = parts_of_the_sensor(camera)
     for path in ("mount", "indi"):
         facts[f"stop_by_{path}"] = stop_by(path, mount, config, "track")
     facts["utc_offset_s"] = mount.utc_offset_s()
@@ -107,6 +108,20 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
     mount.unpark()
     facts["is_parked_after_unpark"] = mount.report().is_parked
     return facts
+
+
+def parts_of_the_sensor(camera: Any) -> list[list[Any]]:
+    """Half of each side, plain and joined, and all of it again: size, binning and corner."""
+    found = []
+    modes = ((1, 0.5), (2, 0.5), (2, 1.0), (1, 1.0))
+    for number, (binning, share) in enumerate(modes, 8):
+        camera.set_binning(binning)
+        camera.set_subframe(share)
+        camera.start_exposure(0.1, number)
+        frame = camera.wait_frame(30.0)
+        mode = frame.camera
+        found.append([frame.width_px, frame.height_px, mode.binning, mode.x0_px, mode.y0_px])
+    return found
 
 
 def stop_by(path: str, mount: Any, config: Config, after_stop: Any) -> dict[str, Any]:

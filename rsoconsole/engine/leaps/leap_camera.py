@@ -70,6 +70,11 @@ class LeapCamera:
             self._session_log.say("warning", f"leaps without subframes: {error}")
             return False
         self._share_asked = share
+        if self.share != before:
+            part = "all of its sensor"
+            if self.share < 1.0:
+                part = f"{100 * self.share:.0f} % of each side about the middle of its sensor"
+            self._session_log.say("info", f"the camera reads {part}")
         return self.share != before
 
     def expose_for(self, exposure_s: float) -> None:

@@ -59,6 +59,8 @@ class IndiCamera:
         """What the driver read of the sensor before: x, y, width, height in its pixels."""
         self._share = 1.0
         """Of each side of that, what is read now."""
+        self._window: list[int] = []
+        """That, likewise."""
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="camera",
@@ -118,6 +120,7 @@ class IndiCamera:
             size_px=self._size_px,
         )
         self._own_window, self._share = list(answer["own"]), float(answer["share"])
+        self._window = list(answer["window"])
         return self._share
 
     def wait_frame(self, timeout_s: float) -> Frame:
@@ -151,9 +154,24 @@ class IndiCamera:
             key: tuple(value) if isinstance(value, list) else value
             for key, value in facts["header"].items()
         }
+        self._say_corner(facts["header"], pixels.shape)
         facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
         facts["camera"] = camera_mode(facts["header"])
         return Frame(pixels=pixels, **facts)
+
+    def _say_corner(self, header: dict[str, Any], shape: tuple[int, ...]) -> None:
+        """Where a part of the sensor begins, in joined pixels: headers of libindi do not tell.
+
+        Not of a frame that is no such part: a driver that was started again reads all.
+        """
+        joined = header.get("XBINNING")
+        if self._share == 1.0 or "XORGSUBF" in header or not isinstance(joined, int) or joined < 1:
+            return
+        x, y, *sides = self._window
+        if all(
+            abs(side - px * joined) < joined for side, px in zip(sides, shape[::-1], strict=True)
+        ):
+            header["XORGSUBF"], header["YORGSUBF"] = x // joined, y // joined
 
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""

@@ -141,7 +141,7 @@ class CameraChild:
                     f" ({client.last_message or 'no reason given'}): set leap.subframe to 1"
                 )
         share = 1.0 if wanted == own else max(now[2] / own[2], now[3] / own[3])
-        return {"own": own, "share": share}
+        return {"own": own, "share": share, "window": now}
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Give up the exposure under way."""
