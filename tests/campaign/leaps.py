@@ -39,13 +39,14 @@ from tests.campaign.cases import ELEMENTS, Case
 from tests.truth.regimes import samples
 
 FILE = ELEMENTS / "mix_20230622.tle"
-FRAMES = 110
+FRAMES = 180
 LEAST_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
 FIRST_WORLD = 4001
 MOST_LATE_S, LATE_SEED = 20.0, 24
 BEGUN_AGAIN = "its next streak says otherwise"
 """How a pass ends whose first streak was a part: the next one is of the same satellite."""
+_CUT_OFF = ("given up", "the run is over", "the night is over")
 PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
 
 
@@ -167,6 +168,9 @@ def judged(night: LeapNight, session: Path) -> dict[str, Any]:
         "across_rms_arcsec": None if first is None else first.across_rms_arcsec,
     }
     found |= _at_the_end(truth, site, met)
+    if first is not None and found["took"] and "left_s" in found:
+        seen_s = (met[-1] - first.t_first_utc_ns) / NS_PER_S + found["left_s"]
+        found["allowed"] = max(int(seen_s / found["took"]["total"]), 1)
     return found | _next_pass(truth, site, first)
 
 
@@ -215,15 +219,19 @@ def _next_pass(truth: Satellite, site: Site, seen: LowPass | None) -> dict[str, 
 
 
 def is_followed(found: dict[str, Any]) -> bool:
-    """To where it sets, to its shadow or to a limit of the mount, and 7 of 10 leaps."""
-    is_over = found.get("left_s", 1e9) <= 35.0 or found["end"] != "given up"
-    return bool(is_over and found["met"] >= 0.7 * found["planned"])
+    """To where it sets, to its shadow or to a limit of the mount, and 7 of 10 leaps.
+
+    Of as many as the mount's own pace allows from the first streak to where it can be seen last.
+    What was planned before the first of them knows neither that pace nor the shadow.
+    """
+    is_over = found.get("left_s", 1e9) <= 35.0 or found["end"] not in _CUT_OFF
+    return bool(is_over and found["met"] >= 0.7 * found.get("allowed", 1e9))
 
 
 def table(answers: dict[str, dict[str, Any]]) -> str:
     """A line for each night, and the shares."""
     lines = [
-        "| night | leaps met / planned | ended | seen on, s | across | next pass off / sigma, s |"
+        "| night | leaps met / allowed | ended | seen on, s | across | next pass off / sigma, s |"
     ]
     lines.append("|---|---|---|---|---|---|")
     for name, each in answers.items():
@@ -231,7 +239,7 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
         after = "-" if late is None else f"{late:+.1f} / {each['next_sigma_s']:.1f}"
         fast = " (fast)" if each.get("fastest_arcsec_s", 0) > FAST_ARCSEC_S else ""
         lines.append(
-            f"| {name}{fast} | {each['met']} / {each['planned']} | {each['end']} |"
+            f"| {name}{fast} | {each['met']} / {each.get('allowed', '-')} | {each['end']} |"
             f" {each.get('left_s', float('nan')):.0f} | {_one_digit(each['across_rms_arcsec'])} |"
             f" {after} |"
         )

@@ -139,7 +139,7 @@ def _demo(case: Case, sessions: Path | None) -> dict[str, Any]:
 
 def _to_its_end(child: subprocess.Popen[str], is_over: Callable[[], bool]) -> tuple[str, str]:
     """What it says; told to end where it may. Raises TimeoutExpired, and it is gone."""
-    ends_s = time.monotonic() + _NIGHT_S
+    ends_s, is_told = time.monotonic() + _NIGHT_S, False
     while True:
         try:
             return child.communicate(timeout=_LOOK_S)
@@ -148,5 +148,6 @@ def _to_its_end(child: subprocess.Popen[str], is_over: Callable[[], bool]) -> tu
                 child.kill()
                 child.communicate()
                 raise
-            if is_over():
-                child.terminate()
+            if not is_told and is_over():
+                child.terminate()  # a second time would cut its summary short
+                is_told = True

@@ -66,8 +66,10 @@ class LeapCamera:
         try:
             self.share = self._camera.set_subframe(share)
         except InstrumentError as error:
+            what = "leaps without subframes" if share < 1.0 else "the camera still reads a part"
+            if self._can_read_parts:
+                self._session_log.say("warning", f"{what}: {error}")
             self._can_read_parts = False
-            self._session_log.say("warning", f"leaps without subframes: {error}")
             return False
         self._share_asked = share
         if self.share != before:
