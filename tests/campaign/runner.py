@@ -140,14 +140,17 @@ def _demo(case: Case, sessions: Path | None) -> dict[str, Any]:
 def _to_its_end(child: subprocess.Popen[str], is_over: Callable[[], bool]) -> tuple[str, str]:
     """What it says; told to end where it may. Raises TimeoutExpired, and it is gone."""
     ends_s, is_told = time.monotonic() + _NIGHT_S, False
-    while True:
-        try:
-            return child.communicate(timeout=_LOOK_S)
-        except subprocess.TimeoutExpired:
-            if time.monotonic() > ends_s:
-                child.kill()
-                child.communicate()
-                raise
-            if not is_told and is_over():
-                child.terminate()  # a second time would cut its summary short
-                is_told = True
+    try:
+        while True:
+            try:
+                return child.communicate(timeout=_LOOK_S)
+            except subprocess.TimeoutExpired:
+                if time.monotonic() > ends_s:
+                    raise
+                if not is_told and is_over():
+                    child.terminate()  # a second time would cut its summary short
+                    is_told = True
+    except BaseException:
+        child.kill()
+        child.communicate()
+        raise

@@ -347,6 +347,38 @@ def test_a_camera_that_reads_no_parts_is_said_once_and_read_whole() -> None:
     assert met(r) >= 10
 
 
+def test_a_part_that_may_be_in_force_though_it_was_refused_is_given_back() -> None:
+    """The driver took it and answered too late."""
+    r, asked = slow_camera(0.5), []
+
+    def late(share: float) -> float:
+        asked.append(share)
+        if share < 1.0:
+            raise InstrumentError("the camera did not take 2328 x 1760 pixels")
+        return share
+
+    r.camera.set_subframe = late
+    run(r, 20)
+    assert asked == [0.5, 1.0]
+
+
+def test_a_whole_sensor_that_is_not_given_back_is_asked_for_again_and_said_once() -> None:
+    r, asked = slow_camera(0.5), []
+
+    def stuck(share: float) -> float:
+        asked.append(share)
+        if share == 1.0 and len(asked) < 4:
+            raise InstrumentError("an exposure is under way")
+        return share
+
+    r.camera.set_subframe = stuck
+    r.reducer.blind = {14}
+    run(r, 24)
+    assert asked[:2] == [0.5, 1.0]
+    assert sum("still reads a part" in text for text in words(r)) == 1
+    assert r.memory.of(LeapDone)[-1].subframe == 0.5
+
+
 def test_a_part_with_too_few_stars_for_a_plate_is_not_read() -> None:
     config = config_with(leap={"subframe": 0.5})  # 880 px high: 440 are too few
     r = run(leap_rig(orbit_over(heading_deg=50.0), config), 16)

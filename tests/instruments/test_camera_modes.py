@@ -21,11 +21,13 @@ STUB = "tests.rigs.stub_stage:open_plain"
 
 
 @contextlib.contextmanager
-def connected(observatory: Observatory, folder: Path) -> Iterator[Instruments]:
+def connected(
+    observatory: Observatory, folder: Path, size_px: tuple[int, int] = (WIDTH_PX, HEIGHT_PX)
+) -> Iterator[Instruments]:
     config = Config.model_validate(
         {
             "indi": {"port": observatory.port, "simulated": True},
-            "optics": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX},
+            "optics": {"width_px": size_px[0], "height_px": size_px[1]},
         }
     )
     with connect_instruments(config, log_dir=folder) as instruments:
@@ -141,7 +143,8 @@ def test_a_subframe_is_the_middle_of_the_sensor(observatory, tmp_path, binning):
         part = take(instruments, 1)
         assert instruments.camera.set_subframe(1.0) == 1.0
         whole = take(instruments, 2)
-    assert (part.width_px, part.height_px) == (320 // binning, 240 // binning)
+    # Sides are multiples of 16 joined pixels.
+    assert (part.width_px, part.height_px) == ((320, 240) if binning == 1 else (160, 112))
     corner = (part.camera.x0_px, part.camera.y0_px)
     assert corner == pytest.approx((160 // binning, 120 // binning), abs=16)
     assert (whole.width_px, whole.height_px) == (WIDTH_PX // binning, HEIGHT_PX // binning)
@@ -155,23 +158,38 @@ def test_a_camera_is_left_with_all_of_its_sensor(observatory, tmp_path):
     assert numbers(observatory, "CCD_FRAME") == whole_of(observatory)
 
 
-def test_a_subframe_that_a_killed_engine_has_left_is_not_taken_for_the_whole(observatory, tmp_path):
+def ask_for(observatory: Observatory, x: int, y: int, width: int, height: int) -> None:
     wire = IndiWire(observatory.host, observatory.port)
-    set_frame(wire, observatory, {"X": 160, "Y": 128, "WIDTH": 320, "HEIGHT": 240})
+    set_frame(wire, observatory, {"X": x, "Y": y, "WIDTH": width, "HEIGHT": height})
     wire.close()
+
+
+def test_a_subframe_that_a_killed_engine_has_left_is_given_back(observatory, tmp_path):
+    """The configured size is that of all of the sensor, and what was left is about its middle."""
+    ask_for(observatory, 160, 128, 320, 240)
     with connected(observatory, tmp_path) as instruments:
-        instruments.camera.set_subframe(0.5)
-        assert numbers(observatory, "CCD_FRAME")["WIDTH"] == 320.0
-        instruments.camera.set_subframe(1.0)
         assert numbers(observatory, "CCD_FRAME") == whole_of(observatory)
+        assert take(instruments, 1).width_px == WIDTH_PX
 
 
-def test_a_part_that_a_camera_refuses_is_said_with_the_remedy(observatory, tmp_path):
-    with connected(observatory, tmp_path) as instruments:
-        instruments.camera.set_binning(4)
-        with pytest.raises(InstrumentError, match=r"did not take 32 x 16 .* leap\.subframe to 1"):
-            instruments.camera.set_subframe(0.05)
-        assert take(instruments, 1).width_px == WIDTH_PX // 4
+def test_a_part_of_the_operators_own_is_left_alone_and_given_back(observatory, tmp_path):
+    own = {"X": 112.0, "Y": 64.0, "WIDTH": 480.0, "HEIGHT": 320.0}
+    ask_for(observatory, 112, 64, 480, 320)
+    try:
+        with connected(observatory, tmp_path, (480, 320)) as instruments:
+            assert numbers(observatory, "CCD_FRAME") == own
+            assert take(instruments, 1).width_px == 480
+            assert instruments.camera.set_subframe(0.5) == pytest.approx(0.5)
+            part = take(instruments, 2)
+        assert (part.width_px, part.height_px) == (240, 160)
+        assert numbers(observatory, "CCD_FRAME") == own
+        with (
+            connected(observatory, tmp_path, (400, 320)) as instruments,
+            pytest.raises(InstrumentError, match=r"reads 480 x 320 .* not optics\.width_px"),
+        ):
+            instruments.camera.set_subframe(0.5)
+    finally:
+        ask_for(observatory, 0, 0, WIDTH_PX, HEIGHT_PX)
 
 
 def test_a_part_of_the_sensor_is_that_part_and_says_where_it_lies(observatory, tmp_path):

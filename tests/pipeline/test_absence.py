@@ -11,6 +11,7 @@ from rsoconsole.pipeline.cycle.miss_reasons import (
     KEPT_FRAMES,
     StarHistory,
     Stars,
+    cloud_before,
     eclipse_of,
     explain_absence,
     is_geostationary_like,
@@ -274,3 +275,27 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
         "eclipse: in the Earth's shadow",
     ]
     assert night() == first
+
+
+def of_part(count: int, flux_adu_s: float = 1000.0, share: float = 0.5) -> Stars:
+    pixels = round(4656 * 3520 * share**2)
+    return Stars(count=count, flux_adu_s=flux_adu_s, sensor_px=pixels)
+
+
+def cloud_words(shown: Stars, *before: Stars) -> str:
+    known = StarHistory()
+    for each in before:
+        known = updated_star_history(known, each, solution())
+    found = cloud_before(shown, known)
+    return "" if found is None else found.kind
+
+
+def test_a_part_of_the_sensor_has_fewer_stars_and_that_is_no_cloud() -> None:
+    whole = [of_part(200, share=1.0)] * 4
+    assert cloud_words(of_part(50, 400.0), *whole) == ""
+    assert cloud_words(of_part(20, 400.0), *whole) == "fewer stars"
+    # Of a size of their own they are compared with each other, and the whole is after them.
+    parts = [of_part(50, 400.0)] * 4
+    assert cloud_words(of_part(50, 150.0), *whole, *parts) == "fainter stars"
+    assert cloud_words(of_part(200, share=1.0), *parts) == ""
+    assert cloud_words(of_part(90, share=1.0), *whole, *parts) == "fewer stars"

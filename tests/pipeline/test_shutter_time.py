@@ -89,6 +89,29 @@ def test_a_frame_has_the_shutter_of_its_mode(taken: FrameTaken, bias_s: float) -
     assert shutter_time(taken, exposure(TWO_S, TEN_S)).late_s == bias_s
 
 
+def part(x0_px: int, y0_px: int, width_px: int, height_px: int, **camera: object) -> FrameTaken:
+    return replace(
+        frame(x0_px=x0_px, y0_px=y0_px, **camera), width_px=width_px, height_px=height_px
+    )
+
+
+def test_a_part_of_the_sensor_has_the_shutter_of_the_whole_a_little_less_surely() -> None:
+    known = exposure(TWO_S)
+    timed = shutter_time(part(1152, 880, 2320, 1760), known)
+    assert (timed.late_s, timed.line_time_us) == (0.1372, 15.1)
+    assert timed.bias_sigma_s == pytest.approx(0.0055, abs=1e-4)
+    own = TWO_S.model_copy(
+        update={"x0_px": 1152, "y0_px": 880, "width_px": 2320, "height_px": 1760, "bias_s": 0.11}
+    )
+    assert shutter_time(part(1152, 880, 2320, 1760), exposure(TWO_S, own)).late_s == 0.11
+    for other in (
+        part(1152, 880, 2320, 1760, binning="2x2"),
+        part(1152, 880, 2320, 1760, gain=0.0),
+        part(3000, 880, 2320, 1760),  # not of that sensor
+    ):
+        assert shutter_time(other, known).late_s == 0.5
+
+
 def test_rare_exposures_share_an_entry_of_their_own() -> None:
     assert shutter_time(frame(3.0), exposure(TWO_S, ANY)).late_s == 0.3
     assert shutter_time(frame(2.04), exposure(TWO_S, ANY)).late_s == 0.1372

@@ -43,7 +43,8 @@ def main(folder: Path, client: str) -> None:
             "weather": "Weather Simulator",
             "dome": "Dome Simulator",
         }
-        config = Config.model_validate({"indi": indi})
+        optics = {"width_px": 1280, "height_px": 1024}
+        config = Config.model_validate({"indi": indi, "optics": optics})
         with connect_instruments(config, log_dir=folder) as instruments:
             facts = night(instruments, config)
             facts["sky"] = weather_and_dome(instruments)

@@ -30,6 +30,8 @@ class LeapCamera:
         """Of each side of the sensor, what is read out."""
         self._share_asked = 1.0
         self._can_read_parts = True
+        self._is_said = False
+        """That the whole sensor was not given back."""
         self._asked = 1
         """What was asked for last; the camera may have refused it."""
         self._before_s: float | None = None
@@ -58,20 +60,24 @@ class LeapCamera:
     def read(self, share: float) -> bool:
         """Read so much of each side from the next exposure on; True where that is another share.
 
-        A camera that cannot is said once, and read whole.
+        A camera that cannot is said once, and read whole. One that does not give the whole back is
+        asked again the next time.
         """
-        if share == self._share_asked or not (self._can_read_parts or share == 1.0):
+        if share == self._share_asked or (share < 1.0 and not self._can_read_parts):
             return False
         before = self.share
         try:
             self.share = self._camera.set_subframe(share)
         except InstrumentError as error:
-            what = "leaps without subframes" if share < 1.0 else "the camera still reads a part"
-            if self._can_read_parts:
-                self._session_log.say("warning", f"{what}: {error}")
-            self._can_read_parts = False
+            if share < 1.0:
+                # It may read the part all the same: the next order asks for the whole.
+                self._can_read_parts, self._share_asked = False, share
+                self._session_log.say("warning", f"leaps without subframes: {error}")
+            elif not self._is_said:
+                self._session_log.say("warning", f"the camera still reads a part: {error}")
+                self._is_said = True
             return False
-        self._share_asked = share
+        self._share_asked, self._is_said = share, False
         if self.share != before:
             part = "all of its sensor"
             if self.share < 1.0:
@@ -94,8 +100,10 @@ class LeapCamera:
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
-        if self._share_asked != 1.0:
-            self.read(1.0)
+        self._give_binning_back()
+        self.read(1.0)
+
+    def _give_binning_back(self) -> None:
         was_asked, self._asked = self._asked, 1
         if was_asked == 1:
             return

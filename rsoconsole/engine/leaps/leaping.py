@@ -266,8 +266,8 @@ class Leaping:
             if orbit is not None and is_dark(orbit, t_mid_ns):
                 self._end("it has gone into the Earth's shadow")
                 return
-            radius_deg = min(self._control.config.optics.field_deg) / 2.0
-            self.track = unseen(self.track, t_mid_ns, centre, radius_deg)
+            half_deg = min(self._control.config.optics.field_deg) / 2.0 * self._camera.share
+            self.track = unseen(self.track, t_mid_ns, centre, half_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
     def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
@@ -375,9 +375,9 @@ class Leaping:
 
     def _read_what_shows_it(self) -> None:
         """A part of the sensor where the next leap is sure, while the mount is on its way."""
-        leap, track = self._leap, self.track
-        is_sure = leap is not None and track is not None and self._is_known(track)
-        share = self.times.subframe_for(leap) if leap is not None and is_sure else 1.0
+        leap, track, share = self._leap, self.track, 1.0
+        if leap is not None and track is not None and self._is_known(track):
+            share = self.times.subframe_for(leap)
         if self._camera.read(share):
             self.times.forget_readouts()
         self._leap = leap and replace(leap, share=self._camera.share)

@@ -74,6 +74,7 @@ class IndiCamera:
                 "device_s": waits.device_s,
                 "quiet_s": waits.quiet_s,
                 "answer_s": waits.answer_s,
+                "size_px": self._size_px,
                 "ring": self._ring.descriptor,
                 "slot_bytes": self._ring.slot_bytes,
             },
@@ -112,6 +113,9 @@ class IndiCamera:
 
     def set_subframe(self, share: float) -> float:
         """Read only a share of each side, about the middle of what the driver read before."""
+        if share < 1.0:
+            # Also where the answer does not come: what may be in force is given back at the end.
+            self._share = share
         answer = self.process.request(
             "subframe",
             self._order_s,
@@ -160,18 +164,22 @@ class IndiCamera:
         return Frame(pixels=pixels, **facts)
 
     def _say_corner(self, header: dict[str, Any], shape: tuple[int, ...]) -> None:
-        """Where a part of the sensor begins, in joined pixels: headers of libindi do not tell.
+        """Where a part begins, in joined pixels of what is read else: libindi does not tell.
 
         Not of a frame that is no such part: a driver that was started again reads all.
         """
-        joined = header.get("XBINNING")
+        joined, window, own = header.get("XBINNING"), self._window, self._own_window
         if self._share == 1.0 or "XORGSUBF" in header or not isinstance(joined, int) or joined < 1:
             return
-        x, y, *sides = self._window
+        if own is None or not window:
+            return
         if all(
-            abs(side - px * joined) < joined for side, px in zip(sides, shape[::-1], strict=True)
+            abs(side - px * joined) < joined
+            for side, px in zip(window[2:], shape[::-1], strict=True)
         ):
-            header["XORGSUBF"], header["YORGSUBF"] = x // joined, y // joined
+            header["XORGSUBF"], header["YORGSUBF"] = (
+                (window[n] - own[n]) // joined for n in (0, 1)
+            )
 
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""
@@ -196,11 +204,13 @@ class IndiCamera:
     def close(self) -> None:
         """End the process and release the shared memory."""
         if self.process.pid is not None:
+            # Joined pixels first: drivers round what they read to what those fill.
+            with contextlib.suppress(InstrumentError):
+                if self._binning != 1:
+                    self.set_binning(1)
             with contextlib.suppress(InstrumentError):
                 if self._share < 1.0:
                     self.set_subframe(1.0)
-                if self._binning != 1:
-                    self.set_binning(1)
         self.process.close()
         self._ring.close()
 

@@ -18,18 +18,13 @@ import numpy.typing as npt
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import return_free_pages, return_what_is_freed
 from rsoconsole.instruments.camera.frame_ring import FrameRing
+from rsoconsole.instruments.camera.sensor_window import SensorWindow
 from rsoconsole.instruments.frames import frame_from_bytes, read_plain
 from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_client, run_child
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
-_FRAME = "CCD_FRAME"
-_SIDES = ("X", "Y", "WIDTH", "HEIGHT")
-_GRID_PX = 16
-"""Places and sides of a part are multiples of it: drivers round others as they like."""
-_ROUNDED_PX = 64
-"""By more than that a driver has not rounded, but done something else."""
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
 """What the client puts before a driver's words."""
 
@@ -46,6 +41,7 @@ class CameraChild:
         """Where the frame of the exposure under way goes; None once it has come."""
         self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
         self._answer_s = 0.0
+        self._window: SensorWindow | None = None
         threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -65,6 +61,8 @@ class CameraChild:
         if exposure is not None and exposure.state == "Busy":
             # Left behind by the process before this one; its frame must not pass for ours.
             self.abort({})
+        self._window = SensorWindow(client, self._answer_s)
+        self._window.give_back(list(order["size_px"]))
         return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -101,6 +99,9 @@ class CameraChild:
         wanted = own * int(order["binning"])
         if wanted == now:
             return {"own": own}
+        window = self._ready_window()
+        if now == own:
+            window.remember()
         before = client.send_numbers(_BINNING, dict.fromkeys(("HOR_BIN", "VER_BIN"), float(wanted)))
         answer = client.wait(_BINNING, lambda v: v.state != "Busy", self._answer_s, before)
         is_set = answer is not None and int(answer.values["HOR_BIN"]) == wanted
@@ -109,39 +110,15 @@ class CameraChild:
                 f"the camera did not join {wanted} x {wanted} pixels"
                 f" ({client.last_message or 'no reason given'}): set leap.binning to 1"
             )
+        if wanted == own:
+            window.restore()
         return {"own": own}
 
     def subframe(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Read only ``share`` of each side, about the middle of what the driver read before.
-
-        ``own``: what that was, in pixels of the sensor, where it is known already; it is in the
-        answer. Else it is the whole sensor where that has the configured ``size_px``: an engine
-        that was killed has left the driver in another.
-        """
-        client = self._ready()
-        vector = client.get(_FRAME)
-        if vector is None:
-            raise InstrumentError(
-                "the camera's driver cannot read a part of the sensor: set leap.subframe to 1"
-            )
-        now = [int(float(vector.values[side])) for side in _SIDES]
-        own = list(order["own"]) or _own_window(client.get("CCD_INFO"), order) or now
-        wanted = _middle_of(own, float(order["share"]))
-        if wanted != now:
-            sides = dict(zip(_SIDES, map(float, wanted), strict=True))
-            before = client.send_numbers(_FRAME, sides)
-            answer = client.wait(_FRAME, lambda v: v.state != "Busy", self._answer_s, before)
-            is_set = answer is not None and answer.state != "Alert"
-            if answer is not None:
-                now = [int(float(answer.values[side])) for side in _SIDES]
-            off_px = max(abs(a - b) for a, b in zip(now, wanted, strict=True))
-            if not is_set or off_px > _ROUNDED_PX:
-                raise InstrumentError(
-                    f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
-                    f" ({client.last_message or 'no reason given'}): set leap.subframe to 1"
-                )
-        share = 1.0 if wanted == own else max(now[2] / own[2], now[3] / own[3])
-        return {"own": own, "share": share, "window": now}
+        """Read only ``share`` of each side of the sensor: see ``SensorWindow.take_share``."""
+        return self._ready_window().take_share(
+            float(order["share"]), list(order["own"]), list(order["size_px"])
+        )
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Give up the exposure under way."""
@@ -223,6 +200,11 @@ class CameraChild:
             }
         )
 
+    def _ready_window(self) -> SensorWindow:
+        self._ready()
+        assert self._window is not None
+        return self._window
+
     def _ready(self) -> IndiClient:
         if self._client is None:
             raise InstrumentError("the camera is not connected: start it first")
@@ -237,34 +219,6 @@ def _own_binning(info: Vector | None, order: dict[str, Any]) -> int:
         return 0
     own = round(sensor_px / width_px)
     return own if own >= 1 and abs(sensor_px - own * width_px) < own else 0
-
-
-def _own_window(info: Vector | None, order: dict[str, Any]) -> list[int]:
-    """The whole sensor, where the configured size is that of all of it; else nothing."""
-    if info is None:
-        return []
-    sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]
-    size = [int(each) for each in order.get("size_px", ())]
-    if len(size) != 2 or min(*sensor, *size) <= 0:
-        return []
-    joined = round(sensor[0] / size[0])
-    is_all = joined >= 1 and all(
-        abs(all_px - joined * px) < joined for all_px, px in zip(sensor, size, strict=True)
-    )
-    return [0, 0, *sensor] if is_all else []
-
-
-def _middle_of(window: list[int], share: float) -> list[int]:
-    """A share of each side about the middle: x, y, width, height; 1 is the window itself."""
-    if share >= 1.0:
-        return list(window)
-    x, y, width, height = window
-    sides = [max(int(share * side) // _GRID_PX, 1) * _GRID_PX for side in (width, height)]
-    corner = [
-        start + (side - part) // 2 // _GRID_PX * _GRID_PX
-        for start, side, part in zip((x, y), (width, height), sides, strict=True)
-    ]
-    return [*corner, *sides]
 
 
 def main() -> None:

@@ -67,10 +67,9 @@ class Cycle:
         return self._star_count
 
     def _look_at_clouds(self, shown: Shown) -> None:
-        exposure_s = shown.taken.exposure_s
         self._star_count = shown.detections.star_count
-        if exposure_s is not None:
-            self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
+        if shown.taken.exposure_s is not None:
+            self._cloud = cloud_before(stars_of(shown.taken, shown.detections), self._stars)
 
     def _on_record(self, reduction: Reduction, frame_id: int) -> tuple[Record, ...]:
         """What a frame gave, and each caution when it is first met."""

@@ -79,7 +79,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     """What is followed after a frame. Pure. Raises FrameError for a frame without a time."""
     taken = shown.taken
     t_mid_ns, exposure_s = mid_exposure(taken, config)
-    stars = stars_of(shown.detections, exposure_s)
+    stars = stars_of(taken, shown.detections)
     plain = Missed(kind="nothing fits")
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
@@ -204,7 +204,7 @@ def star_history_without_fold(stars_before: StarHistory, shown: Shown) -> StarHi
     if shown.taken.exposure_s is None:
         return stars_before
     return updated_star_history(
-        stars_before, stars_of(shown.detections, shown.taken.exposure_s), shown.solution
+        stars_before, stars_of(shown.taken, shown.detections), shown.solution
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Unclassified
-from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
+from rsoconsole.records import Detections, FloatArray, FrameTaken, Site, Solution, TrackState
 from rsoconsole.sky import (
     GEO_RADIUS_KM,
     NS_PER_S,
@@ -47,6 +47,8 @@ class Stars:
     count: int
     flux_adu_s: float | None
     """Median of the 20th to 60th brightest; None where there are too few."""
+    sensor_px: int = 0
+    """How many single pixels of the sensor were read: of a part there are fewer stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,28 +58,50 @@ class StarHistory:
     frames: tuple[Stars, ...] = ()
     centre_icrs_deg: tuple[float, float] | None = None
 
-    @property
-    def usual_count(self) -> int | None:
-        """How many the clearest of them showed; None before there are enough."""
-        counts = sorted(stars.count for stars in self.frames)
+    def usual_count(self, sensor_px: int) -> int | None:
+        """How many the clearest of them showed; None before there are enough.
+
+        ``sensor_px``: of the sensor that are read. A smaller part has its share of the stars; a
+        larger one may not have more, as only the brightest hundreds are counted.
+        """
+        counts = sorted(
+            stars.count
+            if stars.sensor_px <= sensor_px
+            else round(stars.count * sensor_px / stars.sensor_px)
+            for stars in self.frames
+        )
         return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= LEAST_FRAMES else None
 
-    @property
-    def usual_flux_adu_s(self) -> float | None:
-        """How bright they were in the clearest of them; None before there are enough."""
-        known = sorted(stars.flux_adu_s for stars in self.frames if stars.flux_adu_s is not None)
+    def usual_flux_adu_s(self, sensor_px: int) -> float | None:
+        """How bright they were in the clearest of those of a size; None before there are enough.
+
+        Of a smaller part the brightest are fainter ones.
+        """
+        known = sorted(
+            stars.flux_adu_s
+            for stars in self.frames
+            if stars.flux_adu_s is not None and stars.sensor_px == sensor_px
+        )
         return known[(len(known) - 1) * 9 // 10] if len(known) >= LEAST_FRAMES else None
 
 
-def stars_of(detections: Detections, exposure_s: float) -> Stars | None:
-    """What the record of a frame says of its stars; None where nobody counted them."""
-    if detections.star_count is None:
+def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
+    """What the records of a frame say of its stars; None where nobody counted them."""
+    exposure_s = taken.exposure_s
+    if detections.star_count is None or exposure_s is None:
         return None
     flux_adu = detections.star_flux_adu
     return Stars(
         count=detections.star_count,
         flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
+        sensor_px=taken.width_px * taken.height_px * _joined(taken) ** 2,
     )
+
+
+def _joined(taken: FrameTaken) -> int:
+    """Pixels of the sensor on each axis of one of the frame's."""
+    binning = None if taken.camera is None else taken.camera.binning
+    return 1 if binning is None else int(binning.split("x")[0])
 
 
 def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
@@ -119,7 +143,8 @@ def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
     """Cloud, where the stars are gone, far fewer or fainter than before; None for a clear sky."""
     if stars is None:
         return None
-    usual_count, usual_flux = before.usual_count, before.usual_flux_adu_s
+    usual_count = before.usual_count(stars.sensor_px)
+    usual_flux = before.usual_flux_adu_s(stars.sensor_px)
     if usual_count is not None and stars.count < CLOUD_SHARE * usual_count:
         return HiddenBy(kind="fewer stars", stars=stars.count, usual_stars=usual_count)
     if usual_flux and stars.flux_adu_s and stars.flux_adu_s > 0.0:

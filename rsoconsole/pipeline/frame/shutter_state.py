@@ -51,9 +51,19 @@ def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Shutter
 
 
 def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> CalibratedTiming | None:
-    """The entry of the frame's read-out mode and the exposure nearest to its own."""
+    """The entry of the frame's read-out mode and the exposure nearest to its own.
+
+    Of a part of the sensor that has none, that of the whole, whose clock and lines it shares; its
+    bias is known less well.
+    """
     mode = read_out_of(frame)
     fitting = [each for each in exposure.calibrated if each.read_out == mode]
+    if not fitting:
+        fitting = [
+            each.model_copy(update={"bias_sigma_s": math.hypot(each.bias_sigma_s, OF_PART_S)})
+            for each in exposure.calibrated
+            if _holds(each, frame)
+        ]
     if not fitting:
         return None
 
@@ -68,6 +78,21 @@ def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Calib
     return nearest if is_same or pooled is None else pooled
 
 
+def _holds(known: CalibratedTiming, frame: Frame | FrameTaken) -> bool:
+    """Whether a frame is a part of the sensor that a mode reads, joined and amplified alike."""
+    camera = frame.camera or NO_MODE
+    if None in (camera.x0_px, camera.y0_px, known.width_px, known.height_px):
+        return False
+    x0, y0 = (camera.x0_px or 0) - (known.x0_px or 0), (camera.y0_px or 0) - (known.y0_px or 0)
+    return (
+        (known.binning, known.gain, known.time_by) == (camera.binning, camera.gain, camera.time_by)
+        and 0 <= x0 <= (known.width_px or 0) - frame.width_px
+        and 0 <= y0 <= (known.height_px or 0) - frame.height_px
+    )
+
+
+OF_PART_S = 0.005
+"""What reading a part may change of when the shutter opens: nobody has measured it."""
 SAME_EXPOSURE = 1.05
 """Exposures that differ by no more than this factor are of one mode."""
 

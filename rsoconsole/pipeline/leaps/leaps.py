@@ -143,7 +143,12 @@ class Leap:
         return off_arcsec / terms.scale_arcsec_px
 
     def fits_in(self, share: float, terms: LeapTerms) -> bool:
-        """Whether a share of each side surely has both ends, and stars enough for a plate."""
+        """Whether a share of each side surely has both ends, and stars enough for a plate.
+
+        On the other side of the pier nobody knows where the mount then looks.
+        """
+        if self.flips:
+            return False
         short_px = share * 3600.0 * min(terms.field_deg) / terms.scale_arcsec_px
         return short_px >= LEAST_SUBFRAME_PX and self.reach_px(terms) <= RIM * short_px / 2.0
 
