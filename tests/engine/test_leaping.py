@@ -153,6 +153,20 @@ def test_what_goes_into_the_earths_shadow_is_told_so() -> None:
     assert any(text.startswith("it has gone into the Earth's shadow: ") for text in said)
     assert not any("leap missed" in text for text in said)
     assert met(r) >= 6
+    rest = next(text for text in said if text.startswith("by its orbit up to "))
+    assert rest.endswith("; then: the shadow of the Earth")
+
+
+def test_the_rest_of_a_pass_is_planned_again_by_its_orbit(followed) -> None:
+    """One streak tells badly how long it lasts; six tell it to a leap in ten."""
+    said = words(followed)
+    (at, rest), *_ = [
+        (n, text) for n, text in enumerate(said) if text.startswith("by its orbit up to ")
+    ]
+    more = int(rest.split()[5])
+    left = sum(" met:" in text for text in said[at:])
+    assert left == pytest.approx(more, rel=0.1)
+    assert "; then: altitude" in rest
 
 
 def test_what_looks_like_an_aircraft_on_its_way_is_met_and_begins_nothing() -> None:

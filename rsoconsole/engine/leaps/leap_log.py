@@ -8,15 +8,25 @@ from rsoconsole.engine.aim import NS, InstrumentController
 from rsoconsole.engine.leaps.awaiting import LeapControl
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
-from rsoconsole.engine.leaps.leap_words import last_words, next_pass_of, orbit_words, pass_words
+from rsoconsole.engine.leaps.leap_words import (
+    last_words,
+    next_pass_of,
+    orbit_words,
+    pass_words,
+    rest_words,
+)
 from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
 from rsoconsole.orbits.motion import KnownOrbit, PointMass
 from rsoconsole.pipeline.leaps import FrameStreak, Leap, Telescope, plan_pass
 from rsoconsole.records import LeapOrder, LeapResult
+from rsoconsole.sky import IntArray, lit_fraction
 from rsoconsole.sky.limits import Pose
 
 _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
+_AGAIN_AT = (6, 15)
+"""Streaks with which the rest of a pass is planned once more: one streak tells it badly."""
+_SURE = np.eye(6) * 1e-6
 
 
 @dataclass(slots=True)
@@ -28,7 +38,8 @@ class _Begun:
     name: str = ""
     leaps: int = 0
     planned: int = 0
-    is_planned: bool = False
+    planned_at: int = 0
+    """How many streaks there were when the pass was planned last; 0: it was not."""
 
 
 class LeapLog:
@@ -99,37 +110,40 @@ class LeapLog:
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
     ) -> None:
-        """Say, once, how the whole pass would go by the likeliest orbit, its first leap under way.
+        """Say how the pass would go: by its first streak, its first leap under way, and again.
 
-        ``sure_from``: as ``plan_pass`` has it.
+        By one streak that is the likeliest of many orbits; by some more its own, and then the
+        Earth's shadow ends it too. ``sure_from``: as ``plan_pass`` has it.
         """
-        if self._begun.is_planned:
+        streaks, best = len(track.best.streaks), track.best
+        is_first = not self._begun.planned_at
+        is_again = streaks in _AGAIN_AT and streaks != self._begun.planned_at
+        orbit = _likeliest(track) if is_first else best.orbit and _surely(best.orbit)
+        if orbit is None or not (is_first or is_again):
             return
-        self._begun.is_planned = True
-        best = track.best
-        heaviest = int(np.argmax(best.cloud.weight))
-        orbit = KnownOrbit(
-            epoch_utc_ns=best.cloud.epoch_utc_ns,
-            r_km=best.cloud.r_km[heaviest],
-            v_km_s=best.cloud.v_km_s[heaviest],
-            covariance=np.eye(6) * 1e-6,
-            forces=PointMass(),
-        )
+        self._begun.planned_at = streaks
         t = first.t_order_utc_ns + (np.arange(0.0, _PASS_S, _PASS_STEP_S) * NS).astype(np.int64)
-        path = path_of_orbit(orbit, self._site, t)
+        lit = t if is_first else t[: _lit_instants(orbit, t)]
+        path = path_of_orbit(orbit, self._site, lit) if len(lit) > 1 else None
         if path is None:
             return
-        is_early = self._control.config.leap.at_close
         plan = plan_pass(
             path,
             start,
             first.t_order_utc_ns,
             telescope,
             first=first,
-            sure_from=sure_from if is_early else None,
+            sure_from=(sure_from if is_first else 0) if self._is_early else None,
         )
-        self._begun.planned = len(plan.leaps)
-        self._session_log.say("info", pass_words(plan))
+        if is_first:
+            self._begun.planned = len(plan.leaps)
+        is_dark = len(lit) < len(t) and plan.end.kind == "it sets"
+        words = pass_words(plan) if is_first else rest_words(plan, is_dark=is_dark)
+        self._session_log.say("info", words)
+
+    @property
+    def _is_early(self) -> bool:
+        return self._control.config.leap.at_close
 
     def end(self, track: LeapTrack, why: str) -> None:
         """What is known of what was leapt after."""
@@ -162,3 +176,33 @@ class LeapLog:
             )
         )
         self._parts = []
+
+
+def _likeliest(track: LeapTrack) -> KnownOrbit:
+    """Of the orbits that its streaks allow."""
+    cloud = track.best.cloud
+    heaviest = int(np.argmax(cloud.weight))
+    return KnownOrbit(
+        epoch_utc_ns=cloud.epoch_utc_ns,
+        r_km=cloud.r_km[heaviest],
+        v_km_s=cloud.v_km_s[heaviest],
+        covariance=_SURE,
+        forces=PointMass(),
+    )
+
+
+def _surely(orbit: KnownOrbit) -> KnownOrbit:
+    """As if it were known: later leaps will know it better than it is known now."""
+    return KnownOrbit(
+        epoch_utc_ns=orbit.epoch_utc_ns,
+        r_km=orbit.r_km,
+        v_km_s=orbit.v_km_s,
+        covariance=_SURE,
+        forces=orbit.forces,
+    )
+
+
+def _lit_instants(orbit: KnownOrbit, t_utc_ns: IntArray) -> int:
+    """How many there are before it goes into the Earth's shadow."""
+    lit = lit_fraction(orbit.states(t_utc_ns)[0], t_utc_ns) > 0.0
+    return int(np.argmin(lit)) if not np.all(lit) else len(lit)

@@ -53,11 +53,26 @@ def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
 
 def pass_words(plan: PassPlan) -> str:
     """A whole pass before its first leap."""
-    words = f"up to {len(plan.leaps)} leaps"
-    if plan.flips:
-        words += f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
     end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
-    return f"{words}; then: {end}"
+    return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {end}"
+
+
+def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
+    """The rest of a pass by its own orbit: how many leaps, until when, and what ends it.
+
+    ``is_dark``: whether that is the Earth's shadow.
+    """
+    end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
+    words = f"by its orbit up to {len(plan.leaps)} more leaps{_flips_words(plan)}"
+    if plan.leaps:
+        words += f", until {utc_ns_to_iso(plan.leaps[-1].t_close_utc_ns, 0)[11:]}"
+    return f"{words}; then: {'the shadow of the Earth' if is_dark else end}"
+
+
+def _flips_words(plan: PassPlan) -> str:
+    if not plan.flips:
+        return ""
+    return f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
 
 
 def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
