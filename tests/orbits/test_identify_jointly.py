@@ -10,10 +10,11 @@ from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.assignments import best_assignments
 from rsoconsole.orbits.identification.joint_identification import identify_jointly
+from rsoconsole.orbits.identification.seen_at_once import seen_at_once
 from rsoconsole.orbits.identification.single import Identification, identify
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import NS_PER_DAY
+from rsoconsole.sky.times import NS_PER_DAY, IntArray
 from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 DAYS_OLD = 4.0
@@ -166,6 +167,25 @@ def test_an_uncatalogued_neighbour_far_off_all_elements_is_unknown() -> None:
 def test_a_track_that_ended_and_the_next_one_may_be_of_one_object() -> None:
     before, after = tracks(2)[0], tracks(2, since_s=1800.0)[0]
     assert named(identify_jointly([before, after], DAYTONA, catalogue(1, 2, 3))) == [2, 2]
+
+
+def track_at(number: int, t_utc_ns: IntArray, seed: int = 5) -> Sightings:
+    elements = geostationary(
+        90000 + number, SLOT[number], epoch_utc_ns=T0_UTC_NS - round(DAYS_OLD * NS_PER_DAY)
+    )
+    return seen(elements, t_utc_ns, random=np.random.default_rng(seed))
+
+
+def test_what_was_seen_while_another_was_lost_may_be_of_the_same_object() -> None:
+    """The first was lost and found again; between, three frames made a track of their own."""
+    first = track_at(2, np.concatenate([instants(0.0), instants(2700.0)]))
+    between = track_at(2, instants(1500.0, count=3), seed=6)
+    assert named(identify_jointly([first, between], DAYTONA, catalogue(1, 2, 3))) == [2, 2]
+    assert not seen_at_once([first, between])[0, 1]
+    # While the first was seen every half minute, what is seen beside it is another.
+    beside = track_at(2, instants(15.0, count=3), seed=6)
+    assert seen_at_once([first, beside])[0, 1]
+    assert named(identify_jointly([first, beside], DAYTONA, catalogue(1, 2, 3))) != [2, 2]
 
 
 def config_of(tmp_path, *numbers: int) -> Config:

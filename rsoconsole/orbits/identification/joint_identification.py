@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.orbits.elements import CatalogueEntry
 from rsoconsole.orbits.first import Sightings
 from rsoconsole.orbits.identification.assignments import Assignment, best_assignments
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
+from rsoconsole.orbits.identification.seen_at_once import seen_at_once
 from rsoconsole.orbits.identification.shared_errors import CASES, Pair, SharedErrors, pair_of
 from rsoconsole.orbits.identification.single import (
     GATE_DEG,
@@ -157,7 +157,7 @@ def _weighed(members: Sequence[Compared], objects: Sequence[int]) -> _Weighed:
     """All assignments worth it, by every case of shared errors."""
     pairs = [_pairs(one, objects) for one in members]
     unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
-    rivals = _rivals(members)
+    rivals = seen_at_once([one.seen for one in members])
     anchors = sorted(range(len(members)), key=lambda t: -len(members[t].seen))[:_ANCHORS]
     cases = [SharedErrors(case, pairs, unknown) for case in CASES]
     proposed: set[Assignment] = set()
@@ -186,10 +186,3 @@ def _pairs(one: Compared, objects: Sequence[int]) -> list[Pair | None]:
         pair_of(one.found, place[number], one.seen.epoch_utc_ns) if number in near else None
         for number in objects
     ]
-
-
-def _rivals(members: Sequence[Compared]) -> npt.NDArray[np.bool_]:
-    """(T, T) seen at the same time, so that they are of different objects."""
-    first = np.array([one.seen.t_utc_ns[0] for one in members])
-    last = np.array([one.seen.t_utc_ns[-1] for one in members])
-    return np.asarray(first[:, None] <= last[None, :]) & (first[None, :] <= last[:, None])

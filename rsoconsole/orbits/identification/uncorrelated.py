@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.orbits.first import Sightings
 from rsoconsole.orbits.identification.assignments import best_assignments
@@ -21,6 +20,7 @@ from rsoconsole.orbits.identification.element_errors import (
     manoeuvred_probability,
     regime_of,
 )
+from rsoconsole.orbits.identification.seen_at_once import seen_at_once
 from rsoconsole.orbits.motion import (
     MU_EARTH_KM3_S2,
     KnownOrbit,
@@ -136,7 +136,7 @@ def recognise(
             found = log_density(each, track, site)
             if found is not None and found[0] > scores[t, n]:
                 scores[t, n], off[t, n] = found
-    assignments = best_assignments(scores, _at_once(tracks), _EACH)
+    assignments = best_assignments(scores, seen_at_once(tracks), _EACH)
     rows = np.arange(len(tracks))
     sums = np.array([np.sum(scores[rows, list(each)]) for each in assignments])
     shares = np.exp(sums - np.max(sums))
@@ -209,13 +209,6 @@ def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Reco
         separation_arcsec=None if best is None else float(off[best]),
         candidates=tuple((numbers[n], float(shares[n])) for n in order),
     )
-
-
-def _at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
-    """(T, T) seen at the same time."""
-    first = np.array([each.t_utc_ns[0] for each in tracks])
-    last = np.array([each.t_utc_ns[-1] for each in tracks])
-    return np.asarray((first[:, None] <= last[None, :]) & (first[None, :] <= last[:, None]))
 
 
 def _middle_of(seen: Sightings) -> Sightings:
