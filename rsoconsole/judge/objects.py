@@ -79,7 +79,7 @@ def objects_figures(
     ``views``: each frame with its exposure's truth. ``detections``: frames in which a streak of
     the object was detected. ``visible_frames``: its place at mid-exposure lies in the field, and
     its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with, of
-    two about as near on the brighter.
+    two about as near on the brighter, and on none that is not visible beside one that is.
     ``track_frames``: such a track took its measurement.
     ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
     ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
@@ -228,10 +228,12 @@ def _begun_on(
 ) -> int | None:
     """The object that a track begins with: of those about as near as the nearest the brightest.
 
-    A frame in which chance moves the middle of a bright streak towards a satellite that it does not
-    show would put the track on that for the rest of the night.
+    What is too faint to be visible is not among them beside one that is not. A frame in which
+    chance moves the middle of a bright streak towards a satellite that it does not show would put
+    the track on that for the rest of the night.
     """
-    near = _near(x_px, y_px, there, width_px)
+    every = _near(x_px, y_px, there, width_px)
+    near = [each for each in every if there[each[1]]["snr_integrated"] >= VISIBLE_SNR] or every
     if not near:
         return None
     most_px = BETWEEN * min(near)[0]
