@@ -169,7 +169,9 @@ def judged(night: LeapNight, session: Path) -> dict[str, Any]:
     }
     found |= _at_the_end(truth, site, met)
     if first is not None and found["took"] and "left_s" in found:
-        seen_s = (met[-1] - first.t_first_utc_ns) / NS_PER_S + found["left_s"]
+        seen_s = (met[-1] - first.t_first_utc_ns) / NS_PER_S
+        # Behind a limit of the mount it allows none.
+        seen_s += 0.0 if "limit" in first.ended else found["left_s"]
         found["allowed"] = max(int(seen_s / found["took"]["total"]), 1)
     return found | _next_pass(truth, site, first)
 
