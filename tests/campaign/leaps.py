@@ -3,14 +3,14 @@
     python -m tests.campaign.leaps --folder ~/leaps
     python -m tests.campaign.leaps --folder ~/leaps --nights 3
     python -m tests.campaign.leaps --folder ~/leaps --worlds 10
-    python -m tests.campaign.leaps --folder ~/leaps --late 20
+    python -m tests.campaign.leaps --folder ~/leaps --late 10
     python -m tests.campaign.leaps --folder ~/leaps --table
 
 ``--worlds``: the first so many, each in a random world of its own instead of the demo's.
 ``--late``: the first so many, waited for by elements that are up to 20 s wrong (`late_pass`).
 Without elements: the telescope stares within 0.3 deg of where the satellite comes by 20 s later,
 and knows nothing else. Passes are of real element sets, lit and in darkness; the truth is SGP4. A
-night takes two to four minutes of a core; stop it when you like, the same command goes on. It needs
+night takes one to nine minutes of a core; stop it when you like, the same command goes on. It needs
 the whole sky's stars ('rsoconsole index install', or ``tests/fetch_debian_index.sh``).
 """
 

@@ -204,43 +204,36 @@ def test_every_track_is_judged_by_what_it_began_with():
     assert (alpha["longest_wrong"], beta["longest_wrong"]) == (0, 0)
 
 
-@pytest.mark.parametrize(("faint_snr", "taken"), [(5.8, "bright"), (25.0, "other")])
-def test_a_track_begins_with_none_that_is_not_visible_beside_one_that_is(faint_snr, taken):
-    """The first streak lies on the faint one's middle: so a night was on it that followed none."""
+def begun_at(first_px: float, other_snr: float) -> dict[str, dict[str, Any]]:
+    """Four frames of a track on ALPHA, whose first streak lies elsewhere by chance."""
     views = []
     for k in range(4):
-        at_px = 507.5 if k == 0 else 500.0
+        at_px = first_px if k == 0 else 500.0
         frame = FakeFrame(
             [measured(at_px)],
             [detected(at_px)],
             None if k == 0 else state("predicted", 500.0),
             state("initial" if k == 0 else "updated", at_px),
         )
-        other = satellite(BETA, 508.0) | {"snr_integrated": faint_snr}
+        other = satellite(BETA, 508.0) | {"snr_integrated": other_snr}
         views.append((frame, exposure(satellite(ALPHA, 500.0), other)))
     alpha, beta = objects_figures(views, {ALPHA: "ALPHA"})
-    on = {"bright": alpha, "other": beta}[taken]
-    assert on["track_frames"] + on["false_measurements"] == 4
-
-
-@pytest.mark.parametrize(("faint_snr", "taken"), [(8.0, "bright"), (150.0, "other")])
-def test_a_track_begins_with_the_brighter_of_two_that_are_about_as_near(faint_snr, taken):
-    """Its first streak lies between both by chance, a little nearer to the second's middle."""
-    views = []
-    for k in range(4):
-        at_px = 504.2 if k == 0 else 500.0
-        frame = FakeFrame(
-            [measured(at_px)],
-            [detected(at_px)],
-            None if k == 0 else state("predicted", 500.0),
-            state("initial" if k == 0 else "updated", at_px),
-        )
-        other = satellite(BETA, 508.0) | {"snr_integrated": faint_snr}
-        views.append((frame, exposure(satellite(ALPHA, 500.0), other)))
-    alpha, beta = objects_figures(views, {ALPHA: "ALPHA"})
-    on = {"bright": alpha, "other": beta}[taken]
-    assert on["track_frames"] + on["false_measurements"] == 4
     assert alpha["swapped_frames"] == 0
+    return {"alpha": alpha, "beta": beta}
+
+
+@pytest.mark.parametrize(
+    ("first_px", "other_snr", "taken"),
+    [
+        (504.2, 25.0, "alpha"),  # about as near to both: the brighter
+        (504.2, 150.0, "beta"),
+        (507.5, 5.8, "alpha"),  # nearer to one that is not visible: a night was put on such a one
+        (507.5, 25.0, "beta"),
+    ],
+)
+def test_a_track_begins_with_the_nearest_of_those_that_are_visible(first_px, other_snr, taken):
+    on = begun_at(first_px, other_snr)[taken]
+    assert on["track_frames"] + on["false_measurements"] == 4
 
 
 @pytest.mark.parametrize(("shares", "swapped"), [(1, 0), (None, 1)])

@@ -177,6 +177,11 @@ def test_a_part_of_the_sensor_gets_its_part_of_the_masters(tmp_path):
     # What stays in the frame is the median of the dark's own part.
     apart = even_part.pixels.astype(float) - of_whole
     assert np.percentile(np.abs(apart - np.median(apart)), 99) <= 2.0
+    # A camera that says of the whole, too, where it begins is given the same pixels.
+    of_all, _ = calibration.prepare(
+        exposed(current(), pixels=whole, header=header | {"XORGSUBF": 0, "YORGSUBF": 0})
+    )
+    assert np.array_equal(of_all.pixels, even.pixels)
     # Joined pixels are others, and a frame that does not say where it lies has no part.
     for header_of in ({**header, "XBINNING": 2, "YBINNING": 2}, {}):
         other = exposed(current(), pixels=whole[16:96, 32:128], header=header_of)

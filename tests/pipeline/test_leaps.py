@@ -142,6 +142,34 @@ def test_an_unsure_place_gets_a_short_exposure_and_one_too_unsure_none() -> None
     assert found.kind == "too unsure"
 
 
+@pytest.mark.parametrize(
+    ("sigma_arcsec", "flips", "share", "fits"),
+    [
+        (20.0, False, 0.5, True),
+        (20.0, True, 0.5, False),  # where the mount looks on the other side nobody knows
+        (300.0, False, 0.5, False),
+        (300.0, False, 0.9, True),
+        (20.0, False, 0.3, False),  # a plate wants more stars
+    ],
+)
+def test_a_part_of_the_sensor_is_enough_where_both_ends_are_surely_in_it(
+    sigma_arcsec, flips, share, fits
+) -> None:
+    place = straight(0.5, sigma_arcsec).at(NS_PER_S)
+    leap = Leap(
+        t_order_utc_ns=0,
+        t_expose_utc_ns=0,
+        t_mid_utc_ns=NS_PER_S,
+        exposure_s=0.2,
+        place=place,
+        side=None,
+        slew_s=1.0,
+        within=1.0,
+        flips=flips,
+    )
+    assert leap.fits_in(share, TERMS) == fits
+
+
 def low_noon() -> int:
     return 1_687_400_000 * NS_PER_S
 

@@ -57,7 +57,7 @@ class LeapCamera:
             self._session_log.say("info", f"the camera is binned {self.binning} x {self.binning}")
         return self.binning != before
 
-    def read(self, share: float) -> bool:
+    def set_subframe(self, share: float) -> bool:
         """Read so much of each side from the next exposure on; True where that is another share.
 
         A camera that cannot is said once, and read whole. One that does not give the whole back is
@@ -101,7 +101,7 @@ class LeapCamera:
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
         self._give_binning_back()
-        self.read(1.0)
+        self.set_subframe(1.0)
 
     def _give_binning_back(self) -> None:
         was_asked, self._asked = self._asked, 1

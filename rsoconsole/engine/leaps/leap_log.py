@@ -1,6 +1,6 @@
 """What goes on record and into the log of leaps and of the pass that they follow."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
 _AGAIN_AT = (6, 15)
 """Streaks with which the rest of a pass is planned once more: one streak tells it badly."""
 _SURE = np.eye(6) * 1e-6
+"""As if it were known: later leaps will know it better than it is known now."""
 
 
 @dataclass(slots=True)
@@ -118,7 +119,9 @@ class LeapLog:
         streaks, best = len(track.best.streaks), track.best
         is_first = not self._begun.planned_at
         is_again = streaks in _AGAIN_AT and streaks != self._begun.planned_at
-        orbit = _likeliest(track) if is_first else best.orbit and _surely(best.orbit)
+        orbit = (
+            _likeliest(track) if is_first else best.orbit and replace(best.orbit, covariance=_SURE)
+        )
         if orbit is None or not (is_first or is_again):
             return
         self._begun.planned_at = streaks
@@ -127,23 +130,20 @@ class LeapLog:
         path = path_of_orbit(orbit, self._site, lit) if len(lit) > 1 else None
         if path is None:
             return
+        is_early = self._control.config.leap.at_close
         plan = plan_pass(
             path,
             start,
             first.t_order_utc_ns,
             telescope,
             first=first,
-            sure_from=(sure_from if is_first else 0) if self._is_early else None,
+            sure_from=(sure_from if is_first else 0) if is_early else None,
         )
         if is_first:
             self._begun.planned = len(plan.leaps)
         is_dark = len(lit) < len(t) and plan.end.kind == "it sets"
         words = pass_words(plan) if is_first else rest_words(plan, is_dark=is_dark)
         self._session_log.say("info", words)
-
-    @property
-    def _is_early(self) -> bool:
-        return self._control.config.leap.at_close
 
     def end(self, track: LeapTrack, why: str) -> None:
         """What is known of what was leapt after."""
@@ -188,17 +188,6 @@ def _likeliest(track: LeapTrack) -> KnownOrbit:
         v_km_s=cloud.v_km_s[heaviest],
         covariance=_SURE,
         forces=PointMass(),
-    )
-
-
-def _surely(orbit: KnownOrbit) -> KnownOrbit:
-    """As if it were known: later leaps will know it better than it is known now."""
-    return KnownOrbit(
-        epoch_utc_ns=orbit.epoch_utc_ns,
-        r_km=orbit.r_km,
-        v_km_s=orbit.v_km_s,
-        covariance=_SURE,
-        forces=orbit.forces,
     )
 
 

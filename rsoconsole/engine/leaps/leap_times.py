@@ -126,10 +126,8 @@ class LeapTimes:
 
     def examined(self, now_utc_ns: int) -> None:
         """By the last frame the next slew can be ordered: what that took since its end."""
-        if self._closed_utc_ns is None:
-            return
-        took_s = (now_utc_ns - self._closed_utc_ns) / NS
-        if 0.0 <= took_s < _LONGEST_READOUT_S:
+        took_s = self._since_closed_s(now_utc_ns)
+        if took_s is not None:
             self._readouts_s.append(took_s)
 
     def forget_camera(self) -> None:
@@ -157,10 +155,16 @@ class LeapTimes:
 
     def whole_seen(self, now_utc_ns: int) -> None:
         """A whole frame is done with: the next exposure could be ordered now."""
-        if self._closed_utc_ns is not None:
-            took_s = (now_utc_ns - self._closed_utc_ns) / NS
-            if 0.0 <= took_s < _LONGEST_READOUT_S:
-                self._whole_s.append(took_s)
+        took_s = self._since_closed_s(now_utc_ns)
+        if took_s is not None:
+            self._whole_s.append(took_s)
+
+    def _since_closed_s(self, now_utc_ns: int) -> float | None:
+        """Since the shutter closed; None where that is not known, or is no time of a read-out."""
+        if self._closed_utc_ns is None:
+            return None
+        took_s = (now_utc_ns - self._closed_utc_ns) / NS
+        return took_s if 0.0 <= took_s < _LONGEST_READOUT_S else None
 
     def stars_seen(self, width_px: float | None) -> str | None:
         """How wide the stars of the last leap's frame are; words where the mount is given another

@@ -53,8 +53,7 @@ def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
 
 def pass_words(plan: PassPlan) -> str:
     """A whole pass before its first leap."""
-    end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
-    return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {end}"
+    return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
 def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
@@ -62,11 +61,14 @@ def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
 
     ``is_dark``: whether that is the Earth's shadow.
     """
-    end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
     words = f"by its orbit up to {len(plan.leaps)} more leaps{_flips_words(plan)}"
     if plan.leaps:
         words += f", until {utc_ns_to_iso(plan.leaps[-1].t_close_utc_ns, 0)[11:]}"
-    return f"{words}; then: {'the shadow of the Earth' if is_dark else end}"
+    return f"{words}; then: {'the shadow of the Earth' if is_dark else _end_words(plan)}"
+
+
+def _end_words(plan: PassPlan) -> str:
+    return plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
 
 
 def _flips_words(plan: PassPlan) -> str:

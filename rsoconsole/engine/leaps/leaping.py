@@ -378,7 +378,7 @@ class Leaping:
         leap, track, share = self._leap, self.track, 1.0
         if leap is not None and track is not None and self._is_known(track):
             share = self.times.subframe_for(leap)
-        if self._camera.read(share):
+        if self._camera.set_subframe(share):
             self.times.forget_readouts()
         self._leap = leap and replace(leap, share=self._camera.share)
 

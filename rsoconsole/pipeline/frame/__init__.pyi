@@ -1,6 +1,7 @@
 from .calibration import Calibration as Calibration
 from .frame_cautions import calibration_warnings as calibration_warnings
 from .frame_cautions import cautions as cautions
+from .frame_part import LEAST_PART_PX as LEAST_PART_PX
 from .frame_part import Part as Part
 from .glance import Glance as Glance
 from .held_frames import BEGIN_MARK as BEGIN_MARK

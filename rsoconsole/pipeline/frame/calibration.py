@@ -134,7 +134,7 @@ class Calibration:
             dark_scale=scale,
             flat=None if flat is None else flat.path,
             has_mosaic=wanted.has_mosaic,
-            window=_window_of(wanted),
+            window=_window_of(wanted, [each for each in (dark, bias, flat) if each is not None]),
         )
 
     def _ready(self, choice: _Choice) -> DarkAndFlat:
@@ -155,9 +155,9 @@ def _dark_scale(dark_s: float | None, frame_s: float | None) -> float:
     return frame_s / dark_s
 
 
-def _window_of(wanted: Traits) -> tuple[int, int, int, int] | None:
-    """Of a frame that says where on its sensor it begins; None: the masters are as they are."""
-    if wanted.corner_px is None:
+def _window_of(wanted: Traits, chosen: list[Master]) -> tuple[int, int, int, int] | None:
+    """Of a frame of which a master shows more; None: all are of its size."""
+    if wanted.corner_px is None or all(each.traits.has_size_of(wanted) for each in chosen):
         return None
     return (*wanted.corner_px, wanted.width_px, wanted.height_px)
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 from rsoconsole.records import Detection, Detections, Frame, Wcs
 
-LEAST_PX = 550
-"""Half a side, at least: fewer pixels have too few catalogue stars for the plate."""
+LEAST_PART_PX = 1_100
+"""A side, at least: fewer pixels have too few catalogue stars for the plate."""
 LEAST_SHARE = 0.25
 """Likewise, of the frame's short side."""
 MOST_SHARE = 0.7
@@ -72,7 +72,7 @@ class Part:
 
 def middle_of(frame: Frame, reach_px: float) -> Part | None:
     """So far about the centre; None where that is most of the frame."""
-    least_px = max(LEAST_PX, LEAST_SHARE * min(frame.width_px, frame.height_px))
+    least_px = max(LEAST_PART_PX / 2.0, LEAST_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
     sides = [
         min(2 * int(half_px) // _GRID_PX * _GRID_PX, side)

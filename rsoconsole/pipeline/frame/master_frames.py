@@ -48,9 +48,13 @@ class Traits:
         """Width by height."""
         return f"{self.width_px} x {self.height_px} px"
 
+    def has_size_of(self, other: "Traits") -> bool:
+        """Whether both are of as many columns and rows."""
+        return (self.width_px, self.height_px) == (other.width_px, other.height_px)
+
     def has_pixels_of(self, other: "Traits") -> bool:
         """Whether it is of the same size, or of the whole sensor of which the other is a part."""
-        if (self.width_px, self.height_px) == (other.width_px, other.height_px):
+        if self.has_size_of(other):
             return True
         if other.corner_px is None or self.corner_px not in (None, (0, 0)):
             return False

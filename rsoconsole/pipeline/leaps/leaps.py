@@ -14,6 +14,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits.motion import SkyAhead, SkyPath
+from rsoconsole.pipeline.frame import LEAST_PART_PX
 from rsoconsole.pipeline.leaps.mount_motion import MountMotion
 from rsoconsole.sky import NS_PER_S, PierSide
 from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
@@ -28,8 +29,6 @@ BESIDE_ARCSEC = 180.0
 """What a mount may look beside where it was sent, its offset known."""
 RIM = 0.96
 """Share of the field within which ends count as in it."""
-LEAST_SUBFRAME_PX = 1_100
-"""Of its short side: fewer pixels have too few catalogue stars for a plate."""
 LEAST_WITHIN = 0.2
 """Less likely to be in the field, a leap is not worth it."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
@@ -150,7 +149,7 @@ class Leap:
         if self.flips:
             return False
         short_px = share * 3600.0 * min(terms.field_deg) / terms.scale_arcsec_px
-        return short_px >= LEAST_SUBFRAME_PX and self.reach_px(terms) <= RIM * short_px / 2.0
+        return short_px >= LEAST_PART_PX and self.reach_px(terms) <= RIM * short_px / 2.0
 
 
 NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
