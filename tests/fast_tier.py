@@ -5,7 +5,8 @@
 
 writes that list from what a whole run took (not of one with ``--fast``, which lacks what the list
 has now): the slowest tests of it, until what is left takes so many seconds, of all processes
-together. A test that is in no list is fast: new ones are run.
+together. A test that is in no list is fast: new ones are run. A file whose tests share a slow
+fixture is left out whole or not at all: without the first of them the next one would wait for it.
 """
 
 import argparse
@@ -14,7 +15,9 @@ from collections import Counter
 from pathlib import Path
 
 LIST = Path(__file__).with_name("slow.txt")
-_LINE = re.compile(r"([\d.]+)s (?:setup|call|teardown)\s+tests/(\S+?)(?:\[.*\])?$")
+_LINE = re.compile(r"([\d.]+)s (setup|call|teardown)\s+tests/(\S+?)(?:\[.*\])?$")
+_SHARED_S = 2.0
+"""A setup that takes so long is taken for one that tests share."""
 
 
 def slow_tests() -> frozenset[str]:
@@ -34,16 +37,22 @@ def chosen(text: str, seconds: float) -> list[str]:
 
     A file all of whose seconds are left out is named whole.
     """
+    lines = [found for line in text.splitlines() if (found := _LINE.search(line.strip()))]
+    shared = {
+        each[3].partition("::")[0]
+        for each in lines
+        if each[2] == "setup" and float(each[1]) >= _SHARED_S
+    }
     took: Counter[str] = Counter()
-    for line in text.splitlines():
-        if found := _LINE.search(line.strip()):
-            took[found[2]] += float(found[1])  # type: ignore[assignment]
+    for each in lines:
+        path = each[3].partition("::")[0]
+        took[path if path in shared else each[3]] += float(each[1])  # type: ignore[assignment]
     left, out = sum(took.values()), set[str]()
-    for name, each in took.most_common():
+    for name, taken in took.most_common():
         if left <= seconds:
             break
         out.add(name)
-        left -= each
+        left -= taken
     kept = {name.partition("::")[0] for name in took.keys() - out}
     return sorted({n.partition("::")[0] if n.partition("::")[0] not in kept else n for n in out})
 

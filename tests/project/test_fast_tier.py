@@ -19,6 +19,17 @@ def test_the_slowest_are_left_out_until_the_rest_fits() -> None:
     assert chosen(RUN, 1.0) == ["engine/test_a.py::test_long", "sky/test_b.py"]
 
 
+def test_a_file_whose_tests_share_a_slow_fixture_is_left_out_whole() -> None:
+    shared = """
+    9.00s setup    tests/engine/test_d.py::test_first
+    0.10s call     tests/engine/test_d.py::test_first
+    0.20s call     tests/engine/test_d.py::test_second
+    0.50s setup    tests/sky/test_e.py::test_one
+    0.20s call     tests/sky/test_e.py::test_two
+    """
+    assert chosen(shared, 1.0) == ["engine/test_d.py"]
+
+
 def test_a_case_a_function_and_a_file_are_known_by_the_list() -> None:
     slow = frozenset(("engine/test_a.py::test_long", "sky/test_b.py"))
     assert is_slow("tests/engine/test_a.py::test_long[one]", slow)
