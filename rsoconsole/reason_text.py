@@ -18,6 +18,7 @@ from rsoconsole.reasons import (
     RuledKind,
     SlewRefusal,
     SlewRefusalKind,
+    StopOutcome,
     TrackLost,
     Unclassified,
 )
@@ -80,6 +81,7 @@ _DROPPED: dict[DroppedBy, str] = {
 
 STOP_PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
 """The ways by which a STOP reaches the mount."""
+CUT_POWER = "cut the mount's power"
 _SLEW_REFUSED: dict[SlewRefusalKind, str] = {
     "altitude": "altitude {value:.1f} deg is {by} below the limit of {bound:.1f}{later}",
     "horizon": (
@@ -166,22 +168,48 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
             return result.detail or "done"
         case "ruled":
             return f"frame {result.frame_id}: {ruled_text(result)}"
-        case "stopped":
-            return stopped_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
+        case "answered":
+            return answered_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
+        case "measured":
+            if result.stop_outcome is None or result.stop_outcome == "unknown":
+                return unmeasured_text(result.detail, f"{CUT_POWER} if it does")
+            seconds = (result.stop_ms or 0.0) / 1e3
+            return measured_text(result.stop_outcome, result.rate_deg_s, seconds)
         case "refused":
             return f"refused: {result.detail}"
         case "dropped":
             return _DROPPED[result.dropped_by or "STOP"]
         case "failed":
-            return f"NOT confirmed: {result.detail}{_ordered(result.stop_ordered_ms)}"
+            return f"NOT answered: {result.detail}{_ordered(result.stop_ordered_ms)}"
         case _:
             assert_never(result.kind)
 
 
-def stopped_text(ms: float, path: str, ordered_ms: float | None) -> str:
-    """A confirmed STOP, in the same words everywhere."""
+def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
+    """A STOP that the mount's driver has taken, in the same words everywhere."""
     way = STOP_PATHS.get(path, path)
-    return f"motion ended, confirmed in {ms:.0f} ms by {way}{_ordered(ordered_ms)}"
+    return f"ABORT answered in {ms:.0f} ms by {way}{_ordered(ordered_ms)}"
+
+
+def measured_text(
+    outcome: StopOutcome, rate_deg_s: float | None = None, seconds: float | None = None
+) -> str:
+    """What a STOP has come to, where that is known, and after how long it was."""
+    if outcome == "moves":
+        return f"the mount STILL MOVES at {rate_text(rate_deg_s or 0.0)}: {CUT_POWER}"
+    return f"the mount {outcome}, measured" + ("" if seconds is None else f" in {seconds:.1f} s")
+
+
+def unmeasured_text(why: str, remedy: str) -> str:
+    """A STOP of which nobody knows whether the mount stands."""
+    return f"NOT KNOWN whether the mount moves{f' ({why})' if why else ''}: {remedy}"
+
+
+def rate_text(rate_deg_s: float) -> str:
+    """An angular rate, in a unit of its size."""
+    if rate_deg_s >= 0.1:
+        return f"{rate_deg_s:.1f} deg/s"
+    return f"{rate_deg_s * 3600.0:.0f} arcsec/s"
 
 
 def _ordered(ordered_ms: float | None) -> str:

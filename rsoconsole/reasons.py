@@ -374,8 +374,10 @@ FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
 
 
 ResultKind: TypeAlias = Literal[
-    "accepted", "done", "ruled", "stopped", "refused", "dropped", "failed"
+    "accepted", "done", "ruled", "answered", "measured", "refused", "dropped", "failed"
 ]
+StopOutcome: TypeAlias = Literal["stands", "tracks", "moves", "unknown"]
+"""What a STOP has come to, by the directions that the mount reports since."""
 RuledKind: TypeAlias = Literal[
     "rejected",
     "taken",
@@ -397,17 +399,21 @@ class CommandResult:
     """What came of a command."""
 
     kind: ResultKind
-    """"accepted": it waits, and what comes of it is on record too; "failed": the mount did not
-    confirm a STOP."""
+    """"accepted": it waits, and what comes of it is on record too; of a STOP: "answered" by the
+    mount's driver, or "failed" to be, then "measured"."""
     detail: str = ""
-    """Of "done": how, where that is worth saying; of "refused" and "failed": why."""
+    """Of "done": how, where that is worth saying; of "refused", "failed" and what is not known:
+    why."""
     dropped_by: DroppedBy | None = None
     """What undid it while it waited."""
     stop_ms: float | None = None
-    """How long it took until the mount confirmed a STOP, and its way to the mount."""
+    """How long it took until a STOP was answered, or measured, and its way to the mount."""
     stop_path: str = ""
     stop_ordered_ms: float | None = None
     """How long it took until ABORT was on its way to the mount; None: not known, or never."""
+    stop_outcome: StopOutcome | None = None
+    rate_deg_s: float | None = None
+    """Of a mount that moves on: of its faster axis."""
     ruled: RuledKind | None = None
     """What the operator's word on a frame came to."""
     frame_id: int | None = None

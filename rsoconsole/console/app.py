@@ -45,7 +45,7 @@ from rsoconsole.console.watches import (
     OutlookWatch,
     SessionWatch,
 )
-from rsoconsole.control import Wire
+from rsoconsole.control import Found, Wire
 
 log = logging.getLogger(__name__)
 
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from rsoconsole.console.picture import GraphicsKind
     from rsoconsole.pipeline.outlook import Outlook
 
-StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
-"""Stops the mount past the engine: (it stands, how or what is wrong)."""
+StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
+"""Stops the mount past the engine, and tells what it finds."""
 
 
 def is_utf8() -> bool:
@@ -156,8 +156,8 @@ class ConsoleApp(App[str]):
         if stop_directly is not None and session is None:
             directly = stop_directly
 
-            def past_engine() -> tuple[bool, str]:
-                return directly(self._session_watch.indi)
+            def past_engine(on_found: Callable[[Found], None]) -> None:
+                directly(on_found, self._session_watch.indi)
 
         self.live = LiveScreen(
             Orders(wire, past_engine),

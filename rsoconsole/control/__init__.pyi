@@ -63,6 +63,7 @@ from .status import read_status as read_status
 from .status import status_json as status_json
 from .stop import IN_ENGINE as IN_ENGINE
 from .stop import DirectStop as DirectStop
+from .stop import Found as Found
 from .stop import StopNews as StopNews
 from .stop import Stopping as Stopping
 from .stop import counted as counted
@@ -71,5 +72,6 @@ from .text import printable as printable
 from .track_text import next_aim_words as next_aim_words
 from .track_text import track_table as track_table
 from .wire import ON_RECORD as ON_RECORD
+from .wire import Later as Later
 from .wire import Outcome as Outcome
 from .wire import Request as Request

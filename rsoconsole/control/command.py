@@ -42,6 +42,8 @@ class Command:
     """Only the console in control may ask for it (a shell always may)."""
     wakes_loop: ClassVar[bool] = True
     """The loop looks at it before it has waited for its next exposure."""
+    awaits_mount: ClassVar[bool] = False
+    """Its answer waits, but not for long, until the mount has taken or refused it."""
     answer_s: ClassVar[float] = 5.0
     """So long a console waits for the engine's word; longer where it has to read pixels first."""
     is_on_panel: ClassVar[bool] = False

@@ -136,6 +136,7 @@ class Park(Command):
 
     verb = "park"
     is_urgent = True
+    awaits_mount = True
     shell = "rsoconsole park"
     shell_help = "Disarm and send the mount to its park position."
 
@@ -172,6 +173,7 @@ class Goto(Command):
     title = "go to"
     is_urgent = True
     moves_mount = True
+    awaits_mount = True
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -196,6 +198,7 @@ class Nudge(Command):
     verb = "nudge"
     is_urgent = True
     moves_mount = True
+    awaits_mount = True
 
     east_arcmin: float
     north_arcmin: float
@@ -265,6 +268,8 @@ class Track(Command):
 
     verb = "track"
     is_urgent = True
+    moves_mount = True
+    awaits_mount = True
 
     is_on: bool = argument("on", default=True)
 
@@ -280,6 +285,7 @@ class Unpark(Command):
 
     verb = "unpark"
     is_urgent = True
+    awaits_mount = True
     shell = "rsoconsole unpark"
     shell_help = "Release a parked mount; nothing moves."
 

@@ -5,6 +5,9 @@ from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
 OLD_S = 10.0
 """A word of the mount older than that is told with its instant."""
+SLOW_DEG_S = 0.02
+"""Below it a rate is told in arcseconds."""
+STANDS = "stands, measured"
 NS_PER_S = 1_000_000_000
 
 
@@ -23,13 +26,43 @@ def mount_words(status: Status) -> tuple[str, ...]:
 
 
 def motion_words(status: Status) -> str:
-    """Slewing and for how long still, tracking, parked, or that it stands."""
+    """What it does as measured; where that is not known, what its driver says."""
+    measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:
-        return "parked"
+        return "parked" if measured in ("", STANDS) else f"parked, but it {measured}"
     if status.is_slewing:
-        left_s = status.slew_left_s
-        return "slewing" if left_s is None else f"slewing, {left_s:.0f} s left"
-    return "tracking" if status.is_tracking else "stands still"
+        is_at_rest = status.mount_motion in ("stands", "tracks")
+        return f"{claimed}, but it {measured}" if is_at_rest else claimed
+    if not measured and status.is_tracking is None:
+        return "how it moves is not known"
+    return measured or f"{claimed} by its driver's word"
+
+
+def _measured(status: Status) -> str:
+    """Empty: not known."""
+    match status.mount_motion:
+        case "stands":
+            return STANDS
+        case "tracks":
+            return "tracks, measured"
+        case "moves":
+            return f"moves{_at_rate(status.mount_rate_deg_s)}, measured"
+    return ""
+
+
+def _at_rate(rate_deg_s: float | None) -> str:
+    if rate_deg_s is None:
+        return ""
+    if rate_deg_s < SLOW_DEG_S:
+        return f" at {rate_deg_s * 3600.0:.0f} arcsec/s"
+    return f" at {rate_deg_s:.{1 if rate_deg_s >= 1.0 else 2}f} deg/s"
+
+
+def _claimed(status: Status) -> str:
+    if status.is_slewing:
+        what, left_s = "parking" if status.is_parking else "slewing", status.slew_left_s
+        return what if left_s is None else f"{what}, {left_s:.0f} s left"
+    return "tracks" if status.is_tracking else "stands"
 
 
 def is_silent(status: Status) -> bool:

@@ -2,7 +2,8 @@
 
 Commands that are immediate (``stop``, ``status``) are handled at once, on the thread of the
 connection that brought them; all others wait in one queue for one thread, and one that has
-waited past its sender's patience is not carried out any more.
+waited past its sender's patience is not carried out any more. An answer that waits for the mount
+has a short thread of its own meanwhile, so that what comes behind it does not wait with it.
 """
 
 import contextlib
@@ -20,6 +21,7 @@ from rsoconsole.control.place import EngineLock, address_of, remove_socket
 from rsoconsole.control.record_lock import RecordLock
 from rsoconsole.control.wire import (
     Connection,
+    Later,
     NotACommand,
     Outcome,
     Request,
@@ -35,11 +37,13 @@ MAX_CONNECTIONS = 32
 SPARE = 8
 """Places beside them in which only a STOP is heard: who holds the others cannot keep it out."""
 MAX_WAITING = 64
+MAX_LATER = 16
+"""Answers that wait for the mount at once; beyond it they say what is known."""
 BACKLOG = 128
 """Connections that may wait at once before the system turns one away."""
 
 
-Handler = Callable[[Request], Outcome]
+Handler = Callable[[Request], Outcome | Later]
 
 
 class ControlServer:
@@ -73,6 +77,7 @@ class ControlServer:
         self._closing = threading.Event()
         self._waiting: queue.Queue[WaitingRequest | None] = queue.Queue(MAX_WAITING)
         self._connections: set[Connection] = set()
+        self._later = threading.BoundedSemaphore(MAX_LATER)
         self._spare: list[Connection] = []
         """The oldest first."""
         self._lock = threading.Lock()
@@ -281,7 +286,7 @@ class ControlServer:
             return
         waiting = replace(read, request=replace(read.request, stamp=stamp))
         if waiting.request.command.is_immediate:
-            connection.answer(waiting.id, self._carry_out(waiting.request))
+            self._answer(waiting, self._carry_out(waiting.request))
             return
         try:
             self._waiting.put_nowait(waiting)
@@ -298,9 +303,33 @@ class ControlServer:
                 late = Outcome(ok=False, message="the engine was busy for too long: not done")
                 waiting.connection.answer(waiting.id, late)
             else:
-                waiting.connection.answer(waiting.id, self._carry_out(waiting.request))
+                self._answer(waiting, self._carry_out(waiting.request))
 
-    def _carry_out(self, request: Request) -> Outcome:
+    def _answer(self, waiting: WaitingRequest, outcome: Outcome | Later) -> None:
+        if isinstance(outcome, Outcome):
+            waiting.connection.answer(waiting.id, outcome)
+            return
+        later = outcome
+
+        def answer(deadline: float) -> None:
+            waiting.connection.answer(waiting.id, later.outcome(deadline))
+
+        def wait() -> None:
+            try:
+                answer(waiting.deadline)
+            finally:
+                self._later.release()
+
+        if not self._later.acquire(blocking=False):
+            answer(0.0)
+            return
+        try:
+            threading.Thread(target=wait, name="control-later", daemon=True).start()
+        except RuntimeError:  # no more threads
+            self._later.release()
+            answer(0.0)
+
+    def _carry_out(self, request: Request) -> Outcome | Later:
         try:
             return self._handler(request)
         except Exception as error:  # whatever one command breaks, the wire stays

@@ -12,6 +12,8 @@ from typing import Any
 
 from rsoconsole.control.field_now import PairNow, UnseenNow
 from rsoconsole.control.fields import as_json, read_fields
+from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
+from rsoconsole.reasons import StopOutcome
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
@@ -63,21 +65,33 @@ class Machine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastStop:
-    """The last STOP of this engine: ordered and confirmed are two things."""
+    """The last STOP of this engine: ordered, answered by the driver, measured."""
 
+    number: int = 0
+    """Of the STOPs of this engine."""
     by: str = ""
     t_utc_ns: int | None = None
     """When it was given, by the engine's clock."""
     ordered_ms: float | None = None
     """Until ABORT was on its way to the mount; None: not yet, or never."""
-    confirmed_ms: float | None = None
-    """Until the mount said that it stands; None: not yet, or never."""
-    is_confirmed: bool = False
+    answered_ms: float | None = None
+    """Until the driver had taken it; None: not yet, or never."""
+    measured_ms: float | None = None
+    """Until it was known how the mount moves; None: not yet."""
+    outcome: StopOutcome | None = None
+    """How it moves since, as measured: stands, tracks, moves, unknown; None: not yet."""
+    rate_deg_s: float | None = None
+    """Of the faster axis, where it moves."""
     is_over: bool = False
-    """Not confirmed in time, and the mount has been seen to stand since, or was armed again."""
+    """The mount has been measured to be at rest since, or was armed again."""
     path: str | None = None
     detail: str = ""
-    """Why it is not confirmed."""
+    """Why it is not answered, or not known."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the mount was measured to stand or to track."""
+        return self.outcome in ("stands", "tracks")
 
     @property
     def text(self) -> str:
@@ -85,9 +99,18 @@ class LastStop:
         ordered = (
             "not ordered" if self.ordered_ms is None else f"ordered in {self.ordered_ms:.0f} ms"
         )
-        if self.is_confirmed:
-            return f"{ordered}, confirmed in {self.confirmed_ms or 0.0:.0f} ms"
-        return f"{ordered}, NOT CONFIRMED"
+        answered = (
+            "NOT ANSWERED" if self.answered_ms is None else f"answered in {self.answered_ms:.0f} ms"
+        )
+        return f"{ordered}, {answered}: {self._measured_text}"
+
+    @property
+    def _measured_text(self) -> str:
+        if self.outcome is None:
+            return "measuring"
+        if self.outcome == "unknown":
+            return unmeasured_text(self.detail, f"{CUT_POWER} if it does")
+        return measured_text(self.outcome, self.rate_deg_s, (self.measured_ms or 0.0) / 1e3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +200,13 @@ class Status:
     is_slewing: bool | None = None
     """As the mount said a second ago."""
     is_tracking: bool | None = None
+    """By its driver's word: ``mount_motion`` is what was measured."""
+    is_parking: bool | None = None
+    """On its way to its park position, by its driver's word."""
+    mount_motion: str | None = None
+    """Measured from the directions that it reported: stands, tracks, moves or unknown."""
+    mount_rate_deg_s: float | None = None
+    """Measured against the sky, of the faster axis; None while the motion is unknown."""
     pier_side: str | None = None
     now_utc_ns: int | None = None
     """The engine's clock."""
@@ -205,6 +235,8 @@ class Status:
     temporary: Mapping[str, int] = field(default_factory=dict)
     """Settings that hold for a number of further frames."""
     health: tuple[Health, ...] = ()
+    mount_lacks: tuple[str, ...] = ()
+    """What the mount's driver does not offer, each with what follows from it."""
     machine: Machine | None = None
     """Heat, power, disk and time source."""
     seat: str | None = None

@@ -1,19 +1,27 @@
-"""STOP: to the engine at once, and past it as soon as it fails or is late; one yes is enough.
+"""STOP: to the engine at once, and past it as soon as it fails or is late; one answer is enough.
 
-The one procedure of every seat: the console's key, the panel's button and the shell's verb.
+The one procedure of every seat: the console's key, the panel's button and the shell's verb. In two
+stages: ABORT is sent and the driver answers, which is known at once; how the mount then moves is
+measured, which takes some seconds and alone tells whether it has stopped.
 """
 
 import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
 
 from rsoconsole.control.client import Wire
-from rsoconsole.control.commands import Stop
+from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.reason_text import STOP_PATHS, stopped_text
+from rsoconsole.reason_text import (
+    STOP_PATHS,
+    answered_text,
+    measured_text,
+    unmeasured_text,
+)
+from rsoconsole.reasons import StopOutcome
 
 log = logging.getLogger(__name__)
 
@@ -21,27 +29,45 @@ ENGINE_S = 1.0
 """How long the engine's answer is waited for."""
 LATE_S = 0.3
 """How long it is waited for before the mount itself is told."""
+MEASURED_S = 12.0
+"""How long the engine's word on how the mount moves is waited for."""
+_ASK_EVERY_S = 0.25
 REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """From when the times of a STOP count: where it was given, and where it was carried out."""
 
-DirectStop = Callable[[], tuple[bool, str]]
-"""Stops the mount without the engine: (it stands, how or what is wrong). Raises what it will."""
+Found = Mapping[str, Any]
+"""What came of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
+outcome and rate_deg_s once it is measured."""
+DirectStop = Callable[[Callable[[Found], None]], None]
+"""Stops the mount without the engine; tells what it finds, each time that there is more, and
+returns when nothing more comes. Raises what it will."""
+
+
+Phase = Literal["sent", "late", "answered", "stopped", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNews:
     """How a STOP stands."""
 
-    phase: Literal["sent", "late", "stopped", "failed"]
+    phase: Phase
+    """answered: by the driver, and being measured; stopped: measured to be at rest; failed: it
+    moves on, or nobody knows."""
     text: str
     path: str = ""
-    """Through what motion was ended, or was tried to be last: mount, indi, engine."""
+    """Through what it was answered, or was tried to be last: mount, indi, engine."""
     ms: float | None = None
-    """From the beginning to the end of the procedure: until it was confirmed, or given up."""
+    """From the beginning of the procedure until this was known."""
     ordered_ms: float | None = None
     """Until ABORT was on its way to the mount; None: not yet, or nobody has told."""
+    answered_ms: float | None = None
+    """Until the driver had taken it; None: not yet, or nobody has told."""
+    outcome: StopOutcome | None = None
+    """As measured; None: not yet."""
+    rate_deg_s: float | None = None
+    """Of the faster axis, where it moves."""
     reason: str = ""
     """What is wrong where it failed."""
 
@@ -56,7 +82,7 @@ def unheard(_news: StopNews) -> None:
 
 
 class Stopping:
-    """One STOP under way; ``on_news`` is called from its threads, last with its end."""
+    """One STOP under way; ``on_news`` is called from its threads."""
 
     def __init__(
         self,
@@ -72,9 +98,10 @@ class Stopping:
         """News go out one after the other; nothing that ends motion waits for them."""
         self._ways_open = 1
         self._has_gone_past = False
-        self._is_over = False
+        self._is_answered = False
         self._reasons: list[str] = []
         self._ordered_ms: float | None = None
+        self._answered_ms: float | None = None
         self._began_s = time.monotonic()
         self._ended: StopNews | None = None
         self._end = threading.Event()
@@ -88,16 +115,18 @@ class Stopping:
         late.start()
 
     def wait(self) -> StopNews:
-        """How it ended, once every way has said no or one has said yes.
+        """How it ended: measured by a way, or every way has failed.
 
         A way past the engine that has begun is waited for all the same: it may still set tracking
-        as configured after its own ABORT.
+        as configured after its own ABORT, and repeats that while the mount moves.
         """
         self._end.wait()
         if self._past is not None:
             self._past.join()
         assert self._ended is not None
         return self._ended
+
+    # -- the ways -------------------------------------------------------------------------------
 
     def _by_engine(self) -> None:
         try:
@@ -109,14 +138,41 @@ class Stopping:
             log.exception("stop")
             self._failed(str(error) or type(error).__name__)
             return
-        path = outcome.data.get("path")
-        self._note_order_time(outcome.data)
-        if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
-            self._stopped(STOP_PATHS.get(path, "the engine"), path)
-        else:
+        found = outcome.data
+        path = found.get("path")
+        if not isinstance(path, str):
             self._failed(outcome.message or "the engine gave no reason")
+            return
+        self._note_order_time(found)
+        if outcome.ok and found.get("is_answered") is True:
+            self._answered(STOP_PATHS.get(path, "the engine"), path)
+        else:
+            self._go_past()
+            self._note_reason(outcome.message or "the engine gave no reason")
+        if not self._take_outcome(found, path):
+            self._follow_engine(found.get("number"), path)
+
+    def _follow_engine(self, number: Any, path: str) -> None:
+        """Ask until the engine has measured how the mount moves."""
+        reason = "the engine has not told how it moves"
+        while time.monotonic() < self._began_s + MEASURED_S:
+            time.sleep(_ASK_EVERY_S)
+            try:
+                status = self._wire().send(AskStatus(), timeout_s=ENGINE_S)
+            except Exception as error:  # as above
+                reason = str(error).partition(":")[0] or type(error).__name__
+                break
+            last = status.data.get("last_stop")
+            if not isinstance(last, Mapping):
+                continue
+            is_ours = not isinstance(number, int) or last.get("number", number) >= number
+            if is_ours and self._take_outcome(last, path):
+                return
+        self._failed(reason)
 
     def _when_late(self) -> None:
+        if self._is_answered:
+            return
         if self._directly is None:
             self._say(StopNews(phase="late", text=f"NO ANSWER YET: {REMEDY}"))
         else:
@@ -126,7 +182,7 @@ class Stopping:
 
     def _go_past(self) -> None:
         with self._lock:
-            if self._directly is None or self._has_gone_past or self._is_over:
+            if self._directly is None or self._has_gone_past or self._ended is not None:
                 return
             self._has_gone_past = True
             self._ways_open += 1
@@ -137,15 +193,28 @@ class Stopping:
 
     def _past_engine(self) -> None:
         assert self._directly is not None
+        has_ended: list[bool] = []
+        reasons: list[str] = []
+
+        def hear(found: Found) -> None:
+            path = str(found.get("path") or "indi")
+            if self._take_outcome(found, path):
+                has_ended.append(True)
+            elif found.get("is_answered") is True:
+                way = f"a connection past the engine ({STOP_PATHS.get(path, path)})"
+                self._answered(way, path)
+            elif found.get("detail"):
+                reasons.append(str(found["detail"]))
+
         try:
-            stands, words = self._directly()
+            self._directly(hear)
         except Exception as error:  # as above
             log.exception("stop past the engine")
-            stands, words = False, str(error) or type(error).__name__
-        if stands:
-            self._stopped(f"a connection past the engine ({STOP_PATHS.get(words, words)})", words)
-        else:
-            self._failed(words, is_past=True)
+            reasons.append(str(error) or type(error).__name__)
+        if not has_ended:
+            self._failed(reasons[-1] if reasons else "no reason given", is_past=True)
+
+    # -- what they find -------------------------------------------------------------------------
 
     def _note_order_time(self, data: Mapping[str, Any]) -> None:
         """When the engine had ordered it; its own clock began when it heard of the STOP."""
@@ -153,47 +222,78 @@ class Stopping:
         if isinstance(ordered, int | float) and isinstance(ms, int | float):
             self._ordered_ms = max(0.0, self._ms() - max(0.0, ms - ordered))
 
-    def _stopped(self, way: str, path: str) -> None:
-        ms = self._ms()
-        text = counted(stopped_text(ms, way, self._ordered_ms), self._ordered_ms, FROM_PRESS)
-        news = StopNews(phase="stopped", text=text, path=path, ms=ms, ordered_ms=self._ordered_ms)
-        self._say(news)
+    def _answered(self, way: str, path: str) -> None:
+        with self._lock:
+            if self._is_answered:
+                return
+            self._is_answered, self._answered_ms = True, self._ms()
+        said = answered_text(self._answered_ms, way, self._ordered_ms)
+        text = counted(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
+        self._say(self._news("answered", text, path))
+
+    def _take_outcome(self, found: Found, path: str) -> bool:
+        """Whether it says how the mount was measured to move, or that nobody will."""
+        outcome, rate = found.get("outcome"), found.get("rate_deg_s")
+        if outcome is None or outcome not in get_args(StopOutcome):
+            if found.get("is_over") is True:
+                self._failed(str(found.get("detail") or "another order came"))
+                return True
+            return False
+        rate_deg_s = float(rate) if isinstance(rate, int | float) else None
+        detail = str(found.get("detail") or "")
+        if outcome == "unknown":
+            text = unmeasured_text(detail, REMEDY)
+        else:
+            text = measured_text(outcome, rate_deg_s, self._ms() / 1e3)
+        phase: Phase = "stopped" if outcome in ("stands", "tracks") else "failed"
+        news = self._news(phase, text, path)
+        reason = "" if phase == "stopped" else detail or text
+        self._say(replace(news, outcome=outcome, rate_deg_s=rate_deg_s, reason=reason))
+        return True
+
+    def _note_reason(self, reason: str, *, is_past: bool = False) -> None:
+        with self._lock:
+            # The engine's first, whichever way has given up first.
+            self._reasons.insert(1 if is_past else 0, reason)
 
     def _failed(self, reason: str, *, is_past: bool = False) -> None:
         self._go_past()
+        self._note_reason(reason, is_past=is_past)
         with self._lock:
             self._ways_open -= 1
-            # The engine's first, whichever way has given up first.
-            self._reasons.insert(1 if is_past else 0, reason)
-            is_last = self._ways_open == 0
-            reasons = "; ".join(self._reasons)
+            is_last = self._ways_open == 0 and self._ended is None
+            reasons = "; ".join(dict.fromkeys(self._reasons))
         if is_last:
-            ordered = self._ordered_ms
-            ordered_text = "" if ordered is None else f"ordered in {ordered:.0f} ms, "
-            news = StopNews(
-                phase="failed",
-                text=f"{ordered_text}NOT CONFIRMED: {REMEDY} ({reasons})",
-                path="engine" if self._directly is None else "indi",
-                ms=self._ms(),
-                ordered_ms=ordered,
-                reason=reasons,
-            )
-            self._say(news)
+            path = "engine" if self._directly is None else "indi"
+            ordered = "" if self._ordered_ms is None else f"ordered in {self._ordered_ms:.0f} ms, "
+            state = "answered, but " if self._is_answered else "NOT ANSWERED: "
+            news = self._news("failed", f"{ordered}{state}{unmeasured_text(reasons, REMEDY)}", path)
+            self._say(replace(news, outcome="unknown", reason=reasons))
 
     def _ms(self) -> float:
         return (time.monotonic() - self._began_s) * 1e3
 
+    def _news(self, phase: Phase, text: str, path: str) -> StopNews:
+        return StopNews(
+            phase=phase,
+            text=text,
+            path=path,
+            ms=self._ms(),
+            ordered_ms=self._ordered_ms,
+            answered_ms=self._answered_ms,
+        )
+
     def _say(self, news: StopNews) -> None:
-        is_end = news.phase != "late"
+        is_end = news.phase in ("stopped", "failed")
         with self._lock:
-            if self._is_over:
+            before = self._ended
+            if before is not None and (not is_end or before.phase == "stopped"):
                 return
             if is_end:
-                self._is_over = True
                 self._ended = news
         try:
             with self._reporting:
-                if is_end or not self._is_over:
+                if is_end or self._ended is None:
                     self._on_news(news)
         except Exception:  # who only hears of a STOP may not end it
             log.exception("news of a STOP")

@@ -2,12 +2,13 @@
 
 import contextlib
 import json
+import math
 import os
 import socket
 import struct
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,10 +17,31 @@ from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
 from rsoconsole.foreign_text import json_of
+from rsoconsole.reasons import CommandResult
 
 MAX_LINE_BYTES = 65536
 DEFAULT_TIMEOUT_S = 5.0
 _SEND_TIMEOUT_S = 2.0
+
+
+class Course:
+    """How far a request has come; the loop says so, whoever waits for its answer looks."""
+
+    def __init__(self) -> None:
+        self.is_begun = False
+        """It is being executed, or has been."""
+        self._result: CommandResult | None = None
+        self._is_settled = threading.Event()
+
+    def settle(self, result: CommandResult) -> None:
+        """That came of it (any thread; never waits)."""
+        self._result = result
+        self._is_settled.set()
+
+    def wait(self, timeout_s: float) -> CommandResult | None:
+        """What came of it; None where that is not known so soon."""
+        self._is_settled.wait(timeout_s)
+        return self._result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +52,9 @@ class Request:
     sender: Sender = field(default_factory=Sender)
     stamp: int | None = None
     """How many STOPs had been given when it was read; None: not known."""
+    came_s: float = field(default_factory=time.monotonic, compare=False)
+    """When it was read, monotonic."""
+    course: Course = field(default_factory=Course, compare=False, repr=False)
 
     @property
     def by(self) -> str:
@@ -50,6 +75,20 @@ class Outcome:
     """In the operator's words; says why when it is not ok."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """The answer to a question, as JSON carries it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later:
+    """An outcome that is waited for, but not for long."""
+
+    until_s: float
+    """Monotonic; at that instant it is what is known by then."""
+    wait: Callable[[float], Outcome]
+    """Gives it, after so many seconds at most."""
+
+    def outcome(self, deadline: float = math.inf) -> Outcome:
+        """Waits for it, not beyond the monotonic ``deadline``."""
+        return self.wait(max(0.0, min(self.until_s, deadline) - time.monotonic()))
 
 
 class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no failure of the engine

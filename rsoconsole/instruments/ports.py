@@ -6,9 +6,10 @@ not do in time raises InstrumentError with the remedy in words.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+from rsoconsole.instruments.motion import Motion
 from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
@@ -32,23 +33,60 @@ class MountReport:
     age_s: float = 0.0
     """How old the driver's word was, wall clock; 0 in the simulated observatory. A mount that
     only tracks may be silent for long."""
+    is_parking: bool = False
+    """On its way to its park position, by the driver's word."""
+    motion: Motion = field(default_factory=Motion)
+    """Measured from the directions that it reported; all else here is the driver's word."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopResult:
-    """What came of a STOP: whether it was ordered, and whether the mount confirmed it."""
+    """What came of a STOP so far: ordered, answered by the driver, and measured."""
 
-    stopped: bool
-    """Confirmed: motion was read back as ended."""
+    is_answered: bool
+    """The driver has taken ABORT and claims no motion any more: no proof that it stands."""
     ms: float
-    """Wall time from the request until it was confirmed, or given up."""
+    """Wall time from the request until this was known, or given up."""
     path: StopPath
     ordered_ms: float | None = None
     """Wall time from the request until ABORT was on its way to the mount; None: it never was, or
     nobody knows."""
-    detail: str = ""
     is_tracking: bool | None = None
-    """Whether the mount tracked afterwards, by read-back; None where that is not known."""
+    """Whether tracking is on, by the driver's word; None where it does not tell."""
+    motion: Motion | None = None
+    """As measured since: it stands, tracks, still moves, or that is not known. None while it is
+    being measured."""
+    measured_ms: float | None = None
+    """Wall time from the request until that was known, or given up."""
+    detail: str = ""
+    """Why it is not answered, or not known."""
+    is_superseded: bool = False
+    """Not measured any longer, because another order came."""
+
+    @property
+    def rate_deg_s(self) -> float | None:
+        """Of the faster axis of a mount that moves on; None where it does not, or nobody knows."""
+        moves = self.motion is not None and self.motion.kind == "moves"
+        return self.motion.rate_deg_s if self.motion is not None and moves else None
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Measured to stand or to track."""
+        return self.motion is not None and self.motion.is_at_rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountAbilities:
+    """What the mount's driver offers, as found when it was connected."""
+
+    can_abort: bool = True
+    """Without it nothing but the power switch ends a slew."""
+    can_park: bool = True
+    can_set_tracking: bool = True
+    """Without it tracking cannot be ended at a limit, and nobody tells whether it is on."""
+    tells_pier_side: bool = True
+    tells_site: bool = True
+    tells_time: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,11 +205,13 @@ class MountPort(Protocol):
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
     ) -> StopResult:
-        """End motion at once and read back that it has ended; never raises for a deaf mount.
+        """End motion at once; returns when the driver has answered, never raises for a deaf mount.
 
-        Goes through the mount's process and, where the mount does not stand within 100 ms, beside
-        it by a second plain connection to the INDI server. ``on_news`` hears when ABORT is on
-        its way, and when the mount stands; returns when tracking is then as it is to be.
+        Goes through the mount's process and, where the driver does not answer within 100 ms, beside
+        it by a second plain connection to the INDI server. Returns when tracking is then ordered as
+        it is to be. ``on_news`` hears when ABORT is on its way, when it is answered, and, after
+        this has returned, how the mount is measured to move: each time that this changes, for 30 s
+        at most, or until the next order.
         """
 
     def park(self) -> None:
@@ -188,6 +228,9 @@ class MountPort(Protocol):
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
+
+    def abilities(self) -> MountAbilities:
+        """What its driver offers. Raises InstrumentError where it is not connected."""
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion: somebody watches the mount.

@@ -174,7 +174,7 @@ def test_the_engine_s_help_says_how_to_arm_it():
 @pytest.fixture
 def direct(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int, str]]:
     """Every STOP that went to the mount past the engine; each succeeds."""
-    return stand_in_for_the_wire(monkeypatch, StopResult(stopped=True, ms=5.0, path="indi"))
+    return stand_in_for_the_wire(monkeypatch, StopResult(is_answered=True, ms=5.0, path="indi"))
 
 
 def stand_in_for_the_wire(
@@ -245,7 +245,7 @@ def test_an_engine_that_hangs_is_passed_by(direct, monkeypatch):
 
 
 def test_an_engine_that_is_late_is_believed_where_there_is_no_other_way(monkeypatch):
-    result = StopResult(stopped=False, ms=5.0, path="indi", detail="start indiserver")
+    result = StopResult(is_answered=False, ms=5.0, path="indi", detail="start indiserver")
     stand_in_for_the_wire(monkeypatch, result)
 
     def be_late(_request: Request) -> Outcome:
@@ -280,7 +280,7 @@ def test_a_faulty_configuration_does_not_prevent_a_stop(direct, home, text):
 
 
 def test_a_stop_that_is_not_confirmed_is_a_failure_that_says_why(monkeypatch):
-    result = StopResult(stopped=False, ms=5.0, path="indi", detail="start indiserver")
+    result = StopResult(is_answered=False, ms=5.0, path="indi", detail="start indiserver")
     stand_in_for_the_wire(monkeypatch, result)
     run = rsoconsole("stop", "--json")
     assert run.exit_code == 1

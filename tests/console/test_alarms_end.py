@@ -106,7 +106,7 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_until_the_mount_is_seen_to_stan
     abort = tracking.mount.abort
 
     def unsure(*_: Any, **__: Any) -> StopResult:
-        return StopResult(stopped=False, ms=800.0, path="mount", detail="the mount is silent")
+        return StopResult(is_answered=False, ms=800.0, path="mount", detail="the mount is silent")
 
     tracking.mount.abort = unsure  # type: ignore[method-assign]
     command_handler = command_handler_of(tracking)
@@ -203,11 +203,12 @@ def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
         "mount_az_deg": 150.0,
         "mount_t_utc_ns": night.t_of(3),
         "now_utc_ns": night.t_of(3) + NS,
+        "mount_motion": "stands",
     }
     lines = fact_lines(NightView(), engine_view(at_rest), None, width, rows)
     text = "\n".join("".join(part for part, _ in line) for line in lines)
     assert "mount RA 03:06:31.3 Dec +15:04:43" in text
-    assert "stands still" in text
+    assert "stands, measured" in text
 
 
 def test_the_mount_says_how_long_a_slew_still_takes():

@@ -14,7 +14,7 @@ from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.control import Command, Outcome, Request, Sender
+from rsoconsole.control import Command, Later, Outcome, Request, Sender
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writing.writer import SessionWriter
@@ -47,19 +47,18 @@ class DeskWire:
     """The wire without a socket; what is asked for is granted at once, as between two frames."""
 
     def __init__(self, r: Rig, folder: Path) -> None:
-        self.command_handler, self._rig = CommandHandler(r.engine, r.queue, folder), r
+        self.command_handler = CommandHandler(r.engine, r.queue, folder, mount_word_s=0.0)
+        self._rig = r
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         verb = command.verb
-        outcome = self.command_handler.handle(
-            Request(command=command, sender=Sender.console("a@b"))
-        )
+        outcome = self.command_handler.begin(Request(command=command, sender=Sender.console("a@b")))
         if verb == "stop":
             self._rig.engine.commands.heed_alarms()
         elif verb not in {"status", "preview"}:
             self._rig.engine.commands.execute_waiting()
             self._rig.engine._parking.see_to_it()
-        return outcome
+        return outcome.outcome() if isinstance(outcome, Later) else outcome
 
 
 def decisions(r: Rig) -> list[Ruling]:

@@ -26,7 +26,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_stop_waits_for_nothing(stage, name):
     found = SITUATIONS[name](stage)
-    assert found.is_stopped
+    assert found.is_answered
     assert found.abort_ms < ACKNOWLEDGED_MS
     assert found.ended_ms < ENDED_MS
     alone = mount_by_itself(stage.engine.observatory)
@@ -43,7 +43,8 @@ def test_the_command_stops_past_an_engine_that_hangs(stage):
         found = stop_by_command(stage)
     finally:
         os.kill(engine.process.pid, signal.SIGCONT)
-    assert (found["stopped"], found["path"]) == (True, "indi")
+    assert found["answered_ms"] is not None
+    assert (found["outcome"], found["path"]) == ("unknown", "indi")
     assert not is_slewing(mount_by_itself(engine.observatory))
 
 
@@ -59,7 +60,7 @@ def test_what_a_full_disk_kept_out_is_on_record_once_it_has_room(stage):
             "a word on the disk",
         )
         assert engine.reader.last_seq() == seq
-    wait_for(lambda: any("STOP: motion ended" in words for words in engine.words(seq)), "the stop")
+    wait_for(lambda: any("STOP: ABORT sent" in words for words in engine.words(seq)), "the stop")
     wait_for(lambda: not any("log" in fault for fault in engine.status()["faults"]), "no fault")
 
 
@@ -71,7 +72,7 @@ def test_stop_reaches_a_mount_whose_process_hangs_and_the_process_is_replaced(st
     seq, frames = engine.reader.last_seq(), engine.frames()
     stage.ear.slew()
     os.kill(pid, signal.SIGSTOP)
-    assert stage.stop().is_stopped
+    assert stage.stop().is_answered
     stage.arm()
     wait_for(lambda: engine.frames() > frames + 1, "frames again")
     assert engine.child("mount") != pid

@@ -12,11 +12,12 @@ from rsoconsole.cli.app import app
 from rsoconsole.console.commands.orders import Orders
 from rsoconsole.control import Command, ControlServer, Outcome, Request, default_socket_path
 from rsoconsole.control.commands import Stop
-from rsoconsole.control.stop import StopNews, Stopping
+from rsoconsole.control.stop import Found, StopNews, Stopping
 from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.panel.panel_orders import PanelOrders
 
-STOPPED = {"stopped": True, "ms": 12.0, "path": "mount"}
+STOPPED = {"is_answered": True, "ms": 12.0, "path": "mount", "outcome": "tracks"}
+PAST = {"is_answered": True, "ms": 12.0, "path": "indi", "outcome": "stands"}
 PATIENCE_S = 20.0
 
 
@@ -29,6 +30,11 @@ class Answering:
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         self.heard.append(command)
         return Outcome(ok=True, data=self.data)
+
+
+def without_server(on_found: Callable[[Found], None]) -> None:
+    """The way past the engine where no INDI server answers."""
+    on_found({"is_answered": False, "path": "indi", "detail": "no server"})
 
 
 class QuietLink:
@@ -102,11 +108,10 @@ def test_who_waits_for_the_end_waits_for_the_way_past_the_engine_too():
             may_answer.wait(PATIENCE_S)
             return super().send(command)
 
-    def directly() -> tuple[bool, str]:
+    def directly(on_found: Callable[[Found], None]) -> None:
         may_answer.set()
         is_late.wait(0.3)
         has_settled.set()
-        return True, "indi"
 
     wire = Late(STOPPED)
     stopping = Stopping(lambda: wire, directly)
@@ -118,7 +123,7 @@ def test_who_waits_for_the_end_waits_for_the_way_past_the_engine_too():
 
 def test_it_has_failed_only_when_every_way_has_said_no():
     news: list[StopNews] = []
-    stopping = Stopping(lambda: Answering({}), lambda: (False, "no server"), news.append)
+    stopping = Stopping(lambda: Answering({}), without_server, news.append)
     stopping.begin()
     ended = stopping.wait()
     assert news[-1] is ended
@@ -141,9 +146,9 @@ def test_who_hears_the_news_keeps_no_stop_waiting(fault: str, monkeypatch: pytes
             raise RuntimeError("no such widget")
         may_go_on.wait(PATIENCE_S)
 
-    def directly() -> tuple[bool, str]:
+    def directly(on_found: Callable[[Found], None]) -> None:
         is_past.set()
-        return True, "indi"
+        on_found(PAST)
 
     stopping = Stopping(lambda: Hung(STOPPED), directly, told)
     stopping.begin()
@@ -156,9 +161,9 @@ def test_a_runtime_folder_that_is_refused_does_not_stand_in_the_way_of_a_stop():
     def wire() -> Answering:
         raise ConfigError("/run/user/1000 belongs to another user (uid 1000): run as that user")
 
-    stopping = Stopping(wire, lambda: (True, "indi"))
+    stopping = Stopping(wire, lambda on_found: on_found(PAST))
     stopping.begin()
     assert stopping.wait().phase == "stopped"
-    failing = Stopping(wire, lambda: (False, "no server"))
+    failing = Stopping(wire, without_server)
     failing.begin()
     assert failing.wait().reason == "/run/user/1000 belongs to another user (uid 1000); no server"

@@ -61,7 +61,9 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         time.sleep(SLOW_DISK_S)
         return True
 
-    command_handler = CommandHandler(armed.engine, armed.queue, tmp_path, flush=flush)
+    command_handler = CommandHandler(
+        armed.engine, armed.queue, tmp_path, flush=flush, mount_word_s=0.0
+    )
     socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
 
     def nudge() -> None:

@@ -18,7 +18,13 @@ from rsoconsole.engine.operator.arming import (
     refusal_text,
 )
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import Instruments, MountReport, SiteCheck, SkyReport
+from rsoconsole.instruments.ports import (
+    Instruments,
+    MountAbilities,
+    MountReport,
+    SiteCheck,
+    SkyReport,
+)
 from rsoconsole.records import NotSolved, Site, Solution, Wcs
 from rsoconsole.sky.times import iso_to_utc_ns
 
@@ -49,6 +55,7 @@ FACTS = ArmingFacts(
     report=REPORT,
     mount_fault="",
     mount_utc_offset_s=-0.8,
+    abilities=MountAbilities(),
     sky=SkyReport(weather="ok", dome="open"),
     free_bytes=500 * 10**9,
     disk_fault="",
@@ -121,6 +128,12 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
         (with_(mount_utc_offset_s=-31.0), "time", "-31.0 s"),
         (with_(now_utc_ns=NOON), "sun", "above the limit of -12.0"),
         (with_(report=parked()), "unparked", "parked"),
+        (with_(abilities=MountAbilities(can_abort=False)), "abort", "cut its power"),
+        (
+            with_(abilities=MountAbilities(can_set_tracking=False, can_park=False)),
+            "tracking",
+            "cannot be ended at a limit",
+        ),
         (with_(sky=SkyReport(weather="alert", dome="open")), "weather", "alert"),
         (with_(sky=SkyReport(weather="silent", dome="open")), "weather", "silent"),
         (with_(sky=SkyReport(weather="ok", dome="closed")), "dome", "closed"),
@@ -160,7 +173,7 @@ def test_each_check_is_failed_by_what_it_is_there_for_and_overridden_by_its_name
 def test_a_mount_that_says_nothing_fails_what_only_it_can_tell() -> None:
     dumb = with_(report=None, site=None, mount_utc_offset_s=None, mount_fault="no answer in 0.5 s")
     failed = [check for check in arming_checks(dumb, CONFIG) if not check.ok]
-    assert [check.name for check in failed] == ["site", "time", "unparked"]
+    assert [check.name for check in failed] == ["site", "time", "unparked", "abort", "tracking"]
     assert all("no answer in 0.5 s" in check.detail for check in failed)
 
 
@@ -169,6 +182,37 @@ def test_what_a_mount_need_not_tell_is_not_asked_of_it() -> None:
     checks = arming_checks(with_(site=quiet, mount_utc_offset_s=None), CONFIG)
     assert all(check.ok for check in checks)
     assert "does not tell" in next(check.detail for check in checks if check.name == "time")
+
+
+@pytest.mark.parametrize(
+    ("abilities", "name", "says"),
+    [
+        (MountAbilities(can_set_tracking=False), "tracking", "it parks there"),
+        (MountAbilities(can_park=False), "unparked", "dawn only stops it"),
+        (MountAbilities(tells_pier_side=False), "unparked", "from the hour angle"),
+    ],
+)
+def test_what_a_mount_cannot_is_told_where_the_night_can_do_without(
+    abilities: MountAbilities, name: str, says: str
+) -> None:
+    checks = arming_checks(with_(abilities=abilities), CONFIG)
+    assert all(check.ok for check in checks)
+    assert says in next(check.detail for check in checks if check.name == name)
+
+
+def test_a_mount_on_its_way_to_its_park_position_may_be_armed_and_that_is_said() -> None:
+    parking = dataclasses.replace(REPORT, is_slewing=True, is_parking=True)
+    checks = arming_checks(with_(report=parking), CONFIG)
+    assert all(check.ok for check in checks)
+    told = next(check.detail for check in checks if check.name == "unparked")
+    assert "arming ends that" in told
+
+
+def test_a_mount_that_does_not_tell_what_it_can_is_not_armed() -> None:
+    untold = with_(abilities=None, mount_fault="no such order")
+    failed = [check for check in arming_checks(untold, CONFIG) if not check.ok]
+    assert [check.name for check in failed] == ["abort", "tracking"]
+    assert all("no such order" in check.detail for check in failed)
 
 
 def test_the_simulated_clock_is_always_right_and_nothing_else_is() -> None:
@@ -247,7 +291,8 @@ class StubMount:
     """Answers as told; an exception is raised instead."""
 
     def __init__(self, **answers: Any) -> None:
-        self.answers = {"report": REPORT, "check_site": HERE, "utc_offset_s": 0.2, **answers}
+        told = {"report": REPORT, "check_site": HERE, "utc_offset_s": 0.2}
+        self.answers = {**told, "abilities": MountAbilities(), **answers}
         self.asked: list[str] = []
 
     def __getattr__(self, question: str) -> Any:

@@ -102,6 +102,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "INDI client",
         "INDI server",
         "mount site",
+        "mount driver",
         "clock",
         "shutter",
         "time source",

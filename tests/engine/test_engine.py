@@ -381,7 +381,7 @@ def test_an_engine_at_rest_puts_its_end_on_record_behind_the_stop_of_the_mount()
 
 def test_an_end_at_which_the_mount_did_not_stop_is_an_alarm_and_none_that_went_well():
     r = rig(set())
-    failed = StopResult(stopped=False, ms=900.0, path="mount", detail="no answer")
+    failed = StopResult(is_answered=False, ms=900.0, path="mount", detail="no answer")
     r.mount.abort = lambda *_, **__: failed  # type: ignore[method-assign]
     r.queue.request_shutdown()
     r.engine.run()

@@ -88,7 +88,7 @@ def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path,
     engine.send_signal(signal.SIGTERM)
     assert engine.wait(30) == 0
     assert SessionReader(tmp_path / "session").about()["is_closed"] is True
-    assert stop_mount(observatory.host, observatory.port, observatory.mount_name).stopped
+    assert stop_mount(observatory.host, observatory.port, observatory.mount_name).is_answered
 
 
 def test_stop_works_when_the_engine_was_killed(engine, environment):
@@ -124,7 +124,7 @@ def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, 
     reader = SessionReader(session)
     assert reader.about()["is_closed"] is True
     assert [row["after"] for row in reader.view("states")][-1] == "IDLE"
-    assert stop_mount(observatory.host, observatory.port, observatory.mount_name).stopped
+    assert stop_mount(observatory.host, observatory.port, observatory.mount_name).is_answered
 
 
 def test_a_lost_terminal_is_nothing_to_the_engine(engine, environment):

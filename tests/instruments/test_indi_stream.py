@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 pytest.importorskip("indipyclient")
 
 from rsoconsole.instruments.indi.indi_stream import IndiStream
+from rsoconsole.instruments.indi.stream_mender import StreamMender
 
 
-def stream() -> IndiStream:
-    return IndiStream(asyncio.Protocol(), lambda: None)
+def stream() -> StreamMender:
+    return StreamMender()
 
 
 def pieces(data: bytes, cuts: list[int]) -> list[bytes]:
@@ -57,7 +58,7 @@ def blob_message(content: bytes, line: int = 72) -> bytes:
     return head + lines + b"\n</oneBLOB>\n</setBLOBVector>\n"
 
 
-def contents(own: IndiStream, mended: bytes) -> list[bytes]:
+def contents(own: StreamMender, mended: bytes) -> list[bytes]:
     """What the parser's owner finds."""
     found = ET.fromstring(b"<all>" + mended + b"</all>").iter("oneBLOB")
     return [bytes(own.content_of(base64.b64decode(one.text or ""))) for one in found]

@@ -16,7 +16,8 @@ import pytest
 from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.camera import ARRIVED_KEY, IndiCamera
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire, stop_mount
+from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments.indi.stop_mount import stop_mount
 from rsoconsole.instruments.observatory.clock import SimulatedClock, SystemClock
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments
@@ -232,7 +233,7 @@ def test_the_site_is_compared_and_a_wrong_one_is_named(instruments):
 def test_stop_through_the_mounts_process(instruments):
     instruments.mount.slew(290.0, 8.0, instruments.clock.now_utc_ns())
     result = instruments.mount.abort()
-    assert result.stopped
+    assert result.is_answered
     assert not instruments.mount.report().is_slewing
     assert instruments.mount.report().is_tracking
 
@@ -243,7 +244,7 @@ def test_stop_reaches_the_mount_past_a_frozen_process(instruments, observatory):
     os.kill(pid, signal.SIGSTOP)
     try:
         result = instruments.mount.abort()
-        assert (result.stopped, result.path) == (True, "indi")
+        assert (result.is_answered, result.path) == (True, "indi")
         assert coordinates_on_the_wire(observatory).state == "Ok"
     finally:
         os.kill(pid, signal.SIGCONT)
@@ -254,7 +255,7 @@ def test_stop_reaches_the_mount_past_a_dead_process(instruments, observatory):
     instruments.mount.slew(290.0, 8.0, instruments.clock.now_utc_ns())
     os.kill(instruments.mount.process.pid, signal.SIGKILL)
     result = instruments.mount.abort()
-    assert result.stopped
+    assert result.is_answered
     assert result.ms < 2000
     assert coordinates_on_the_wire(observatory).state == "Ok"
 
@@ -263,14 +264,14 @@ def test_stop_without_a_server_says_so_and_does_not_raise():
     with socket.create_server(("127.0.0.1", 0)) as gone:
         port = gone.getsockname()[1]
     result = stop_mount("127.0.0.1", port, "Telescope Simulator", 0.5)
-    assert not result.stopped
+    assert not result.is_answered
     assert "start indiserver" in result.detail
 
 
 def test_stop_does_not_take_a_deaf_servers_silence_for_success():
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         result = stop_mount("127.0.0.1", deaf.getsockname()[1], "Telescope Simulator", 0.3)
-    assert not result.stopped
+    assert not result.is_answered
 
 
 def test_a_mount_whose_parent_leaves_is_stopped_and_tracks(own_instruments, own_observatory):

@@ -18,8 +18,6 @@ Answer = tuple[str, list[int] | None]
 class ScriptedClient:
     """A driver that says to each order what is written; time does not pass."""
 
-    last_message = "no such part"
-
     def __init__(
         self, answers: Sequence[Answer], now: Sequence[int] = WHOLE, binning: int = 1
     ) -> None:
@@ -44,6 +42,9 @@ class ScriptedClient:
         if name == "CCD_BINNING":
             return self.vector(name, {"HOR_BIN": float(self.binning)})
         return self.vector(name, {"CCD_MAX_X": 4656.0, "CCD_MAX_Y": 3520.0})
+
+    def reason_since(self, after: int) -> str:
+        return "no such part"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
         self.asked.append([int(values[side]) for side in SIDES])

@@ -73,7 +73,7 @@ def test_a_server_that_comes_back_is_used_again_by_mount_and_camera(behind_relay
     mount.slew(260.0, 8.0, clock.now_utc_ns())
     assert frame_of(instruments, 3) == 3
     assert time.monotonic() - begun_s < PATIENCE_S
-    assert mount.abort().stopped
+    assert mount.abort().is_answered
 
 
 @pytest.mark.parametrize("client", CLIENTS)

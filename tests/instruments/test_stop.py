@@ -15,7 +15,8 @@ from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.after_stop import tracking_after_stop
 from rsoconsole.instruments.indi.indi_client import Vector
-from rsoconsole.instruments.indi.indi_wire import IndiWire, stop_mount
+from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments.indi.stop_mount import stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 from rsoconsole.instruments.observatory.clock import SimulatedClock
@@ -103,7 +104,8 @@ class Post:
         if path == "process":
             return self.mount.abort()
         if path == "no engine":
-            return stop_mount(*where, after_stop=self.after_stop)
+            # Its clock stands still: what moves in it cannot be measured.
+            return stop_mount(*where, after_stop=self.after_stop, measures=False)
         pid = self.mount.process.pid
         assert pid is not None
         os.kill(pid, signal.SIGSTOP)
@@ -200,7 +202,7 @@ def test_a_slew_is_ended_and_tracking_is_as_configured(post, path, abort_ends_tr
     post.slew()
     result = post.stop(path)
     tracks = post.after_stop == "track"
-    assert (result.stopped, result.is_tracking, result.detail) == (True, tracks, "")
+    assert (result.is_answered, result.is_tracking, result.detail) == (True, tracks, "")
     # A process that was frozen carries out its ABORT when it thaws.
     assert comes_true(lambda: post.says() == (False, tracks))
 
@@ -210,7 +212,7 @@ def test_a_slew_is_ended_and_tracking_is_as_configured(post, path, abort_ends_tr
 def test_so_it_is_with_a_mount_that_only_tracked(post, path, abort_ends_tracking):
     post.fault(ABORT_ENDS_TRACKING=abort_ends_tracking)
     result = post.stop(path)
-    assert result.stopped
+    assert result.is_answered
     assert comes_true(lambda: post.says() == (False, post.after_stop == "track"))
 
 
@@ -220,7 +222,7 @@ def test_a_mount_that_stood_still_is_not_set_tracking_by_stop(tracking_post, pat
     # The second connection of 'no engine' may be quicker than what the first has ordered.
     assert comes_true(lambda: tracking_post.says() == (False, False))
     result = tracking_post.stop(path)
-    assert (result.stopped, result.is_tracking) == (True, False)
+    assert (result.is_answered, result.is_tracking) == (True, False)
     assert comes_true(lambda: tracking_post.says() == (False, False))
 
 
@@ -228,7 +230,7 @@ def test_a_mount_that_stood_still_is_not_set_tracking_by_stop(tracking_post, pat
 def test_a_driver_that_goes_back_to_tracking_is_told_again(standing_post, path):
     standing_post.slew()
     standing_post.fault(TRACKING_RETURNS=1)
-    assert standing_post.stop(path).stopped
+    assert standing_post.stop(path).is_answered
     assert comes_true(lambda: standing_post.says() == (False, False))
     time.sleep(0.5)
     assert standing_post.says() == (False, False)
@@ -238,7 +240,7 @@ def test_a_driver_that_goes_back_to_tracking_is_told_again(standing_post, path):
 def test_an_abort_that_is_passed_over_is_repeated(tracking_post, path):
     tracking_post.slew()
     tracking_post.fault(IGNORED_ABORTS=2)
-    assert tracking_post.stop(path).stopped
+    assert tracking_post.stop(path).is_answered
     assert comes_true(lambda: tracking_post.says() == (False, True))
 
 
@@ -247,18 +249,18 @@ def test_a_mount_that_does_not_stop_is_said_to_move_still(tracking_post, path):
     tracking_post.slew()
     tracking_post.fault(IGNORED_ABORTS=1000)
     result = tracking_post.stop(path)
-    assert not result.stopped
+    assert not result.is_answered
     assert result.is_tracking is None
-    assert "still moves after" in result.detail
+    assert "says that it still moves after" in result.detail
     tracking_post.fault(**NO_FAULTS)
-    assert tracking_post.stop("process").stopped
+    assert tracking_post.stop("process").is_answered
 
 
 def test_a_driver_that_hangs_is_not_taken_for_a_mount_that_stands(tracking_post):
     tracking_post.slew()
     tracking_post.fault(IS_SILENT=1)
     result = tracking_post.stop("no engine")
-    assert not result.stopped
+    assert not result.is_answered
     tracking_post.fault(**NO_FAULTS)
 
 
@@ -284,7 +286,7 @@ def test_a_parked_mount_refuses_what_it_cannot_do_and_stays_parked(tracking_post
     for order in (tracking_post.slew, lambda: mount.set_tracking(True)):
         with pytest.raises(InstrumentError, match="unpark it first"):
             order()
-    assert tracking_post.stop("process").stopped
+    assert tracking_post.stop("process").is_answered
     assert mount.report().is_parked
     mount.unpark()
     mount.unpark()

@@ -112,6 +112,7 @@ def policy_of(command: type[Command]) -> str:
         "immediate": command.is_immediate,
         "urgent": command.is_urgent,
         "moves": command.moves_mount,
+        "answered": command.awaits_mount,
         "survives stop": command.survives_stop,
         "free": not command.needs_control,
         "panel": command.is_on_panel,

@@ -1,7 +1,7 @@
 """An engine among instruments that live in the test: no process, no INDI, no disk."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,11 @@ from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.motion import SIDEREAL_ARCSEC_S, Motion
 from rsoconsole.instruments.ports import (
     ClockFault,
     Instruments,
+    MountAbilities,
     MountReport,
     PierSide,
     SafetyMonitorPort,
@@ -87,6 +89,21 @@ class PlainMount:
         self.is_tracking = True
         self.pier_side: PierSide | None = "west"
         self.slew_end: SlewEnd | None = None
+        self.able = MountAbilities()
+        self.measured: Motion | None = None
+        """How it is measured to move, where that is not what it is told to."""
+
+    @property
+    def motion(self) -> Motion:
+        if self.measured is not None:
+            return self.measured
+        is_standing = self.is_parked or not self.is_tracking
+        rate_arcsec_s = SIDEREAL_ARCSEC_S if is_standing else 0.0
+        return Motion(kind="stands" if is_standing else "tracks", ra_rate_arcsec_s=rate_arcsec_s)
+
+    @motion.setter
+    def motion(self, measured: Motion) -> None:
+        self.measured = measured
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         self.slews.append((ra_icrs_deg, dec_icrs_deg))
@@ -102,11 +119,16 @@ class PlainMount:
             is_parked=self.is_parked,
             is_tracking=self.is_tracking and not self.is_parked,
             pier_side=self.pier_side,
+            motion=self.motion,
         )
 
     def abort(self, timeout_s: float = 2.0, *, on_news: Any = None) -> StopResult:
         self.aborts += 1
-        return StopResult(stopped=True, ms=1.0, path="mount")
+        result = StopResult(is_answered=True, ms=1.0, path="mount")
+        if on_news is not None:
+            on_news(result)
+            on_news(dataclasses.replace(result, motion=Motion(kind="tracks"), measured_ms=2.0))
+        return result
 
     def park(self) -> None:
         self.is_parked = True
@@ -125,6 +147,9 @@ class PlainMount:
 
     def utc_offset_s(self) -> float | None:
         return 0.0
+
+    def abilities(self) -> MountAbilities:
+        return self.able
 
     def take_slew_end(self) -> SlewEnd | None:
         """What a test has had its own process do, once."""
@@ -256,10 +281,13 @@ class Rig:
 
 
 def rig(
-    frames: set[int], config: Config = CONFIG, safety_monitor: SafetyMonitorPort | None = None
+    frames: set[int],
+    config: Config = CONFIG,
+    safety_monitor: SafetyMonitorPort | None = None,
+    make_mount: Callable[[StillClock], PlainMount] = PlainMount,
 ) -> Rig:
     clock = StillClock()
-    mount, camera = PlainMount(clock), PlainCamera(clock)
+    mount, camera = make_mount(clock), PlainCamera(clock)
     instruments = Instruments(
         clock=clock,
         mount=mount,  # type: ignore[arg-type]
@@ -281,8 +309,9 @@ def rig(
     return Rig(engine, mount, camera, clock, memory, queue, reducer)
 
 
-def command_handler_of(r: Rig) -> CommandHandler:
-    return CommandHandler(r.engine, r.queue, Path())
+def command_handler_of(r: Rig, mount_word_s: float = 0.0) -> CommandHandler:
+    """``mount_word_s``: so long an answer waits for the mount; not at all where no loop runs."""
+    return CommandHandler(r.engine, r.queue, Path(), mount_word_s=mount_word_s)
 
 
 def asked(

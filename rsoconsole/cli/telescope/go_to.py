@@ -1,14 +1,13 @@
 """The verb goto: what was typed is understood as the console understands it, shown, then sent."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
 from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output
-from rsoconsole.config import Config, load_config
-from rsoconsole.control import AskStatus, Goto, Preview
-from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.control import AskStatus, Goto, Outcome, Preview
+from rsoconsole.errors import ControlError
 
 if TYPE_CHECKING:
     from rsoconsole.control import ControlClient, MovePreview, Status
@@ -33,6 +32,7 @@ def register(app: typer.Typer) -> None:
 def goto(
     target: TargetArgument,
     override: OverrideOption = None,
+    wait: WaitOption = False,
     socket: SocketOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -40,6 +40,9 @@ def goto(
 
     It takes what the console's go-to takes, and says what it understood before anything moves. A
     number that may be hours or degrees is refused with both readings.
+
+    The answer is the mount's: on its way, or refused and why. With --wait it comes when the mount
+    is measured to be at rest there, or why it is not.
 
     Example: rsoconsole goto "alt 50 az 180"
     """
@@ -57,7 +60,12 @@ def goto(
     if not json_:
         for line in understood_lines(found, preview):
             output.say(line)
+    follower = Follower(client) if wait else None
     outcome = client.send(move)
+    if follower is not None and outcome.ok:
+        if not json_:
+            output.say(outcome.message)
+        outcome = _waited(follower, outcome, move, status)
     if json_:
         output.emit_json(
             {
@@ -81,6 +89,15 @@ def goto(
         output.say(outcome.message)
 
 
+def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") -> Outcome:
+    """What has come of it in the end."""
+    # Some look beside where they are told to look: the mount is told what makes up for it.
+    ra_icrs_deg = float(taken.data.get("command_ra_icrs_deg", move.ra_icrs_deg))
+    dec_icrs_deg = float(taken.data.get("command_dec_icrs_deg", move.dec_icrs_deg))
+    near_arcmin = config_of(status.session).mount.arrival_arcmin
+    return follower.outcome(arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin))
+
+
 def understood_lines(found: "Understood", preview: "MovePreview | None") -> list[str]:
     """What was understood, the way there and the limits, for a person."""
     place = output.direction_text(found.ra_icrs_deg, found.dec_icrs_deg)
@@ -100,7 +117,7 @@ def _understood(text: str, status: "Status") -> "Understood":
     """What is meant at the engine's own time and site. Raises BadParameter where nothing is."""
     from rsoconsole.pipeline.words import Names, understand
 
-    config = _config_of(status.session)
+    config = config_of(status.session)
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = Names.load(config.catalogue.tle_files)
@@ -108,18 +125,6 @@ def _understood(text: str, status: "Status") -> "Understood":
         return understand(text, config.site.to_site(), status.now_utc_ns, names)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-
-
-def _config_of(session: Path | None) -> Config:
-    """The configuration that the engine runs by; the user's own where it cannot be read."""
-    from rsoconsole.session.reading import SessionReader
-
-    if session is not None:
-        try:
-            return SessionReader(session).config()
-        except SessionError:
-            pass
-    return load_config()
 
 
 def _answer(client: "ControlClient", command: AskStatus | Preview) -> dict[str, object]:

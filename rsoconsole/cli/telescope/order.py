@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from rsoconsole.cli.telescope.waiting import WISHES, Follower, WaitOption
 from rsoconsole.cli.words import JsonOption, SocketOption, completion, output
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
@@ -46,10 +47,12 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         _parameter(name, each, hints[each.name], _COMPLETED.get((command.verb, each.name)))
         for name, each in shown.items()
     ]
+    if command.verb in WISHES:
+        parameters.append(_keyword("wait", WaitOption, default=False))
     for name, hint, default in (("socket", SocketOption, None), ("json_", JsonOption, False)):
         parameters.append(_keyword(name, hint, default))
 
-    def verb(*, socket: Path | None, json_: bool, **given: Any) -> None:
+    def verb(*, socket: Path | None, json_: bool, wait: bool = False, **given: Any) -> None:
         values = {
             shown[name].name: _value(hints[shown[name].name], value)
             for name, value in given.items()
@@ -57,7 +60,7 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         }
         wanted = command(**values)
         _check(wanted)
-        send(wanted, verb_of(command), socket, json_=json_)
+        send(wanted, verb_of(command), socket, json_=json_, waits=wait)
 
     verb.__doc__ = f"{command.shell_help}\n\nExample: {command.shell}"
     verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -65,14 +68,22 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
     return verb
 
 
-def send(command: Command, verb: str, socket: Path | None, *, json_: bool) -> None:
-    """Hand a command to the engine and say what came of it.
+def send(
+    command: Command, verb: str, socket: Path | None, *, json_: bool, waits: bool = False
+) -> None:
+    """Hand a command to the engine and say what came of it; ``waits``: until it is done.
 
-    Raises ControlError when it is refused.
+    Raises ControlError when it is refused, or does not come to that.
     """
     from rsoconsole.control import ControlClient, Sender
 
-    outcome = ControlClient(socket, sender=Sender(name="command")).send(command)
+    client = ControlClient(socket, sender=Sender(name="command"))
+    follower = Follower(client) if waits else None
+    outcome = client.send(command)
+    if follower is not None and outcome.ok:
+        if not json_:
+            output.say(outcome.message)
+        outcome = follower.outcome(WISHES[command.verb])
     if json_:
         output.emit_json({"verb": verb, "ok": outcome.ok, "message": outcome.message})
     if not outcome.ok:

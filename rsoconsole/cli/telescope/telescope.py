@@ -1,6 +1,7 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,10 +18,13 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
-from rsoconsole.errors import ControlError, InstrumentError
+from rsoconsole.errors import ControlError
 from rsoconsole.waits import waits_reported_to
 
 log = logging.getLogger(__name__)
+
+STILL_MOVES_EXIT, NOT_KNOWN_EXIT = 3, 4
+"""Exit statuses of a STOP after which the mount is not measured to be at rest."""
 
 
 def register(app: typer.Typer) -> None:
@@ -155,12 +159,14 @@ def status(
         words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
     words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
     last = status.last_stop
-    if last is not None and not (last.is_confirmed or last.is_over):
+    if last is not None and not (last.is_at_rest or last.is_over):
         words.append(f"STOP {last.text}")
     words.extend(f"FAULT {fault}" for fault in status.faults)
     if status.state == "FAULT" and not status.faults:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
+    for lack in status.mount_lacks:
+        output.say(lack)
     _say_field(status)
 
 
@@ -200,43 +206,46 @@ def _say_field(status: Status) -> None:
 def stop(
     config: ConfigOption = None, socket: SocketOption = None, json_: JsonOption = False
 ) -> None:
-    """Stop the telescope now, engine or no engine.
+    """Stop the telescope now, engine or no engine, and say whether it has stopped.
+
+    ABORT goes out at once; how the mount then moves is measured from the directions that it
+    reports, which takes some seconds. Exit status: 0 it stands or tracks, 3 it moves on (cut its
+    power), 4 not known.
 
     An engine that does not answer at once is gone past: the configured mount itself is told.
     With --socket only the engine that listens there is told.
 
     Example: rsoconsole stop
     """
-    from rsoconsole.control import ControlClient, Sender, Stopping
+    from rsoconsole.control import ControlClient, Found, Sender, StopNews, Stopping
 
-    def directly() -> tuple[bool, str]:
+    def directly(on_found: Callable[[Found], None]) -> None:
         from rsoconsole.instruments.mount import stop_past_engine
 
-        return stop_past_engine(config_path=config, on_fault=_say_fault)
+        stop_past_engine(on_found, config_path=config, on_fault=_say_fault)
+
+    def say(news: StopNews) -> None:
+        if not json_:
+            output.say(f"STOP {news.text}")
 
     # With a socket the configured mount is another engine's.
     way_past = directly if socket is None else None
-    stopping = Stopping(lambda: ControlClient(socket, sender=Sender(name="stop")), way_past)
+    stopping = Stopping(lambda: ControlClient(socket, sender=Sender(name="stop")), way_past, say)
     stopping.begin()
     ended = stopping.wait()
-    is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0
     if json_:
         answer = {
-            "stopped": is_stopped,
+            "outcome": ended.outcome,
+            "rate_deg_s": ended.rate_deg_s,
             "path": ended.path,
-            "ms": ms,
             "ordered_ms": ended.ordered_ms,
-            "confirmed_ms": ms if is_stopped else None,
+            "answered_ms": ended.answered_ms,
+            "ms": ended.ms,
+            "reason": ended.reason or None,
         }
         output.emit_json(answer)
-    else:
-        output.say(f"STOP {ended.text}")
-    if not is_stopped:
-        where = "" if socket is None else f"at {socket}: "
-        raise InstrumentError(
-            f"the mount did not confirm that it stopped ({where}{ended.reason}): cut its power if"
-            " it moves"
-        )
+    if ended.phase != "stopped":
+        raise typer.Exit(STILL_MOVES_EXIT if ended.outcome == "moves" else NOT_KNOWN_EXIT)
 
 
 def _say_fault(words: str) -> None:

@@ -123,7 +123,8 @@ class Seat(Screen[None]):
         if news is None or news.phase == "failed":
             return False
         # Its STOP is known at once, that nobody has the mount only with the loop's next turn.
-        return news.phase != "stopped" or (self.engine.is_attached and not self._is_stop_seen)
+        is_answered = news.phase in ("answered", "stopped")
+        return not is_answered or (self.engine.is_attached and not self._is_stop_seen)
 
     # -- commands -----------------------------------------------------------------------------
 
@@ -183,25 +184,26 @@ class Seat(Screen[None]):
         self.show_stop(StopNews(phase="sent", text="sent to the engine"))
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
-        """Late, stopped or failed."""
+        """Late, answered and being measured, then stopped or failed."""
         self.show_stop(message.news)
         if message.news.phase == "stopped":
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
 
     def see_stop(self) -> None:
-        """A STOP that was not confirmed is an alarm until the mount is seen to stand."""
+        """A STOP that failed is an alarm until the mount is measured to be at rest."""
         news, engine = self.stop_news, self.engine
         self._is_stop_seen |= engine.holder == "nobody"
         said, given = engine.mount_t_utc_ns, self._stopped_utc_ns
         if news is None or news.phase != "failed" or not engine.is_attached:
             return
         last = engine.last_stop
-        is_open = last is not None and not (last.is_confirmed or last.is_over)
+        is_open = last is not None and not (last.is_at_rest or last.is_over)
         has_answered = said is not None and given is not None and said > given + SEEN_AFTER_NS
-        if has_answered and not engine.is_slewing and not is_open:
+        is_at_rest = engine.mount_motion in ("stands", "tracks")
+        if has_answered and is_at_rest and not is_open:
             where = " · ".join(mount_words(engine))
-            over = StopNews(phase="stopped", text=f"was late; the mount answers again: {where}")
+            over = StopNews(phase="stopped", text=f"was late; the mount is at rest: {where}")
             self.show_stop(over)
             self.set_timer(BANNER_S, partial(self._forget_stop, over))
 

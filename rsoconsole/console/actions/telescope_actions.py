@@ -223,7 +223,7 @@ class TelescopeActions:
         elif has_hold and not seat.is_stopping:
             self._asked_again_s = seat.now_s()
             seat.send(Resume())
-        elif left_s > 0.0 and is_certain and self._is_stop_confirmed:
+        elif left_s > 0.0 and is_certain and self._is_stop_answered:
             self._follow_in(left_s)
         elif left_s > 0.0 or seat.is_stopping:
             # It may have been pressed before the mount was taken from autonomy.
@@ -235,9 +235,10 @@ class TelescopeActions:
             seat.send(Arm(), then=Resume())
 
     @property
-    def _is_stop_confirmed(self) -> bool:
-        """Whether STOP was given here and its banner says that motion has ended."""
-        return self._seat.stop_news is not None and self._seat.stop_news.phase == "stopped"
+    def _is_stop_answered(self) -> bool:
+        """Whether STOP was given here and the mount's driver has taken it."""
+        news = self._seat.stop_news
+        return news is not None and news.phase in ("answered", "stopped")
 
     def _follow_in(self, left_s: float) -> None:
         """When a stray key right after STOP can be told from a wish: no other key comes behind."""

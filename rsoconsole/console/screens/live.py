@@ -48,7 +48,6 @@ from rsoconsole.control import (
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
-AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stands still"}
 """By ``mount.after_stop``."""
 
 
@@ -183,13 +182,12 @@ class LiveScreen(NightScreen):
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
-        mount = AFTER_STOP.get(self.night.setting("mount.after_stop"), "")
         now = words.present_utc_ns(self.night, engine)
         arm = first_key("arm_or_disarm", self.keymap)
         is_asked_for = self.is_following_again
         kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
         kept = kept or (f"{arm} arms it again",)
-        return f"{said}. {engine.state}: disarmed{mount}. {kept[0]}"
+        return f"{said}. {engine.state}: disarmed. {kept[0]}"
 
     @property
     def alert(self) -> str:

@@ -4,6 +4,7 @@ from .instrument_controller import NS as NS
 from .instrument_controller import POLL_NS as POLL_NS
 from .instrument_controller import InstrumentController as InstrumentController
 from .instrument_controller import Interrupted as Interrupted
+from .instrument_controller import Ordered as Ordered
 from .instrument_controller import StoppedElsewhere as StoppedElsewhere
 from .night import NightEnd as NightEnd
 from .night import darkness_words as darkness_words

@@ -27,6 +27,15 @@ class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not 
     """The mount is not where this program sent it: somebody else stopped or moved it."""
 
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Ordered:
+    """A motion that this program has ordered; each order is another one."""
+
+    t_utc_ns: int
+    to_icrs_deg: tuple[float, float] | None
+    """By the mount's own word; None: its park position."""
+
+
 class InstrumentController:
     """The loop's way to the instruments; gives no order once somebody wants the loop."""
 
@@ -38,7 +47,12 @@ class InstrumentController:
         self._config = config
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
-        """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet."""
+        """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet, or
+        that order is over."""
+        self._is_sent_to_park = False
+        """The order that it has taken last was to park."""
+        self.ordered: Ordered | None = None
+        """The motion ordered last, from before the mount hears of it; also where it refuses."""
         self.arrived_utc_ns = 0
         """When the mount was seen to have arrived last, before it settled."""
         self.on_tick: Callable[[], None] = lambda: None
@@ -97,13 +111,45 @@ class InstrumentController:
         """Send the mount there and return at once. Raises Interrupted instead of moving it."""
         self.heed()
         now_ns = self.now_utc_ns()
+        self.ordered = Ordered(t_utc_ns=now_ns, to_icrs_deg=(ra_icrs_deg, dec_icrs_deg))
         self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, now_ns)
-        self.sent = (ra_icrs_deg, dec_icrs_deg), now_ns
+        self.sent, self._is_sent_to_park = ((ra_icrs_deg, dec_icrs_deg), now_ns), False
 
     def order_park(self) -> None:
         """Send the mount to its park position and return at once."""
-        self.sent = None
+        self.forget_order()
+        self.ordered = Ordered(t_utc_ns=self.now_utc_ns(), to_icrs_deg=None)
         self.instruments.mount.park()
+        self._is_sent_to_park = True
+
+    def forget_order(self) -> None:
+        """Its motion was ended, or is to be: nobody waits for its arrival any more."""
+        self.sent, self._is_sent_to_park = None, False
+        if self.ordered is not None and self.ordered.to_icrs_deg is None:
+            self.ordered = None
+
+    def is_on_its_way_to_park(self, report: MountReport) -> bool:
+        """Whether the mount moves to its park position; some drivers do not say where it goes."""
+        return report.is_slewing and (report.is_parking or self._is_sent_to_park)
+
+    def end_motion(self) -> None:
+        """End a slew and wait until the mount rests."""
+        self.forget_order()
+        self.instruments.mount.abort()
+        self.wait_for_rest()
+
+    def end_park(self) -> None:
+        """Release a mount that is parked; stop one that is on its way there, and wait for that."""
+        report = self.mount_report()
+        is_on_its_way = self.is_on_its_way_to_park(report)
+        if report.is_parked or report.is_parking:
+            self.forget_order()
+            self.instruments.mount.unpark()
+        elif is_on_its_way:
+            self.forget_order()
+            self.instruments.mount.abort()
+        if is_on_its_way:
+            self.wait_for_rest()
 
     def wait_for_arrival(
         self,

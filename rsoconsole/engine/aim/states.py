@@ -93,10 +93,13 @@ class Disarmed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stopped:
-    """STOP was given; motion has been ended on the way here, if the mount has confirmed it."""
+    """STOP was given, and ABORT has been sent on the way here."""
 
     by: str
-    is_confirmed: bool = True
+    is_obeyed: bool = True
+    """The driver has taken ABORT, and the mount is not measured to move on."""
+    words: str = ""
+    """What was measured, where it is not obeyed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,10 +250,10 @@ def _(trigger: Disarmed, authority: Authority) -> Step:
 @_step.register
 def _(trigger: Stopped, authority: Authority) -> Step:
     reason = Cause(kind="STOP", by=trigger.by)
-    if trigger.is_confirmed:
+    if trigger.is_obeyed:
         return _keeping(_enter(authority, "IDLE", reason, "abort"), authority.tracked)
     # Nobody knows whether it stands: no calm state.
-    reason = replace(reason, detail="NOT CONFIRMED by the mount")
+    reason = replace(reason, detail="NOT OBEYED by the mount")
     unsure = _keeping(_enter(authority, "FAULT", reason, "abort"), authority.tracked)
     return replace(unsure, authority=replace(unsure.authority, is_stopped=True))
 

@@ -9,3 +9,6 @@ from .doctor_check import Check as Check
 from .doctor_system import ClockReading as ClockReading
 from .doctor_system import free_bytes as free_bytes
 from .doctor_system import read_clock as read_clock
+from .mount_lacks import Lack as Lack
+from .mount_lacks import LackName as LackName
+from .mount_lacks import lacks_of as lacks_of

@@ -19,6 +19,7 @@ from rsoconsole.engine.doctor import (
 )
 from rsoconsole.engine.doctor.doctor_check import Check
 from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
 from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
 """By then a satellite that is kept in its slot may be a tenth of a degree off."""
+DEFINED_S = 3.0
+"""A driver that is connected defines its properties one behind another, and is quiet then."""
 SITE_KM = 1.0
 """0.01 deg of sky, which the engine demands of the mount too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
@@ -54,6 +57,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("INDI client", doctor_indi.check_client),
         ("INDI server", check_indi_server),
         ("mount site", check_mount_site),
+        ("mount driver", check_mount_driver),
         ("clock", lambda _: check_clock()),
         ("shutter", doctor_shutter.check_shutter),
         ("time source", lambda _: doctor_machine.check_time_source()),
@@ -291,6 +295,34 @@ def check_mount_site(config: Config) -> Check:
         f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{option}'"
     )
     return Check(check=name, ok=False, detail=detail, remedy=remedy)
+
+
+def check_mount_driver(config: Config) -> Check:
+    """The mount's driver offers all that a night needs; what it lacks, with what follows."""
+    name, indi = "mount driver", config.indi
+    if config.instruments.mount != "indi":
+        detail = f"a mount by {config.instruments.mount} is asked when it is armed"
+        return Check(check=name, ok=None, detail=detail)
+    quiet_s = min(config.waits.quiet_s, DEFINED_S)
+    try:
+        abilities = doctor_indi.mount_abilities(indi.host, indi.port, indi.mount, quiet_s)
+    except InstrumentError as error:
+        return Check(check=name, ok=None, detail=str(error))
+    if abilities is None:
+        detail = f"{indi.mount} tells no position: is its driver connected to the mount?"
+        return Check(check=name, ok=None, detail=detail)
+    lacks = lacks_of(abilities, config.mount)
+    if not lacks:
+        return Check(check=name, ok=True, detail=f"{indi.mount} offers all that is used")
+    missing = ", ".join(PROPERTIES[lack.name] for lack in lacks)
+    detail = "; ".join(f"{lack.what}: {lack.follows}" for lack in lacks)
+    unsafe = [lack.name for lack in lacks if lack.needs_override]
+    remedy = ""
+    if unsafe:
+        overrides = " ".join(f"--override {each}" for each in unsafe)
+        remedy = f"another driver; else stay beside it and arm with {overrides}"
+    detail = f"{indi.mount} has no {missing}. {detail}"
+    return Check(check=name, ok=False if unsafe else None, detail=detail, remedy=remedy)
 
 
 def _indi_options(indi: IndiConfig) -> str:

@@ -11,9 +11,13 @@ import time
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check
 from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, abilities_by
+from rsoconsole.instruments import MountAbilities
 from rsoconsole.instruments.indi import IndiWire, meant_libraries
 from rsoconsole.records import Site
 
+_COORDINATES = "EQUATORIAL_EOD_COORD"
+_ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
 _DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
@@ -68,6 +72,27 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
             # The beginning of the next name may be in this one's end.
             received = received[received.rfind(b"<") :]
     return found
+
+
+def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAbilities | None:
+    """What the mount's driver offers, by what it has defined until it is quiet for ``quiet_s``.
+
+    None where it has told no coordinates: it is not connected to its mount. Raises InstrumentError.
+    """
+    wire = IndiWire(host, port, quiet_s)
+    found: set[str] = set()
+    try:
+        wire.ask(mount)
+        while not found >= _ALL_OF_MOUNT:
+            vector = wire.wait(
+                lambda vector: vector.device == mount and vector.name not in found, quiet_s
+            )
+            if vector is None:
+                break
+            found.add(vector.name)
+    finally:
+        wire.close()
+    return abilities_by(found) if _COORDINATES in found else None
 
 
 def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:

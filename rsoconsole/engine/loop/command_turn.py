@@ -60,6 +60,7 @@ class CommandTurn:
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
+            request.course.is_begun = True
             try:
                 with self._queue.executing():
                     outcome = self._execute(request)
@@ -71,10 +72,10 @@ class CommandTurn:
                 raise
             except Exception as error:  # a fault of ours: it goes up, and no command with it
                 failed = CommandResult(kind="failed", detail=f"{type(error).__name__}: {error}")
-                self._session_log.append(action_record(request, failed))
+                self._settle(request, failed)
                 self._put_back(requests[number + 1 :])
                 raise
-            self._session_log.append(action_record(request, outcome))
+            self._settle(request, outcome)
         self._queue.finished()
         if requests:
             self._on_executed()
@@ -83,7 +84,12 @@ class CommandTurn:
         """Taken from the queue already: they wait again; what was undone there is undone here."""
         undone, result = self._queue.put_back(requests)
         for each in undone:
-            self._session_log.append(action_record(each, result))
+            self._settle(each, result)
+
+    def _settle(self, request: Request, result: CommandResult) -> None:
+        """Put on record what came of it, and tell who waits for the answer."""
+        self._session_log.append(action_record(request, result))
+        request.course.settle(result)
 
     def _execute(self, request: Request) -> CommandResult:
         """One command, by its handler. Raises as the handler does."""
@@ -106,19 +112,19 @@ class CommandTurn:
         for alarm in alarms:
             for request in alarm.dropped:
                 self._session_log.append(action_record(request, dropped_by(alarm.trigger)))
-            self._heed(alarm, again.stopped)
+            self._heed(alarm, again.is_answered)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
         # The words first: what has to be done may fail.
         topic: Topic = "limit" if isinstance(alarm.trigger, LimitMet) else ""
-        words = alarm_words(alarm, is_stopped_again, self._control.config)
+        words = alarm_words(alarm, is_stopped_again)
         self._session_log.say("alarm", words, topic)
         trigger = alarm.trigger
         if not isinstance(trigger, Stopped):
             self._control.handle(trigger)
             return
-        is_confirmed = is_stopped_again or (alarm.result is not None and alarm.result.stopped)
-        stopped = replace(trigger, is_confirmed=is_confirmed)
+        is_answered = is_stopped_again or (alarm.result is not None and alarm.result.is_answered)
+        stopped = replace(trigger, is_obeyed=trigger.is_obeyed and is_answered)
         self._control.handle(stopped)
-        if not is_confirmed:
+        if not stopped.is_obeyed:
             self._faults.expect_stop(stopped, words, self._instrument_controller.now_utc_ns())

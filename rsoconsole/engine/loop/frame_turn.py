@@ -63,9 +63,9 @@ class FrameTurn:
         """What was followed last this night."""
         self.ahead: AimAhead | None = None
         """Where the exposure after the next one would look."""
-        self.temporary = Temporary()
-        """Settings that hold for some frames only."""
         self._pace = Pace()
+        self.temporary = Temporary(self._pace.of_night)
+        """Settings that hold for some frames only."""
         self._places = PlacesOfInterest()
 
     def begin_search(self, *, checks_pointing: bool) -> None:
@@ -85,6 +85,7 @@ class FrameTurn:
     def end_autonomy(self) -> None:
         """The next arming looks where it stands, with the night's own exposure."""
         self._is_first_look = False
+        self._slews.forget()
         self._leaping.forget()
         self.set_pace(None)
 

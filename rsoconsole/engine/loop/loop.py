@@ -5,6 +5,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from queue import Empty, SimpleQueue
 
 from rsoconsole.config import Config
 from rsoconsole.control import Status
@@ -50,6 +51,7 @@ from rsoconsole.engine.operator import (
     joined,
 )
 from rsoconsole.engine.tasks import (
+    NO_PARK,
     CommandQueue,
     Exposures,
     Faults,
@@ -65,9 +67,11 @@ from rsoconsole.engine.tasks import (
     tracks_now,
 )
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.frame import FrameReducer, Reduction
 from rsoconsole.pipeline.orbits import Orbits, Past
+from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.tracking.association import Following
@@ -75,6 +79,8 @@ from rsoconsole.tracking.association import Following
 log = logging.getLogger(__name__)
 
 IDLE_TICK_NS = NS
+END_MEASURED_S = 8.0
+"""How long an engine that ends measures how it leaves the mount."""
 ENGINE_ENDS = CommandResult(kind="dropped", dropped_by="engine ended")
 
 
@@ -109,12 +115,16 @@ class Engine:
         self.planner = Planner(config, self.guide)
         self.session_log = SessionLog(record, instrument_controller.now_utc_ns, self.orbits.receive)
         self.watch = Watch(
-            instrument_controller.instruments, config, queue, self.session_log.append
+            instrument_controller.instruments,
+            config,
+            queue,
+            self.session_log.append,
+            lambda: instrument_controller.ordered,
         )
         self._parking = Parking(instrument_controller, self.session_log)
         self.slews = Slews(instrument_controller, self.planner, self.watch, self.session_log)
         self._exposures = Exposures(
-            instrument_controller, self.planner, self.watch, self.session_log, queue, config
+            instrument_controller, self.planner, self.watch, self.session_log, config
         )
         self.cycle = Cycle(reducer, config)
         """What makes a track of frames, and knows the last ones."""
@@ -253,12 +263,17 @@ class Engine:
     def arm(self, by: str = "operator", lifted: frozenset[str] = frozenset()) -> None:
         """Hand the mount to autonomy: search from where the telescope points.
 
-        ``lifted``: checks of the arming list that are overridden by name. Raises ValueError when
-        it is armed already.
+        A park that is done or under way is ended; a move by hand is waited for. ``lifted``: checks
+        of the arming list that are overridden by name. Raises ValueError when it is armed already,
+        Interrupted when somebody wants the loop meanwhile.
         """
-        report = self.instrument_controller.mount_report()
-        if report.is_parked:
-            self.instrument_controller.instruments.mount.unpark()
+        refusal = step(self.authority, Armed(by=by)).refusal
+        if refusal is not None:
+            raise ValueError(refusal)
+        self.end_park()
+        if self.instrument_controller.mount_report().is_slewing:
+            # Or the search would begin somewhere on the way of a move by hand.
+            self.instrument_controller.wait_for_rest()
         # Lifted before it is armed: the watch may look in between.
         before = self.watch.lifted
         self.watch.take_over(self.authority.is_responsible, lifted)
@@ -276,14 +291,21 @@ class Engine:
     def resume(self, by: str) -> None:
         """Give the mount back to autonomy, or follow again what was ended.
 
-        Raises ValueError where there is nothing to resume, where the mount is parked, and where
-        dome, weather or daylight would take it away again.
+        A move by hand is ended where what was followed is gone back to, else waited for: the
+        search begins where it leads. Raises ValueError where there is nothing to resume, where the
+        mount is parked, and where dome, weather or daylight would take it away again.
         """
         was_autonomous = self.authority.is_autonomous
         report = self.instrument_controller.mount_report()
-        if report.is_parked and not was_autonomous:
-            raise ValueError("the mount is parked: unpark it first")
+        if not was_autonomous and (report.is_parked or report.is_parking):
+            how = "parked" if report.is_parked else "on its way to its park position"
+            raise ValueError(f"the mount is {how}: unpark it first")
         self.expect_night()
+        refusal = step(self.authority, Resumed(by=by)).refusal
+        if refusal is None and not was_autonomous and report.is_slewing:
+            if self.authority.kept is not None:
+                self.instrument_controller.end_motion()
+            report = self.instrument_controller.wait_for_rest()
         self.handle(Resumed(by=by))
         if not was_autonomous:
             self.planner.moved_by_hand(report)
@@ -372,8 +394,11 @@ class Engine:
         stopped = self._faults.take_stop(self.watch)
         if stopped is not None:
             # Given once more: nobody knows what the mount has done meanwhile.
-            self.session_log.say("info", "the mount answers again and stands: STOP is over")
-            self.handle(replace(stopped, is_confirmed=True))
+            report = self.watch.last_report
+            how = "is at rest" if report is None else report.motion.kind
+            words = f"the mount {how}, measured: STOP is over"
+            self.session_log.say("info", words)
+            self.handle(replace(stopped, is_obeyed=True))
         elif self._faults.is_over(self.authority, self.watch):
             self._faults.clear()
             self.session_log.say("info", "the mount answers again: arming goes on")
@@ -395,20 +420,35 @@ class Engine:
 
     def _end(self) -> None:
         if self._queue.is_shutdown:
-            result = self.instrument_controller.instruments.mount.abort()
+            measured: SimpleQueue[StopResult] = SimpleQueue()
+            result = self.instrument_controller.instruments.mount.abort(on_news=measured.put)
             self.leaping.forget("the engine ends")
             with contextlib.suppress(Interrupted):
                 self.commands.heed_alarms()
             for request in self._queue.take_all():
-                is_done = request.command.survives_stop
-                self.session_log.append(action_record(request, DONE if is_done else ENGINE_ENDS))
-            if not result.stopped:
-                self.session_log.say(
-                    "alarm", f"the mount did not confirm its stop: {result.detail}"
-                )
+                came_of_it = DONE if request.command.survives_stop else ENGINE_ENDS
+                self.session_log.append(action_record(request, came_of_it))
+                request.course.settle(came_of_it)
+            said, is_alarm = self._how_it_ends(result, measured)
             self._enter(Authority(), Cause(kind="engine ended"))
-            if result.stopped:
-                self.session_log.say("info", "the engine ends, the mount stands", "engine ended")
+            words = f"the engine ends, {said}"
+            self.session_log.say("alarm" if is_alarm else "info", words, "engine ended")
+
+    def _how_it_ends(self, result: StopResult, news: SimpleQueue[StopResult]) -> tuple[str, bool]:
+        """How the engine leaves the mount, and whether that is an alarm."""
+        if self.instrument_controller.instruments.clock.is_simulated:
+            if result.is_answered:  # no time passes any more in which it could be measured
+                return "the mount is at rest, by its driver's word", False
+            return f"the mount's driver did not answer ABORT: {result.detail}", True
+        ends_s = time.monotonic() + END_MEASURED_S
+        while result.motion is None and (left_s := ends_s - time.monotonic()) > 0.0:
+            with contextlib.suppress(Empty):
+                result = news.get(timeout=left_s)
+        if result.is_at_rest and result.motion is not None:
+            return f"the mount {result.motion.kind}, measured", False
+        if result.rate_deg_s is not None:
+            return measured_text("moves", result.rate_deg_s), True
+        return unmeasured_text(result.detail, f"{CUT_POWER} if it does"), True
 
     def handle(self, trigger: Trigger) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
@@ -426,8 +466,11 @@ class Engine:
         if not isinstance(trigger, Followed | Marked):
             self._forget_since(before)
             self._note_given_up(before)
-        if isinstance(trigger, LimitMet | BY_OPERATOR):
+        is_ended = "abort" in result.actions or isinstance(trigger, LimitMet)
+        if is_ended or isinstance(trigger, BY_OPERATOR):
             self.by_hand.move = None
+        if is_ended:
+            self.instrument_controller.forget_order()
         if isinstance(trigger, BY_OPERATOR):
             self._parking.forget()
         self._note_giving_up(trigger)
@@ -504,11 +547,32 @@ class Engine:
         self.leaping.forget_times()
 
     def park(self, by: str) -> None:
-        """Disarm and send the mount to its park position, again and again until it is there."""
+        """Disarm and send the mount to its park position, again and again until it is there.
+
+        Raises ValueError where its driver has none, InstrumentError where it refuses.
+        """
+        with contextlib.suppress(InstrumentError):  # whether a silent mount has one is seen later
+            if not self.instrument_controller.instruments.mount.abilities().can_park:
+                raise ValueError(NO_PARK)
         self.handle(Disarmed(by=by))
         # What was followed before is gone back to only after the checklist.
         self._enter(replace(self.authority, is_resumable=False), None)
+        self.instrument_controller.heed()
         self._parking.want()
+        self._parking.see_to_it()
+        if self._parking.trouble:
+            again = "; it is told again: 'unpark' ends that" if self._parking.is_wanted else ""
+            raise InstrumentError(f"{self._parking.trouble}{again}")
+
+    @property
+    def is_park_wanted(self) -> bool:
+        """Whether the mount is to be parked and is not yet."""
+        return self._parking.is_wanted
+
+    def end_park(self) -> None:
+        """Park no more: release a mount that is parked, stop one that is on its way there."""
+        self._parking.forget()
+        self.instrument_controller.end_park()
 
     def _forgive(self) -> None:
         """An exposure came through: what failed before is over."""

@@ -36,6 +36,7 @@ def status_of(
     track = authority.following.track
     limit = watch.next_limit
     report = watch.last_report
+    motion = None if report is None else report.motion
     ahead = None
     if limit is not None:
         ahead = f"{limit[1].limit} in {(limit[0] - now_utc_ns) / 60e9:.0f} min"
@@ -71,6 +72,9 @@ def status_of(
         faults=faults,
         is_slewing=None if report is None else report.is_slewing,
         is_tracking=None if report is None else report.is_tracking,
+        is_parking=None if report is None else report.is_parking,
+        mount_motion=None if motion is None else motion.kind,
+        mount_rate_deg_s=None if motion is None or motion.kind == "unknown" else motion.rate_deg_s,
         pier_side=None if report is None else report.pier_side,
         exposing_until_utc_ns=exposing_until_utc_ns,
         next_start_utc_ns=next_start_utc_ns,

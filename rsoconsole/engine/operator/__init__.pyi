@@ -8,6 +8,7 @@ from .by_hand import HandMove as HandMove
 from .by_hand import Parts as Parts
 from .decisions import Decisions as Decisions
 from .decisions import PixelsOf as PixelsOf
+from .handlers import SOON as SOON
 from .handlers import Accepted as Accepted
 from .handlers import Control as Control
 from .handlers import Handler as Handler

@@ -7,14 +7,28 @@ but by name, and it is logged.
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import darkness_words, dome_fault, sun_fault, weather_fault
-from rsoconsole.engine.doctor import Check, ClockReading, doctor, doctor_system
+from rsoconsole.engine.doctor import (
+    Check,
+    ClockReading,
+    Lack,
+    LackName,
+    doctor,
+    doctor_system,
+    lacks_of,
+)
 from rsoconsole.engine.machine import DISK_REMEDY, bytes_until_dawn
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.instruments import Instruments, MountReport, SiteCheck, SkyReport
+from rsoconsole.instruments import (
+    Instruments,
+    MountAbilities,
+    MountReport,
+    SiteCheck,
+    SkyReport,
+)
 from rsoconsole.pipeline.frame import day_of, shutter_words
 from rsoconsole.records import NotSolved, Solution
 from rsoconsole.sky import separation_deg
@@ -23,8 +37,8 @@ from rsoconsole.tracking import CLIP_ARCSEC
 Answer = TypeVar("Answer")
 
 CHECKS = (
-    *("clock", "site", "time", "sun", "unparked", "weather", "dome"),
-    *("disk", "network", "index", "pointing"),
+    *("clock", "site", "time", "sun", "unparked", "abort", "tracking"),
+    *("weather", "dome", "disk", "network", "index", "pointing"),
 )
 """Every name there is, in the order in which they are told; "pointing" is judged on its own."""
 CLOCK_OFFSET_S = 0.1
@@ -62,6 +76,8 @@ class ArmingFacts:
     """Why the mount did not answer; empty when it did."""
     mount_utc_offset_s: float | None
     """The mount's clock minus the engine's; None when it does not tell."""
+    abilities: MountAbilities | None
+    """What the mount's driver offers."""
     sky: SkyReport | None
     free_bytes: int | None
     disk_fault: str
@@ -76,9 +92,12 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
     report, mount_fault = _ask(lambda: mount.report(timeout_s=MOUNT_ANSWER_S))
     site: SiteCheck | None = None
     utc_offset_s: float | None = None
+    abilities: MountAbilities | None = None
     if not mount_fault:  # a dead mount is waited for once, not three times
         site, mount_fault = _ask(lambda: mount.check_site(config.site.to_site()))
         utc_offset_s, _ = _ask(mount.utc_offset_s)
+        abilities, fault = _ask(mount.abilities)
+        mount_fault = mount_fault or fault
     sky, _ = (
         (None, "") if instruments.safety_monitor is None else _ask(instruments.safety_monitor.look)
     )
@@ -93,6 +112,7 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
         report=report,
         mount_fault=mount_fault,
         mount_utc_offset_s=utc_offset_s,
+        abilities=abilities,
         sky=sky,
         free_bytes=free_bytes,
         disk_fault=disk_fault or write_fault or "",
@@ -108,7 +128,9 @@ def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]
         _site(facts),
         _time(facts),
         _sun(facts, config),
-        _unparked(facts),
+        _unparked(facts, config),
+        _abort(facts, config),
+        _tracking(facts, config),
         _weather(facts, config),
         _dome(facts, config),
         _disk(facts, config),
@@ -243,14 +265,43 @@ def _sun(facts: ArmingFacts, config: Config) -> ArmingCheck:
     return ArmingCheck(name="sun", ok=True, detail=when)
 
 
-def _unparked(facts: ArmingFacts) -> ArmingCheck:
+def _unparked(facts: ArmingFacts, config: Config) -> ArmingCheck:
     if facts.report is None:
         return _mount_is_dumb("unparked", facts)
     if facts.report.is_parked:
         return ArmingCheck(
             name="unparked", ok=False, detail="the mount is parked", remedy="'rsoconsole unpark'"
         )
-    return ArmingCheck(name="unparked", ok=True, detail="the mount is not parked")
+    is_parking = facts.report.is_parking
+    detail = "the mount parks: arming ends that" if is_parking else "the mount is not parked"
+    told = [_lack(name, facts, config) for name in ("park", "pier side")]
+    lacks = [f"{lack.what}, {lack.follows}" for lack in told if lack is not None]
+    return ArmingCheck(name="unparked", ok=True, detail="; ".join([detail, *lacks]))
+
+
+def _abort(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    return _ability("abort", "STOP can end a slew", facts, config)
+
+
+def _tracking(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    return _ability("tracking", "it can be ended at a limit", facts, config)
+
+
+def _ability(
+    name: Literal["abort", "tracking"], detail: str, facts: ArmingFacts, config: Config
+) -> ArmingCheck:
+    if facts.report is None or facts.abilities is None:
+        return _mount_is_dumb(name, facts)
+    lack = _lack(name, facts, config)
+    if lack is None:
+        return ArmingCheck(name=name, ok=True, detail=detail)
+    remedy = "use a driver that can; else stay beside the mount" if lack.needs_override else ""
+    return ArmingCheck(name=name, ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
+
+
+def _lack(name: LackName, facts: ArmingFacts, config: Config) -> Lack | None:
+    lacks = () if facts.abilities is None else lacks_of(facts.abilities, config.mount)
+    return next((lack for lack in lacks if lack.name == name), None)
 
 
 def _weather(facts: ArmingFacts, config: Config) -> ArmingCheck:

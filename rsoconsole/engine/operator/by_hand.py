@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.control import Beside, Goto, MovePreview, Nudge, Preview, Track, Unpark
+from rsoconsole.control import Beside, Command, Goto, MovePreview, Nudge, Preview, Track, Unpark
 from rsoconsole.engine.aim import NS, Guide, InstrumentController, Planner, Taken
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.tasks import LIFTS, SessionLog, Slews, Watch, changed
@@ -16,6 +16,7 @@ from rsoconsole.sky.limits import Pose
 Direction = tuple[float, float]
 Move = Goto | Nudge
 """Commands that send the telescope somewhere."""
+PARKED = "the mount is parked: unpark it first"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,11 +58,12 @@ class ByHand:
     @property
     def handlers(self) -> Handlers:
         """Its commands."""
+        move = Handler(check=self._check_move, expect=self._expect_unparked, execute=self._move)
         return {
-            Goto: Handler(check=self._check_move, execute=self._move),
-            Nudge: Handler(check=self._check_move, execute=self._move),
+            Goto: move,
+            Nudge: move,
             Track: Handler(expect=self._expect_free, execute=self._track),
-            Unpark: Handler(expect=self._expect_parked, execute=self._unpark),
+            Unpark: Handler(expect=self._expect_park, execute=self._unpark),
         }
 
     def preview(self, preview: Preview) -> MovePreview:
@@ -93,26 +95,30 @@ class ByHand:
             pier_side=report.pier_side,
             pier_side_after=self._planner.side_at(direction, now_ns),
             margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
-            refused=self._refusal(direction, override),
+            refused=PARKED if report.is_parked else self._refusal(direction, override),
         )
 
     def _check_move(self, command: Move, _by: str) -> Accepted:
-        direction = self._wanted(command)
-        refused = self._refusal(direction, command.override)
-        if refused is not None:
-            raise ValueError(refused)
+        direction = self._possible(command)
+        told = self._command(direction)
         data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
+        data |= {"command_ra_icrs_deg": float(told[0]), "command_dec_icrs_deg": float(told[1])}
         return Accepted(message="on its way; you have the mount", data=data)
 
+    def _expect_unparked(self, _command: Command, _by: str) -> None:
+        if self._instrument_controller.mount_report().is_parked:
+            raise ValueError(PARKED)
+
     def _move(self, command: Move, by: str) -> CommandResult:
-        direction = self._wanted(command)
-        refused = self._refusal(direction, command.override)
-        if refused is not None:
-            raise ValueError(refused)
-        if self._instrument_controller.mount_report().is_slewing:
-            # Some drivers take no new target while they move.
-            self._instrument_controller.instruments.mount.abort()
-            self._instrument_controller.wait_for_rest()
+        self._expect_unparked(command, by)
+        direction = self._possible(command)
+        report = self._instrument_controller.mount_report()
+        if report.is_slewing or report.is_parking:
+            # Nudges add up; beside another motion than theirs they count from where that ends.
+            adds_up = self.move is not None
+            self._end_motion(by)
+            if not adds_up:
+                direction = self._possible(command)
         commanded = self._command(direction)
         self._instrument_controller.order_slew(*commanded)
         self._control.handle(Taken(by=by))
@@ -122,24 +128,45 @@ class ByHand:
         self._session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))
         return done("on its way")
 
-    def _expect_free(self, _command: Track, _by: str) -> None:
+    def _possible(self, command: Move) -> Direction:
+        """Where that leads the telescope. Raises ValueError where it must not go there."""
+        direction = self._wanted(command)
+        refused = self._refusal(direction, command.override)
+        if refused is not None:
+            raise ValueError(refused)
+        return direction
+
+    def _end_motion(self, by: str) -> None:
+        """Whatever moves the mount is over, and its target with it; returns when it rests.
+
+        Some drivers take no new target while they move. The mount is the operator's from here on,
+        also where it then refuses to go.
+        """
+        self._control.handle(Taken(by=by))
+        self._control.end_park()
+        if self._instrument_controller.mount_report().is_slewing:
+            self._instrument_controller.end_motion()
+
+    def _expect_free(self, command: Track, by: str) -> None:
         if self._control.authority.is_autonomous:
             raise ValueError("autonomy has the mount: disarm it first")
-        if self._instrument_controller.mount_report().is_parked:
-            raise ValueError("the mount is parked: unpark it first")
+        self._expect_unparked(command, by)
 
     def _track(self, command: Track, by: str) -> CommandResult:
-        """Sidereal tracking on or off."""
+        """Sidereal tracking on or off; on ends a park under way."""
         self._expect_free(command, by)
+        if command.is_on:
+            self._control.end_park()
         self._instrument_controller.instruments.mount.set_tracking(command.is_on)
         return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
 
-    def _expect_parked(self, _command: Unpark, _by: str) -> None:
-        if not self._instrument_controller.mount_report().is_parked:
+    def _expect_park(self, _command: Unpark, _by: str) -> None:
+        report = self._instrument_controller.mount_report()
+        if not (report.is_parked or report.is_parking or self._control.is_park_wanted):
             raise ValueError("the mount is not parked")
 
     def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
-        self._instrument_controller.instruments.mount.unpark()
+        self._control.end_park()
         return done("the mount is not parked any more")
 
     def _wanted(self, move: Move | Beside) -> Direction:
@@ -166,9 +193,7 @@ class ByHand:
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:
-        """Why this move cannot be: a parked mount, a limit; None when it can."""
-        if self._instrument_controller.mount_report().is_parked:
-            return "the mount is parked: unpark it first"
+        """The limit that this move would break; None when none."""
         now_ns = self._instrument_controller.now_utc_ns()
         exposure = self._control.config.exposure
         until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)

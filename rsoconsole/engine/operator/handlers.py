@@ -60,7 +60,14 @@ class Control(Protocol):
         """Raises ValueError where the sky is clear."""
 
     def park(self, by: str) -> None:
-        """Disarm and send the mount to its park position."""
+        """Disarm and send the mount to its park position. Raises ValueError where it has none."""
+
+    @property
+    def is_park_wanted(self) -> bool:
+        """Whether the mount is to be parked and is not yet."""
+
+    def end_park(self) -> None:
+        """Park no more: release a mount that is parked, stop one that is on its way there."""
 
 
 class RefusedError(ValueError):

@@ -54,7 +54,7 @@ class Modes:
 
     def _park(self, _command: Park, by: str) -> CommandResult:
         self._control.park(by)
-        return done("parking")
+        return done("the mount parks" if self._control.is_park_wanted else "the mount is parked")
 
 
 def trigger_of(command: Command, by: str) -> Trigger:

@@ -1,6 +1,7 @@
 """Answers the operator's wire: STOP and status at once, the rest through the loop."""
 
 import dataclasses
+import itertools
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +16,7 @@ from rsoconsole.control import (
     BeginMark,
     Command,
     LastStop,
+    Later,
     Note,
     Outcome,
     Preview,
@@ -27,8 +29,11 @@ from rsoconsole.control import (
     printable,
     status_json,
 )
+from rsoconsole.engine.aim import Stopped
+from rsoconsole.engine.doctor import Lack, lacks_of
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.operator import (
+    SOON,
     Accepted,
     Handler,
     RefusedError,
@@ -50,6 +55,7 @@ from rsoconsole.engine.tasks import (
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline.frame import HELD
+from rsoconsole.reason_text import text
 from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky import icrs_to_altaz
@@ -57,6 +63,10 @@ from rsoconsole.sky import icrs_to_altaz
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
 """So long an answer waits for the disk, which takes milliseconds where all is well."""
+MOUNT_WORD_S = 2.0
+"""So long, since a command came, its answer waits for the mount."""
+SENT = "sent; the mount has not answered"
+WAITS = "accepted; it is sent as soon as the loop is free"
 
 
 class CommandHandler:
@@ -71,10 +81,14 @@ class CommandHandler:
         flush: Callable[[float], bool] = lambda _timeout_s: True,
         *,
         machine: Callable[[], MachineState | None] = lambda: None,
+        lacks: tuple[Lack, ...] = (),
+        mount_word_s: float = MOUNT_WORD_S,
     ) -> None:
         """``flush``: wait until the disk has what was put on record, at most that long, in seconds.
 
-        ``machine``: what was last seen of the machine itself.
+        ``machine``: what was last seen of the machine itself; ``lacks``: what the mount's driver
+        did not offer when it was connected; ``mount_word_s``: so long an
+        answer waits for the mount.
         """
         self._engine = engine
         self._instruments = engine.instrument_controller.instruments
@@ -84,7 +98,10 @@ class CommandHandler:
         self._flush = flush
         self._seats = Seats()
         self._machine = machine
+        self._lacks = lacks
+        self._mount_word_s = mount_word_s
         self._last_stop: LastStop | None = None
+        self._stop_numbers = itertools.count(1)
         self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session, machine)
         self._answers: Mapping[type[Command], Callable[[Any, Sender], Outcome]] = {
             Stop: self._stop,
@@ -105,6 +122,11 @@ class CommandHandler:
 
     def handle(self, request: Request) -> Outcome:
         """What came of it; a refusal says why."""
+        begun = self.begin(request)
+        return begun.outcome() if isinstance(begun, Later) else begun
+
+    def begin(self, request: Request) -> Outcome | Later:
+        """The same at once, but for what the mount has to answer."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
@@ -120,7 +142,7 @@ class CommandHandler:
 
     # -- through the loop -----------------------------------------------------------------------
 
-    def _accept(self, request: Request) -> Outcome:
+    def _accept(self, request: Request) -> Outcome | Later:
         """Check it, and have the loop do it; what can be known at once is answered at once."""
         command, by = request.command, request.by
         handler = self._handlers.get(type(command))
@@ -150,6 +172,11 @@ class CommandHandler:
             self._queue.request_shutdown()
         if not is_kept:
             return self._not_on_record("it is carried out", dict(accepted.data))
+        if command.awaits_mount:
+            return Later(
+                until_s=request.came_s + self._mount_word_s,
+                wait=lambda wait_s: _first_word(request, accepted, wait_s),
+            )
         return Outcome(ok=True, message=accepted.message, data=dict(accepted.data))
 
     def _not_on_record(self, what: str, data: Mapping[str, Any] | None = None) -> Outcome:
@@ -161,7 +188,10 @@ class CommandHandler:
         """The checklist is gone through at once, so that the answer says what is missing."""
         names = frozenset(command.override)
         config = self._engine.config
-        checks = arming_checks(gather_facts(self._instruments, config, self._session), config)
+        facts = gather_facts(self._instruments, config, self._session)
+        if facts.abilities is not None:
+            self._lacks = lacks_of(facts.abilities, config.mount)
+        checks = arming_checks(facts, config)
         unknown = names - {check.name for check in checks} - {"pointing"}
         if unknown:
             known = ", ".join([*(check.name for check in checks), "pointing"])
@@ -179,10 +209,18 @@ class CommandHandler:
 
     def _stop(self, command: Stop, sender: Sender) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        given = LastStop(by=sender.words, t_utc_ns=self._engine.session_log.last_utc_ns())
+        number = next(self._stop_numbers)
+        self._engine.watch.abort_ordered()
+        given = LastStop(
+            number=number, by=sender.words, t_utc_ns=self._engine.session_log.last_utc_ns()
+        )
+
+        def put_down(result: StopResult) -> None:
+            if self._last_stop is None or self._last_stop.number <= number:
+                self._last_stop = stop_status(given, result)
 
         def known(result: StopResult) -> None:
-            self._last_stop = stop_status(given, result)
+            put_down(result)
             self._engine.wake()
             action = OperatorAction(
                 verb=command.verb,
@@ -193,14 +231,30 @@ class CommandHandler:
             self._engine.session_log.append(action)
 
         def late(result: StopResult) -> None:
-            self._last_stop = stop_status(given, result)
+            put_down(result)
             self._engine.session_log.say("alarm", f"STOP {result.detail}: {REMEDY}")
 
+        def measured(result: StopResult) -> None:
+            known(result)
+            if not (result.is_at_rest or result.is_superseded):
+                words = text(stop_outcome(result))
+                self._queue.interrupt(Stopped(by=sender.words, is_obeyed=False, words=words))
+
         result = stop_now(
-            self._queue, self._instruments.mount, sender.words, on_known=known, on_late=late
+            self._queue,
+            self._instruments.mount,
+            sender.words,
+            on_known=known,
+            on_late=late,
+            on_measured=measured,
         )
-        data: dict[str, Any] = dataclasses.asdict(result)
-        return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
+        data: dict[str, Any] = {
+            **dataclasses.asdict(stop_status(given, result)),
+            "is_answered": result.is_answered,
+            "ms": result.ms,
+        }
+        message = result.detail or "ABORT is answered: measuring"
+        return Outcome(ok=result.is_answered, message=message, data=data)
 
     def _status(self, _command: AskStatus, _sender: Sender) -> Outcome:
         return Outcome(ok=True, data=status_json(self.status()))
@@ -209,7 +263,7 @@ class CommandHandler:
         """What the loop says of itself, and what only the wire's end knows beside it."""
         status = self._engine.status()
         report = self._engine.watch.last_report
-        health = self._health.read(report, self._engine.interruptions.trouble)
+        health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)
         machine, seat = self._machine(), self._seats.view()
         alt_deg, az_deg = self._horizontal(status.ra_icrs_deg, status.dec_icrs_deg, status.t_utc_ns)
         mount_alt_deg, mount_az_deg = self._horizontal(
@@ -223,6 +277,7 @@ class CommandHandler:
             mount_az_deg=mount_az_deg,
             faults=(*status.faults, *self._record_faults()),
             health=tuple(health),
+            mount_lacks=tuple(lack.text for lack in self._lacks),
             machine=None if machine is None else machine.as_status(),
             seat=None if seat.holder is None else seat_name(seat.holder),
             seat_asked_by=None if seat.asked_by is None else seat_name(seat.asked_by),
@@ -234,7 +289,9 @@ class CommandHandler:
 
     def _stop_now_known(self) -> LastStop | None:
         last = self._last_stop
-        if last is None or last.is_confirmed:
+        if last is None or last.is_at_rest:
+            return last
+        if last.is_over or last.outcome is None:
             return last
         is_open = self._engine.authority.is_stopped or self._queue.is_stopping
         return dataclasses.replace(last, is_over=not is_open)
@@ -276,3 +333,17 @@ class CommandHandler:
         self._engine.session_log.append(action_record(Request(command=begun, sender=sender), DONE))
         what = f"frame {frame_id} is kept" if command.is_on else f"frame {frame_id} is let go"
         return Outcome(ok=True, message=what, data={"frame": frame_id, "frames": HELD})
+
+
+def _first_word(request: Request, accepted: Accepted, wait_s: float) -> Outcome:
+    """What the mount said to a command, or how far that has come in that time."""
+    result, data = request.course.wait(wait_s), dict(accepted.data)
+    if result is None:
+        return Outcome(ok=True, message=SENT if request.course.is_begun else WAITS, data=data)
+    if result.kind == "done":
+        # What the check has promised holds now; where it knew nothing, the doing tells.
+        words = text(result) if accepted.message == SOON else accepted.message
+        return Outcome(ok=True, message=words, data=data)
+    if result.kind == "refused":
+        data[ON_RECORD] = True
+    return Outcome(ok=False, message=result.detail or text(result), data=data)

@@ -1,12 +1,12 @@
 """How machine and instruments are, in short words for a panel; cheap enough to ask often."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.control import Health
-from rsoconsole.engine.doctor import free_bytes, read_clock
+from rsoconsole.engine.doctor import Lack, free_bytes, read_clock
 from rsoconsole.engine.loop import TimeTrouble
 from rsoconsole.engine.machine import session_bytes
 from rsoconsole.engine.service.machine_watch import MachineState
@@ -40,12 +40,19 @@ class HealthMeter:
         self._readings: tuple[Health, ...] = ()
 
     def read(
-        self, report: MountReport | None, trouble: TimeTrouble | None = None
+        self,
+        report: MountReport | None,
+        trouble: TimeTrouble | None = None,
+        lacks: Sequence[Lack] = (),
     ) -> tuple[Health, ...]:
         """Mount, clock, disk, temperature; what cannot be read is left out.
 
-        ``trouble``: what happened to the machine's clock last.
+        ``trouble``: what happened to the machine's clock last; ``lacks``: what the mount's driver
+        does not offer.
         """
+        return (*self._now(report, trouble), *driver_health(lacks))
+
+    def _now(self, report: MountReport | None, trouble: TimeTrouble | None) -> tuple[Health, ...]:
         if trouble is not None:
             since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
             if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
@@ -89,6 +96,12 @@ class HealthMeter:
         hours = free / max(session_bytes(self._config(), 3600.0), 1.0)
         text = f"{free / 1e9:.0f} GB, {min(hours, 999.0):.0f} h"
         return Health(name="disk", ok=hours >= LOW_HOURS, text=text)
+
+
+def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
+    """What the mount cannot; nothing of what it only does not tell."""
+    missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
+    return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
 
 
 def machine_health(state: MachineState | None) -> tuple[Health, ...]:

@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -18,8 +19,8 @@ from typing import Any
 from rsoconsole.alerting import AlertProcess
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
-from rsoconsole.engine.aim import InstrumentController
-from rsoconsole.engine.doctor import read_clock
+from rsoconsole.engine.aim import InstrumentController, Interrupted
+from rsoconsole.engine.doctor import Lack, lacks_of, read_clock
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
 from rsoconsole.engine.operator import CHECKS, arming_checks, gather_facts, refusal_text
@@ -39,6 +40,8 @@ log = logging.getLogger(__name__)
 
 START_AGAIN_US = 60_000_000
 """How much longer the service manager is to wait for an engine that says what it waits for."""
+DEFINED_S = 2.0
+"""So long, from its connection on, what a driver has not defined yet is waited for."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 
@@ -87,7 +90,7 @@ def run_engine(
         reducer, model_sha256 = stack.enter_context(open_reducer(config))
         reducer.make_ready()
         instruments = stack.enter_context(connect_instruments(config))
-        site_fault = _site_fault(instruments.mount, config)
+        lacks, site_fault = _mount_faults(instruments.mount, config)
         now_ns = instruments.clock.now_utc_ns()
         cut_off = _cut_off_session(config, instruments)
         folder = settings.session or new_session_folder(config.session.root, settings.title, now_ns)
@@ -122,7 +125,11 @@ def run_engine(
         stack.enter_context(warnings_on_record(engine.session_log, "rsoconsole.instruments"))
         if config.exposure.calibrated:
             engine.session_log.say("info", shutter_words(config.exposure, day_of(now_ns)))
-        _say_faults(engine, _cut_off_words(cut_off), site_fault, past_fault, alerts.fault)
+        _say_faults(
+            engine,
+            *(_cut_off_words(cut_off), site_fault, past_fault, alerts.fault),
+            *(lack.text for lack in lacks),
+        )
         _load_ahead(config)
         _say_outlook(engine, config, folder, now_ns)
         machine = MachineWatch(folder, partial(engine.session_log.say, topic="machine"))
@@ -136,11 +143,12 @@ def run_engine(
                 lambda: writer.faults,
                 writer.flush,
                 machine=lambda: machine.state,
+                lacks=lacks,
             )
             stack.enter_context(
                 ControlServer(
                     path,
-                    command_handler.handle,
+                    command_handler.begin,
                     lock=lock,
                     stamp=lambda: queue.stops,
                     locks=(mount_lock,),
@@ -208,7 +216,8 @@ def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
     )
     refused = refusal_text(checks, settings.lifted)
     if refused is None:
-        engine.arm("configuration", settings.lifted)
+        with contextlib.suppress(Interrupted):  # the engine is to end already
+            engine.arm("configuration", settings.lifted)
     elif settings.frames is not None:
         raise InstrumentError(refused)
     else:
@@ -238,12 +247,34 @@ def _load_ahead(config: Config) -> None:
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 
 
+def _mount_faults(mount: MountPort, config: Config) -> tuple[tuple[Lack, ...], str | None]:
+    """What its driver does not offer, and what is wrong with its site."""
+    return _mount_lacks(mount, config), _site_fault(mount, config)
+
+
+def _mount_lacks(mount: MountPort, config: Config) -> tuple[Lack, ...]:
+    """What its driver does not offer; one that was just connected defines it bit by bit."""
+    ends_s = time.monotonic() + DEFINED_S
+    while lacks := lacks_of(mount.abilities(), config.mount):
+        if time.monotonic() > ends_s:
+            break
+        time.sleep(DEFINED_S / 10.0)
+    return lacks
+
+
 def _site_fault(mount: MountPort, config: Config) -> str | None:
-    """What is wrong with the mount's site; told where it knows none, never overwritten unasked."""
+    """What is wrong with the mount's site; told where it knows none, never overwritten unasked.
+
+    A driver that has nothing to be told a site by knows better, or needs none.
+    """
     site = config.site.to_site()
     check = mount.check_site(site)
     if check.reported is None:
-        mount.set_site(site)
+        if mount.abilities().tells_site:
+            try:
+                mount.set_site(site)
+            except InstrumentError as error:
+                return f"the mount does not tell its site and takes none: {error}"
         return None
     if check.is_consistent:
         return None

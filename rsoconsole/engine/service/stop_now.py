@@ -1,7 +1,8 @@
-"""STOP on the wire's thread: answered as soon as the mount stands, or with an alarm where not.
+"""STOP on the wire's thread: answered as soon as the mount's driver has, or with an alarm.
 
 What is to become of tracking is seen to on a thread of its own; until that is over the queue counts
-the STOP as under way, and the loop gives no order.
+the STOP as under way, and the loop gives no order. How the mount then moves is measured while the
+loop goes on.
 """
 
 import threading
@@ -15,7 +16,7 @@ from rsoconsole.instruments import MountPort, StopResult
 from rsoconsole.reasons import CommandResult
 
 ALARM_S = 0.8
-"""A mount that has not confirmed a STOP for so long is an alarm; it is waited for beyond that."""
+"""A driver that has not answered a STOP for so long is an alarm; it is waited for beyond that."""
 REMEDY = "cut the mount's power if it moves"
 
 
@@ -26,12 +27,14 @@ def stop_now(
     *,
     on_known: Callable[[StopResult], None],
     on_late: Callable[[StopResult], None],
+    on_measured: Callable[[StopResult], None],
 ) -> StopResult:
-    """Stop the mount; returns when it stands, when that has failed, or after ``ALARM_S``.
+    """Stop the mount; returns when that is answered, when it has failed, or after ``ALARM_S``.
 
-    ``on_known`` hears once what came of it, before this returns wherever that is known by then;
-    ``on_late`` how it stands after ``ALARM_S``. Raises what the mount's port
-    raises, which it should not.
+    ``on_known`` hears once what came of ABORT, before this returns wherever that is known by then;
+    ``on_late`` how it stands after ``ALARM_S``; ``on_measured``, after both, how the mount is
+    measured to move, each time that this changes. Raises what the mount's port raises, which it
+    should not.
     """
     known = threading.Event()
     rewriter = threading.Lock()
@@ -42,7 +45,10 @@ def stop_now(
     def on_news(news: StopResult) -> None:
         if news.ordered_ms is not None and not ordered_ms:
             ordered_ms.append(news.ordered_ms)
-        if news.stopped:
+        if news.motion is not None:
+            settle(replace(news, motion=None, measured_ms=None))
+            on_measured(news)
+        elif news.is_answered:
             settle(news)
 
     def settle(result: StopResult) -> None:
@@ -65,11 +71,11 @@ def stop_now(
             raise broken[0]
         return found[0]
     late = StopResult(
-        stopped=False,
+        is_answered=False,
         ms=ALARM_S * 1e3,
         ordered_ms=next(iter(ordered_ms), None),
         path="mount",
-        detail=f"{ordered_words(next(iter(ordered_ms), None))}, not confirmed in {ALARM_S:g} s",
+        detail=f"{ordered_words(next(iter(ordered_ms), None))}, not answered in {ALARM_S:g} s",
     )
     on_late(late)
     return late
@@ -80,18 +86,29 @@ def stop_status(given: LastStop, result: StopResult) -> LastStop:
     return replace(
         given,
         ordered_ms=result.ordered_ms,
-        confirmed_ms=result.ms if result.stopped else None,
-        is_confirmed=result.stopped,
+        answered_ms=result.ms if result.is_answered else None,
+        measured_ms=result.measured_ms,
+        outcome=None if result.motion is None else result.motion.kind,
+        rate_deg_s=result.rate_deg_s,
+        is_over=result.is_superseded,
         path=result.path,
-        detail="" if result.stopped else result.detail,
+        detail=result.detail,
     )
 
 
 def stop_outcome(result: StopResult) -> CommandResult:
-    """What came of a STOP, for the record."""
-    if result.stopped:
+    """What came of a STOP so far, for the record."""
+    if result.motion is not None:
         return CommandResult(
-            kind="stopped",
+            kind="measured",
+            stop_outcome=result.motion.kind,
+            stop_ms=result.measured_ms,
+            rate_deg_s=result.rate_deg_s,
+            detail=result.detail,
+        )
+    if result.is_answered:
+        return CommandResult(
+            kind="answered",
             stop_ms=result.ms,
             stop_path=result.path,
             stop_ordered_ms=result.ordered_ms,

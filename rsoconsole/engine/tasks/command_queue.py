@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from rsoconsole.config import Config
 from rsoconsole.control import IN_ENGINE, Request
 from rsoconsole.engine.aim import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
@@ -96,8 +95,10 @@ class CommandQueue:
             self._stops_under_way += 1
             self._stops += isinstance(trigger, Stopped)
             self._cut_by = trigger
-            dropped = tuple(r for r in self._waiting if is_undone(r, trigger))
-            self._waiting = deque(r for r in self._waiting if r not in dropped)
+            dropped = self._undo_waiting(trigger)
+        # Their records come with the alarm; who waits for them hears it now.
+        for request in dropped:
+            request.course.settle(dropped_by(trigger))
         result: StopResult | None = None
         try:
             result = abort()
@@ -112,7 +113,17 @@ class CommandQueue:
         """Cut the loop short for something that it must act on itself (any thread)."""
         with self._lock:
             self._cut_by = trigger
-            self._alarms.append(Alarm(trigger=trigger))
+            # What came of a STOP undoes nothing that was given after it.
+            dropped = () if isinstance(trigger, Stopped) else self._undo_waiting(trigger)
+            self._alarms.append(Alarm(trigger=trigger, dropped=dropped))
+        for request in dropped:
+            request.course.settle(dropped_by(trigger))
+
+    def _undo_waiting(self, trigger: Trigger) -> tuple[Request, ...]:
+        """What waits and is undone, which then waits no more; under the lock."""
+        undone = tuple(r for r in self._waiting if is_undone(r, trigger))
+        self._waiting = deque(r for r in self._waiting if r not in undone)
+        return undone
 
     def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
         """These were taken and not executed: they wait again, before all others.
@@ -122,7 +133,10 @@ class CommandQueue:
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
             dropped = tuple(r for r in requests if cut_by is not None and is_undone(r, cut_by))
-            self._waiting.extendleft(r for r in reversed(requests) if r not in dropped)
+            again = [r for r in requests if r not in dropped]
+            for request in again:
+                request.course.is_begun = False
+            self._waiting.extendleft(reversed(again))
             self._are_under_way = False
         return dropped, OVERTAKEN if cut_by is None else dropped_by(cut_by)
 
@@ -190,24 +204,25 @@ def dropped_by(trigger: Trigger) -> CommandResult:
     return CommandResult(kind="dropped", dropped_by="limit met" if is_limit else "night ended")
 
 
-def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
+def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
     """What cut the loop short, in the operator's words.
 
-    ``is_stopped_again``: the loop's own stop, which follows every alarm, was confirmed.
+    ``is_answered_again``: the loop's own ABORT, which follows every alarm, was answered.
     """
     trigger = alarm.trigger
     if isinstance(trigger, LimitMet):
-        return f"limit: {trigger.words}; motion and tracking ended"
+        return f"limit: {trigger.words}"
     if isinstance(trigger, NightEnded):
         return f"the night ends: {trigger.words}; armed again only when asked"
     result = alarm.result
     times = ""
     if result is not None and result.ordered_ms is not None:
         times = f", ordered in {result.ordered_ms:.0f} ms"
-    if not (is_stopped_again or (result is not None and result.stopped)):
-        return f"STOP was not confirmed by the mount{times}: cut its power"
-    if result is not None and result.stopped:
-        times += f", confirmed in {result.ms:.0f} ms"
+    if isinstance(trigger, Stopped) and not trigger.is_obeyed:
+        return f"STOP: {trigger.words}"
+    if not (is_answered_again or (result is not None and result.is_answered)):
+        return f"STOP was not answered by the mount's driver{times}: cut its power if it moves"
+    if result is not None and result.is_answered:
+        times += f", answered in {result.ms:.0f} ms"
         times += "" if result.ordered_ms is None else f" ({IN_ENGINE})"
-    after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
-    return f"STOP: motion ended{times}; disarmed, {after[config.mount.after_stop]}"
+    return f"STOP: ABORT sent{times}; disarmed, how the mount moves is being measured"

@@ -5,12 +5,10 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import NS, InstrumentController, Interrupted, LimitMet, Plan, Planner
-from rsoconsole.engine.tasks.command_queue import CommandQueue
+from rsoconsole.engine.aim import NS, InstrumentController, Interrupted, Plan, Planner
 from rsoconsole.engine.tasks.frame_times import FrameTimes
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
-from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.camera import ARRIVED_KEY
 from rsoconsole.pipeline.cycle import taken_record
 from rsoconsole.records import Frame, LoopState
@@ -19,13 +17,12 @@ from rsoconsole.records import Frame, LoopState
 class Exposures:
     """From a plan to a frame on record."""
 
-    def __init__(  # noqa: PLR0917 -- one call, each argument a part of the engine
+    def __init__(
         self,
         instrument_controller: InstrumentController,
         planner: Planner,
         watch: Watch,
         session_log: SessionLog,
-        queue: CommandQueue,
         config: Config,
     ) -> None:
         self.frame_id = 0
@@ -41,7 +38,6 @@ class Exposures:
         self._planner = planner
         self._watch = watch
         self._session_log = session_log
-        self._queue = queue
         self._config = config
 
     def configure(self, config: Config) -> None:
@@ -122,11 +118,5 @@ class Exposures:
 
     def end_at_limit(self, words: str) -> NoReturn:
         """End motion and tracking for a limit. Raises Interrupted: the loop is to hear of it."""
-        self._queue.stop(LimitMet(words=words), self._end_tracking)
+        self._watch.end_at_limit(words)
         raise Interrupted
-
-    def _end_tracking(self) -> StopResult:
-        mount = self._instrument_controller.instruments.mount
-        result = mount.abort()
-        mount.set_tracking(False)
-        return result

@@ -12,7 +12,7 @@ class Faults:
         self._was_blind = False
         """The mount has been silent since the fault."""
         self._stop: tuple[Stopped, int] | None = None
-        """A STOP that the mount did not confirm, and when that was known."""
+        """A STOP that the mount did not obey, and when that was known."""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -32,16 +32,16 @@ class Faults:
         self._was_blind, self._stop = False, None
 
     def expect_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """A STOP was not confirmed: that is what is broken until the mount is seen to stand."""
+        """A STOP was not obeyed: that is broken until the mount is measured to be at rest."""
         self._words, self._stop = [words], (stopped, now_utc_ns)
 
     def take_stop(self, watch: Watch) -> Stopped | None:
-        """The STOP that was not confirmed, once the mount answers again and stands; else None."""
+        """The STOP that was not obeyed, once the mount is measured to be at rest; else None."""
         report = watch.last_report
         if self._stop is None or watch.is_blind or report is None:
             return None
         stopped, since_ns = self._stop
-        if report.t_utc_ns <= since_ns or report.is_slewing:
+        if report.t_utc_ns <= since_ns or report.is_slewing or not report.motion.is_at_rest:
             return None
         self._stop = None
         return stopped

@@ -101,9 +101,7 @@ class Pace:
             return self._changed_to(config, dict(self._before), "the end of the track")
         if self._is_left_alone or track.innovations < 1:
             return config, ()
-        base = config
-        for name, value in self._before.items():
-            base = changed(base, name, value)
+        base = self.of_night(config)
         east, north = sky_rate_arcsec_s(track)
         rate = float(np.hypot(east, north))
         found = wanted(rate, base)
@@ -115,6 +113,13 @@ class Pace:
             or abs(value / _value(config, name) - 1.0) > _WORTH_CHANGING
         }
         return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
+
+    def of_night(self, config: Config) -> Config:
+        """The configuration without what is changed for the track."""
+        for name, value in self._before.items():
+            if _value(config, name) == self._own.get(name):
+                config = changed(config, name, value)
+        return config
 
     def _changed_to(
         self, config: Config, values: dict[str, float], by: str

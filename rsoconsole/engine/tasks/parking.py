@@ -7,6 +7,7 @@ from rsoconsole.errors import InstrumentError
 RETRY_NS = 30 * NS
 ENOUGH = 20
 """Orders after which it is said for the last time that somebody must go there."""
+NO_PARK = "this mount's driver has no park position"
 
 
 class Parking:
@@ -19,38 +20,64 @@ class Parking:
         self._session_log = session_log
         self.is_wanted = False
         """The mount is not parked yet and shall be."""
+        self.trouble = ""
+        """Why it does not park; empty where it has taken the last order."""
         self._orders = 0
         self._next_utc_ns = 0
+        """No order and no complaint goes out before that."""
+        self._is_silent = False
+        """It did not answer at the last look."""
 
     def want(self) -> None:
-        """Park; the order goes out with the next look."""
+        """Park; the order goes out with the next look, unless the mount is on its way already."""
         self.is_wanted, self._orders, self._next_utc_ns = True, 0, 0
+        self.trouble = ""
 
     def forget(self) -> None:
-        """Somebody has decided otherwise."""
-        self.is_wanted = False
+        """Something else is wanted."""
+        self.is_wanted = self._is_silent = False
 
     def see_to_it(self) -> None:
         """One look: order, wait, order again; never raises."""
-        if not self.is_wanted or self._instrument_controller.now_utc_ns() < self._next_utc_ns:
+        if not self.is_wanted:
             return
-        self._next_utc_ns = self._instrument_controller.now_utc_ns() + RETRY_NS
+        now_ns = self._instrument_controller.now_utc_ns()
+        is_due = now_ns >= self._next_utc_ns
+        if self._is_silent and not is_due:
+            return  # each look at a silent mount takes as long as it is waited for
         try:
             report = self._instrument_controller.mount_report()
+            self._is_silent = False
             if report.is_parked:
-                self.is_wanted = False
+                self.forget()
+                self._instrument_controller.forget_order()
                 self._session_log.say("info", "the mount is parked")
                 return
-            if report.is_slewing and self._orders > 0:
+            if self._instrument_controller.is_on_its_way_to_park(report) or not is_due:
                 return
-            self._orders += 1
+            self._next_utc_ns = now_ns + RETRY_NS
+            self._order()
+        except InstrumentError as error:
+            self._is_silent, self._next_utc_ns = True, now_ns + RETRY_NS
+            self._complain(str(error))
+
+    def _order(self) -> None:
+        """Raises InstrumentError where nobody knows what the mount can."""
+        if not self._instrument_controller.instruments.mount.abilities().can_park:
+            self.forget()
+            self._complain(NO_PARK)
+            return
+        self._orders += 1
+        try:
             self._instrument_controller.order_park()
+            self.trouble = ""
             self._session_log.say("info", "the mount parks")
         except InstrumentError as error:
             self._complain(str(error))
         if self._orders >= ENOUGH:
-            self.is_wanted = False
+            self.forget()
             self._complain(f"it was told {self._orders} times")
 
     def _complain(self, why: str) -> None:
+        self.trouble = why
         self._session_log.say("alarm", f"the mount does not park: {why}; park it by hand")

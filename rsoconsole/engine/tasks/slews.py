@@ -93,6 +93,10 @@ class Slews:
         self._commanded = slew, to
         self._session_log.append(slew)
 
+    def forget(self) -> None:
+        """Autonomy has lost the mount: its slew is nobody's any more."""
+        self._commanded = None
+
     def finish(
         self,
         plan: Plan,

@@ -1,5 +1,6 @@
 """Settings that hold for a number of frames, then go back to what they were."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
@@ -16,14 +17,17 @@ class _Loan:
 class Temporary:
     """What is lent, by the name of the setting."""
 
-    def __init__(self) -> None:
+    def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
+        """``of_night``: a configuration as the night has it, without what a track changed in it."""
+        self._of_night = of_night
         self._loans: dict[str, _Loan] = {}
 
     def lend(self, config: Config, name: str, frames: int) -> None:
         """Remember what the setting is now; the first lender's value comes back at the end."""
         known = self._loans.get(name)
         section, _, key = name.partition(".")
-        before = getattr(getattr(config, section), key) if known is None else known.before
+        own = self._of_night(config)
+        before = getattr(getattr(own, section), key) if known is None else known.before
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:

@@ -6,17 +6,35 @@ itself looks at every step of a wait. The watch acts first and tells the loop af
 """
 
 import contextlib
+import functools
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import LimitMet, NightEnd, NightEnded, lasting_overrides, night_end
+from rsoconsole.engine.aim import (
+    LimitMet,
+    NightEnd,
+    NightEnded,
+    Ordered,
+    lasting_overrides,
+    night_end,
+)
 from rsoconsole.engine.machine import notify
 from rsoconsole.engine.tasks.command_queue import CommandQueue
+from rsoconsole.engine.tasks.limit_stop import LimitStop
+from rsoconsole.engine.tasks.seen_motion import (
+    How,
+    Own,
+    OwnMotion,
+    ParkedMotion,
+    SeenMotion,
+    pose_of,
+    seen_motion,
+)
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.instruments import Instruments, MountReport, StopResult
+from rsoconsole.instruments import Instruments, MountReport
 from rsoconsole.records import Event
 from rsoconsole.sky import separation_deg
 from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
@@ -29,6 +47,8 @@ SILENCE_S = 5.0
 """How long a mount's report is waited for."""
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
+LATEST_S = 10.0
+"""A word older than this tells nothing of where a mount has moved meanwhile."""
 MOVED_DEG = 0.05
 STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
@@ -48,8 +68,12 @@ class Watch:
         config: Config,
         queue: CommandQueue,
         say: Callable[[Event], None],
+        ordered: Callable[[], Ordered | None] = lambda: None,
     ) -> None:
-        """``say``: puts a line on the record, from any thread."""
+        """``say``: puts a line on the record, from any thread.
+
+        ``ordered``: the motion that this program has ordered last.
+        """
         self._instruments = instruments
         self._config = config
         self._queue = queue
@@ -60,12 +84,17 @@ class Watch:
         self._lock = threading.Lock()
         """Over the two above, which the loop sets and the watch's thread thins out."""
         self._said: dict[str, str] = {}
-        self._forecast_of: MountReport | None = None
+        self._forecast_of: tuple[MountReport, frozenset[LimitName]] | None = None
         self.last_report: MountReport | None = None
         """What the mount said at the last look."""
         self.is_blind = False
         """The mount did not answer at the last look."""
         self._last_pose: Pose | None = None
+        self._rested: Pose | None = None
+        """Where it was seen last before it began to slew."""
+        self._ordered = ordered
+        self._own, self._parked = OwnMotion(ordered), ParkedMotion()
+        self._stop = LimitStop(instruments, say)
         self._next: tuple[int, Refusal] | None = None
         self._end = threading.Event()
         self._loop_alive_s = time.monotonic()
@@ -91,7 +120,7 @@ class Watch:
         return self._lifted
 
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
-        """Whether the mount is autonomy's affair, so that the end of the night concerns it.
+        """Whether the mount is autonomy's affair: then the night's end and the least altitude are.
 
         ``lifted``: checks that are overridden by name from now on; None: those that were.
         """
@@ -170,18 +199,61 @@ class Watch:
             return None
         return self._next[1]
 
-    def refusal(self, report: MountReport, before: Pose | None = None) -> Refusal | None:
-        """The limit that forbids how the mount moves; None also where it stands or is parked.
-
-        ``before``: where it was at the look before this one.
-        """
-        if report.is_parked or not (report.is_slewing or report.is_tracking):
+    def refusal(self, report: MountReport) -> Refusal | None:
+        """The limit that forbids how the mount moves; None also where it stands or is parked."""
+        last = self.last_report
+        seen = seen_motion(report, last)
+        if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             return None
-        return self._limits.refuse_pose(
-            _pose_of(report),
-            is_slewing=report.is_slewing,
-            lifted=self.lifted_limits(),
-            before=before,
+        pose = pose_of(report)
+        own = self._own.kind(pose, seen, self._limits)
+        return self._refusal(report, pose, seen, own)
+
+    def end_at_limit(self, words: str) -> None:
+        """End motion and tracking for a limit that the loop sees ahead; it hears of it then."""
+        parks = not self._is_responsible
+        end = functools.partial(
+            self._stop.end, "tracks", self._instruments.clock.now_utc_ns(), parks=parks
+        )
+        done = self._stop.words("tracks", parks=parks)
+        self._queue.stop(LimitMet(words=f"{words}; {done}"), end)
+
+    def abort_ordered(self) -> None:
+        """ABORT goes out now, by a STOP: the way on teaches how far this mount needs to stop."""
+        self._stop.note_abort(self._instruments.clock.now_utc_ns())
+
+    def _held_lifted(self) -> frozenset[LimitName]:
+        """Limits that do not act on a motion: the least altitude is autonomy's affair."""
+        lifted = self.lifted_limits()
+        return lifted if self._is_responsible else lifted | {"altitude"}
+
+    def _refusal(
+        self, report: MountReport, pose: Pose, seen: SeenMotion, own: Own | None
+    ) -> Refusal | None:
+        """The limit that forbids how it moves: what was ordered here has been judged before."""
+        limits = self._limits
+        if seen.how != "slews":
+            return limits.refuse_pose(pose, is_slewing=False, lifted=self._held_lifted())
+        is_parking = own == "park" or report.is_parking or report.is_parked or self._stop.is_parking
+        if is_parking or own == "slew":
+            return limits.refuse_pose(
+                pose,
+                is_slewing=True,
+                is_parking=is_parking,
+                lifted=self.lifted_limits(),
+                before=self._last_pose,
+            )
+        ahead_s = EVERY_S + min(report.age_s, LATEST_S)
+        if seen.rates is not None:
+            rate_deg_s = seen.rates.fastest_deg_s(pose.dec_icrs_deg)
+            ahead_s += self._stop.distance.at(rate_deg_s) / rate_deg_s
+        return limits.refuse_motion(
+            pose,
+            seen.rates,
+            ahead_s,
+            lifted=self._held_lifted(),
+            before=self._last_pose,
+            rested=self._rested,
         )
 
     def night_end(self) -> NightEnd | None:
@@ -194,30 +266,59 @@ class Watch:
     def _look_at_the_mount(self, now_ns: int) -> None:
         mount = self._instruments.mount
         not_before = now_ns if self._instruments.clock.is_simulated else None
-        report = self.last_report = mount.report(not_before, SILENCE_S)
-        if report.is_parked:
-            self._next = self._forecast_of = self._last_pose = None
-            self._said.pop("limit", None)
+        report = mount.report(not_before, SILENCE_S)
+        before, self.last_report = self.last_report, report
+        pose, seen = pose_of(report), seen_motion(report, before)
+        self._own.note(report, pose, seen)
+        if (ordered := self._ordered()) is not None:
+            self._stop.forget_park(ordered.t_utc_ns)
+        self._stop.look(report, pose, seen, is_heeded=not self._queue.is_stopping)
+        own = self._own.kind(pose, seen, self._limits)
+        is_stopped = self._look_whether_it_is_parked(report, own, now_ns)
+        if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
+            self._look_at_a_resting_mount(report, pose)
             mount.keep(self._config.mount.lease_s, None)
             return
-        pose = _pose_of(report)
-        before, self._last_pose = self._last_pose, pose
-        if not (report.is_slewing or report.is_tracking):
-            self._look_at_a_standing_mount(pose)
-            mount.keep(self._config.mount.lease_s, None)
-            return
-        refusal = self.refusal(report, before)
+        refusal = self._refusal(report, pose, seen, own)
+        self._last_pose = pose
+        if seen.how != "slews":
+            self._rested = pose
         if refusal is not None:
-            self._end_motion(report, refusal)
+            self._end_motion(seen.how, own, refusal, now_ns)
             return
         self._said.pop("limit", None)
-        self._look_ahead(report, pose)
+        if not is_stopped:
+            self._stop.is_over()
+        self._look_ahead(report, pose, seen)
         mount.keep(self._config.mount.lease_s, None if self._next is None else self._next[0])
 
-    def _look_at_a_standing_mount(self, pose: Pose) -> None:
+    def _look_whether_it_is_parked(self, report: MountReport, own: Own | None, now_ns: int) -> bool:
+        """Its driver's word that it is parked is held against what was measured.
+
+        Some say so as soon as they have the order. True where it moves or tracks: it is stopped.
+        """
+        does = self._parked.see(report)
+        parks = own == "park" or report.is_slewing or report.is_parking
+        if does is None or (does == "moves" and parks):
+            if not report.is_parked:
+                self._said.pop("parked", None)
+            return False
+        how: How = "tracks" if does == "tracks" else "slews"
+        if "parked" not in self._said or self._stop.is_due(how, now_ns):
+            self._stop.end(how, now_ns, parks=False)
+            words = f"the mount says that it is parked and {does} (measured)"
+            done = self._stop.words(how, parks=False)
+            self._say_once("parked", "alarm", f"{words}: {done}", is_same=True)
+        return True
+
+    def _look_at_a_resting_mount(self, report: MountReport, pose: Pose) -> None:
         """Nothing moves that could be stopped; but the Sun may come to where it looks."""
         self._next = self._forecast_of = None
+        self._last_pose = self._rested = pose
         self._said.pop("limit", None)
+        if report.is_parked:
+            return
+        self._stop.is_over()
         refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
         if refusal is None:
             self._said.pop("Sun", None)
@@ -225,40 +326,44 @@ class Watch:
             words = f"the telescope stands {refusal.text}: cover it, or park it"
             self._say_once("Sun", "alarm", words, is_same=True)
 
-    def _end_motion(self, report: MountReport, refusal: Refusal) -> None:
-        def abort() -> StopResult:
-            mount = self._instruments.mount
-            result = mount.abort()
-            if report.is_tracking and not report.is_slewing:
-                with contextlib.suppress(RsoconsoleError):
-                    mount.set_tracking(False)
-            return result
-
-        if self._said.get("limit") == refusal.limit and not report.is_slewing:
-            # Told before: it has started to track again without having been moved away.
+    def _end_motion(self, how: How, own: Own | None, refusal: Refusal, now_ns: int) -> None:
+        """Once, and told once; a motion that goes on is stopped again now and then."""
+        if not self._stop.is_due(how, now_ns):
+            return
+        # Autonomy leads the mount away from a limit by itself, if it can.
+        parks = not (self._is_responsible and self._stop.is_first(how))
+        end = functools.partial(self._stop.end, how, now_ns, parks=parks)
+        if self._said.get("limit") == refusal.limit:
+            # Told before: it goes on, or has started to track again without having been moved away.
             with contextlib.suppress(RsoconsoleError):
-                abort()
+                end()
             return
         self._said["limit"] = refusal.limit
-        self._queue.stop(LimitMet(words=refusal.text), abort)
+        whose = "a slew that was not ordered here: " if how == "slews" and own is None else ""
+        words = f"{whose}{refusal.text}; {self._stop.words(how, parks=parks)}"
+        self._queue.stop(LimitMet(words=words), end)
 
-    def _look_ahead(self, report: MountReport, pose: Pose) -> None:
-        if report.is_slewing:
+    def _look_ahead(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
+        if seen.how == "slews":
             self._next = self._forecast_of = None
             return
-        last = self._forecast_of
-        if (
-            last is not None
-            and last.pier_side == report.pier_side
-            and 0 <= report.t_utc_ns - last.t_utc_ns < FORECAST_HOLDS_NS
-            and separation_deg(
-                last.ra_icrs_deg, last.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
-            )
-            < MOVED_DEG
-        ):
+        self._look_how_low(pose)
+        lifted = self._held_lifted()
+        if self._forecast_of is not None and _holds(*self._forecast_of, report, lifted):
             return
-        self._next = self._limits.next_limit(pose, AHEAD_S, lifted=self.lifted_limits())
-        self._forecast_of = report
+        self._next = self._limits.next_limit(pose, AHEAD_S, lifted=lifted)
+        self._forecast_of = report, lifted
+
+    def _look_how_low(self, pose: Pose) -> None:
+        """Where nobody is armed the least altitude is a matter of taste."""
+        refusal = None
+        if not self._is_responsible:
+            refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
+        if refusal is None:
+            self._said.pop("altitude", None)
+        else:
+            words = f"{refusal.text}: it is let be, for autonomy does not have the mount"
+            self._say_once("altitude", "warning", words, is_same=True)
 
     def _look_at_the_sky(self, now_ns: int) -> None:
         safety_monitor = self._instruments.safety_monitor
@@ -296,10 +401,19 @@ class Watch:
         self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
 
 
-def _pose_of(report: MountReport) -> Pose:
-    return Pose(
-        t_utc_ns=report.t_utc_ns,
-        ra_icrs_deg=report.ra_icrs_deg,
-        dec_icrs_deg=report.dec_icrs_deg,
-        pier_side=report.pier_side,
+def _holds(
+    last: MountReport,
+    last_lifted: frozenset[LimitName],
+    report: MountReport,
+    lifted: frozenset[LimitName],
+) -> bool:
+    """Whether what was found ahead of the last report is still ahead of this one."""
+    return (
+        last_lifted == lifted
+        and last.pier_side == report.pier_side
+        and 0 <= report.t_utc_ns - last.t_utc_ns < FORECAST_HOLDS_NS
+        and separation_deg(
+            last.ra_icrs_deg, last.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
+        )
+        < MOVED_DEG
     )

@@ -7,7 +7,6 @@ its order; whatever takes longer to understand is copied and understood on a thr
 
 import os
 import queue
-import re
 import sys
 import threading
 from typing import Any
@@ -20,13 +19,18 @@ from rsoconsole.instruments import return_free_pages, return_what_is_freed
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.camera.sensor_window import SensorWindow
 from rsoconsole.instruments.frames import frame_from_bytes, read_plain
-from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_client, run_child
+from rsoconsole.instruments.indi import (
+    IndiClient,
+    ReplyWriter,
+    Vector,
+    open_client,
+    run_child,
+    without_stamp,
+)
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
-_STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
-"""What the client puts before a driver's words."""
 
 
 class CameraChild:
@@ -37,6 +41,8 @@ class CameraChild:
         self._client: IndiClient | None = None
         self._ring: FrameRing | None = None
         self._frame_id = 0
+        self._ordered = 0
+        """The last update before the exposure under way was ordered."""
         self._slot: int | None = None
         """Where the frame of the exposure under way goes; None once it has come."""
         self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
@@ -69,6 +75,7 @@ class CameraChild:
         """Open the shutter; answers when the camera has taken the order."""
         client = self._ready()
         self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
+        self._ordered = client.serial()
         before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
         answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", self._answer_s, before)
         if answer is None:
@@ -77,9 +84,7 @@ class CameraChild:
                 "check its USB power"
             )
         if answer.state == "Alert":
-            raise InstrumentError(
-                f"the camera refused the exposure: {client.last_message or 'no reason given'}"
-            )
+            raise InstrumentError(f"the camera refused the exposure: {client.reason_since(before)}")
         # The client has read the last frame as text: there is time now to give that memory back.
         return_free_pages()
         return {}
@@ -108,7 +113,7 @@ class CameraChild:
         if not is_set or answer is None or answer.state == "Alert":
             raise InstrumentError(
                 f"the camera did not join {wanted} x {wanted} pixels"
-                f" ({client.last_message or 'no reason given'}): set leap.binning to 1"
+                f" ({client.reason_since(before)}): set leap.binning to 1"
             )
         if wanted == own:
             window.restore()
@@ -140,13 +145,13 @@ class CameraChild:
                 {
                     "event": "failed",
                     "frame_id": self._frame_id,
-                    "reason": self._client.last_message or "no reason given",
+                    "reason": self._client.words_since(self._ordered) or "no reason given",
                 }
             )
 
     def _on_message(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
-        self._writer.say({"event": "message", "text": _STAMP.sub("", text)})
+        self._writer.say({"event": "message", "text": without_stamp(text)})
 
     def _receive(self, content: memoryview, arrived_s: float) -> None:
         frame_id, slot = self._frame_id, self._slot

@@ -107,7 +107,7 @@ class SensorWindow:
         if answer is None:
             raise InstrumentError(
                 f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
-                f" ({self._client.last_message or 'no reason given'}): set leap.subframe to 1"
+                f" ({self._client.reason_since(before)}): set leap.subframe to 1"
             )
         return _window_of(answer) or wanted
 

@@ -5,9 +5,13 @@ from .indi_child import ReplyWriter as ReplyWriter
 from .indi_child import run_child as run_child
 from .indi_client import IndiClient as IndiClient
 from .indi_client import Vector as Vector
+from .indi_client import without_stamp as without_stamp
 from .indi_process import IndiProcess as IndiProcess
 from .indi_wire import IndiVector as IndiVector
 from .indi_wire import IndiWire as IndiWire
-from .indi_wire import WatchedStop as WatchedStop
-from .indi_wire import stop_mount as stop_mount
+from .reported_motion import POLLING as POLLING
+from .reported_motion import POLLING_MS as POLLING_MS
+from .reported_motion import ReportedMotion as ReportedMotion
 from .safety_monitor import open_safety_monitor as open_safety_monitor
+from .stop_mount import WatchedStop as WatchedStop
+from .stop_mount import stop_mount as stop_mount

@@ -119,7 +119,7 @@ class IndipyClient(IndiClient):
         """What came in the place of a ticket; read only."""
         assert self._loop is not None
         assert self._loop.stream is not None
-        return memoryview(self._loop.stream.content_of(ticket)).toreadonly()
+        return memoryview(self._loop.stream.mender.content_of(ticket)).toreadonly()
 
     def _take_deletion(self, event: Any) -> None:
         """Of one property, which is forgotten; or of all: the driver ended, and may come back."""

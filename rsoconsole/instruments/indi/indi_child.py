@@ -57,13 +57,13 @@ def run_child(
     writer: ReplyWriter,
     slow: Mapping[str, Handler],
     urgent: Mapping[str, Handler],
-    on_order: Callable[[], None] = lambda: None,
+    on_order: Callable[[dict[str, Any]], None] = lambda _order: None,
 ) -> bool:
     """Obey JSON lines from stdin; True when the parent took its leave, False when it just went.
 
     ``slow`` orders are carried out one after another, ``urgent`` ones at once beside them.
-    ``on_order`` is called as each arrives. Signals meant for the parent are left to it: it may
-    need this process to come to a safe end.
+    ``on_order`` is called with each as it arrives. Signals meant for the parent are left to it: it
+    may need this process to come to a safe end.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -89,7 +89,7 @@ def run_child(
         except ValueError:
             # A parent that is killed may leave half an order behind.
             continue
-        on_order()
+        on_order(order)
         if order["verb"] == END:
             return True
         if order["verb"] in urgent:

@@ -6,11 +6,13 @@ is guarded and does no more than copy values out.
 
 import contextlib
 import os
+import re
 import sys
 import threading
 import time
 import traceback
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -21,6 +23,11 @@ from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.instruments.indi.indi_process import DEVICE_LOST, SERVER_LOST, WAITING
 
 _LOOK_S = 0.5
+_SAID = 100
+_LATE_WORD_S = 0.2
+_STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z?: ")
+"""What a library puts before a driver's words."""
+_GRAVEST = ("[ERROR]", "[WARNING]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +70,8 @@ class IndiClient(ABC):
         self._reported = 0
         self._ready = False
         self._is_open = False
-        self.last_message = ""
+        self._said: deque[tuple[int, str]] = deque(maxlen=_SAID)
+        """What the driver has said, each with the number that it has among the updates."""
         self.has_connected_device = False
         """Whether this client switched the device's connection on: all it tells is new."""
 
@@ -117,9 +125,12 @@ class IndiClient(ABC):
 
     def _note_message(self, text: str) -> None:
         """The driver said something."""
-        self.last_message = text.strip()
+        words = text.strip()
+        with self._changed:
+            self._said.append((self._next_serial(), words))
+            self._changed.notify_all()
         if self._on_message is not None:
-            self._on_message(self.last_message)
+            self._on_message(words)
 
     def _next_serial(self) -> int:
         self._serial += 1
@@ -172,7 +183,7 @@ class IndiClient(ABC):
             if self.wait(name, lambda _: True, left_s) is None:
                 raise InstrumentError(
                     f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
-                    f"is it connected and powered? {self.last_message}".rstrip()
+                    f"is it connected and powered? {self.words_since(0)}".rstrip()
                 )
         self._is_open = True
         connection = self.get("CONNECTION")  # it may have gone off just before
@@ -224,6 +235,28 @@ class IndiClient(ABC):
                     return None
                 self._changed.wait(left_s)
 
+    def words_since(self, after: int, wait_s: float = 0.0) -> str:
+        """What the driver has said last after update ``after``, that of an order; empty: nothing.
+
+        Its errors come before its warnings, those before all else; they are waited for so long.
+        """
+        deadline_s = time.monotonic() + wait_s
+        with self._changed:
+            while not (said := [words for serial, words in self._said if serial > after]):
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0:
+                    return ""
+                self._changed.wait(left_s)
+        for mark in _GRAVEST:
+            grave = [words for words in said if mark in words]
+            if grave:
+                return without_stamp(grave[-1])
+        return without_stamp(said[-1])
+
+    def reason_since(self, after: int, otherwise: str = "no reason given") -> str:
+        """Why the driver did not do what it was told then, in its own words where it has any."""
+        return self.words_since(after, _LATE_WORD_S) or otherwise
+
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
         """Ask for new numbers; returns the number of the last update before."""
         with self._sending:
@@ -237,3 +270,8 @@ class IndiClient(ABC):
             before = self.serial()
             self._send_switch(name, member)
         return before
+
+
+def without_stamp(words: str) -> str:
+    """A driver's words without the instant that a library puts before them."""
+    return _STAMP.sub("", words)

@@ -58,12 +58,14 @@ class IndiProcess:
         on_event: Callable[[dict[str, Any]], None],
         descriptors: tuple[int, ...] = (),
         start_s: float = _START_S,
+        on_start: Callable[[], Mapping[str, Any]] = dict,
     ) -> None:
         """Describe the child (``python -m module``); ``start`` makes it and waits ``start_s``.
 
-        ``on_event`` gets every line that answers no request, on the reader's thread.
+        ``on_event`` gets every line that answers no request, on the reader's thread. ``on_start``
+        gives what else a child must know that is started now.
         """
-        self._start_s = start_s
+        self._start_s, self._on_start = start_s, on_start
         self._awaits = ""
         self.name, self._module, self._settings = name, module, dict(settings)
         self._log_path, self._on_event, self._descriptors = log_path, on_event, descriptors
@@ -119,7 +121,7 @@ class IndiProcess:
 
     def _await_start(self, process: "subprocess.Popen[bytes]") -> None:
         self._awaits = f"the {self.name}'s process to start"
-        number = self._send(process, "start", self._settings)
+        number = self._send(process, "start", {**self._settings, **self._on_start()})
         wait = LongWait(self._awaits)
         answer = self._await_answer(process, number, time.monotonic() + self._start_s, wait)
         if answer is None:

@@ -1,58 +1,18 @@
-"""What lies between an INDI server's socket and an XML parser that is strict about its input."""
+"""What lies between an INDI server's socket and the library that reads from it."""
 
 import asyncio
-import binascii
-import codecs
-import re
-import struct
-from collections import OrderedDict
 from collections.abc import Callable
 
-_LATIN_1 = "rsoconsole-latin-1"
-_CONTROLS = bytes(set(range(32)) - set(b"\t\r\n"))
-_SPACES = b" \t\r\n"
-_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#[0-9]+|#x[0-9a-fA-F]+);)")
-_CUT_ENTITY = re.compile(rb"&[#0-9a-zA-Z]{0,7}\Z")
-_BLOB = b"<oneBLOB"
-_BLOB_START = re.compile(rb"<oneBLOB\b[^<>]*(?<!/)>")
-_KEPT_BLOBS = 4
-_TICKET = struct.Struct(">Q")
-
-
-def _as_latin_1(error: UnicodeError) -> tuple[str, int]:
-    assert isinstance(error, UnicodeDecodeError)
-    return error.object[error.start : error.end].decode("latin-1"), error.end
-
-
-codecs.register_error(_LATIN_1, _as_latin_1)
+from rsoconsole.instruments.indi.stream_mender import StreamMender
 
 
 class IndiStream(asyncio.Protocol):
-    """Hands a connection's bytes on to another protocol.
-
-    BLOBs do not go through the parser: their base64 is decoded as it comes, which costs less and
-    ends with the last byte, and a ticket stands in its place (``content_of``). Whatever libindi
-    lets pass and a strict parser ends at is mended: control characters, ampersands that stand for
-    themselves, and what is no UTF-8, which is read as Latin-1.
-    """
+    """Hands a connection's bytes, mended, on to another protocol."""
 
     def __init__(self, reader: asyncio.Protocol, on_end: Callable[[], None]) -> None:
         """``on_end`` is called when the server hangs up."""
         self._reader, self._on_end = reader, on_end
-        self._decoder = codecs.getincrementaldecoder("utf-8")(_LATIN_1)
-        self._cut = b""
-        """The beginning of what may be an entity or a BLOB's tag."""
-        self._blob: _Blob | None = None
-        """The BLOB that is coming."""
-        self._blobs: OrderedDict[int, bytearray] = OrderedDict()
-        self._tickets = 0
-
-    def content_of(self, ticket: bytes) -> bytearray:
-        """A BLOB's content, once, for what the parser found in its place; empty: it was none."""
-        try:
-            return self._blobs.pop(_TICKET.unpack(ticket)[0], bytearray())
-        except struct.error:
-            return bytearray()
+        self.mender = StreamMender()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The connection is there."""
@@ -60,43 +20,8 @@ class IndiStream(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Count bytes that have come."""
-        if cleaned := self.cleaned(bytes(data)):
+        if cleaned := self.mender.cleaned(bytes(data)):
             self._reader.data_received(cleaned)
-
-    def cleaned(self, data: bytes) -> bytes:
-        """The same, as the parser takes it; what is cut off comes with the next piece."""
-        data, self._cut = self._cut + data, b""
-        done = []
-        while data:
-            if self._blob is not None:
-                text, tag, rest = data.partition(b"<")
-                self._blob.add(text)
-                if not tag:
-                    break
-                done.append(self._ticket(self._blob))
-                self._blob, data = None, tag + rest
-            elif start := _BLOB_START.search(data):
-                done.append(self._mended(data[: start.end()]))
-                self._blob, data = _Blob(), data[start.end() :]
-            else:
-                place = _cut_place(data)
-                self._cut = data[place:]
-                done.append(self._mended(data[:place]))
-                break
-        return b"".join(done)
-
-    def _mended(self, data: bytes) -> bytes:
-        if not data.isascii() or self._decoder.getstate()[0]:
-            data = self._decoder.decode(data).encode()
-        data = data.translate(None, _CONTROLS)
-        return _AMPERSAND.sub(b"&amp;", data) if b"&" in data else data
-
-    def _ticket(self, blob: "_Blob") -> bytes:
-        self._tickets += 1
-        self._blobs[self._tickets] = blob.content()
-        while len(self._blobs) > _KEPT_BLOBS:
-            self._blobs.popitem(last=False)
-        return binascii.b2a_base64(_TICKET.pack(self._tickets), newline=False)
 
     def eof_received(self) -> bool | None:
         """The server sends no more."""
@@ -115,36 +40,3 @@ class IndiStream(asyncio.Protocol):
     def resume_writing(self) -> None:
         """It reads again."""
         self._reader.resume_writing()
-
-
-class _Blob:
-    """Base64 that comes in pieces."""
-
-    def __init__(self) -> None:
-        self._content = bytearray()
-        self._left = b""
-        self._is_sound = True
-
-    def add(self, text: bytes) -> None:
-        """The next piece, cut anywhere."""
-        text = self._left + text.translate(None, _SPACES)
-        whole = len(text) // 4 * 4
-        self._left = text[whole:]
-        try:
-            self._content += binascii.a2b_base64(text[:whole])
-        except binascii.Error:
-            self._is_sound = False
-
-    def content(self) -> bytearray:
-        """All of it; nothing where it is no base64."""
-        return self._content if self._is_sound and not self._left else bytearray()
-
-
-def _cut_place(data: bytes) -> int:
-    """Where to cut, so that neither an entity nor a BLOB's tag comes in two pieces."""
-    last = data.rfind(b"<")
-    tail = data[last:] if last >= 0 else b""
-    if tail and b">" not in tail and (_BLOB.startswith(tail) or tail.startswith(_BLOB)):
-        return last
-    cut = _CUT_ENTITY.search(data)
-    return cut.start() if cut else len(data)

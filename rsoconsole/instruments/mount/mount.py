@@ -2,6 +2,7 @@
 
 import itertools
 import logging
+import queue
 import threading
 import time
 from collections import deque
@@ -11,9 +12,19 @@ from typing import Any
 
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import MountReport, SiteCheck, SlewEnd, StopResult, unheard
+from rsoconsole.instruments import (
+    REPEATS_FOR_S,
+    Motion,
+    MountAbilities,
+    MountReport,
+    SiteCheck,
+    SlewEnd,
+    StopResult,
+    unheard,
+)
 from rsoconsole.instruments.indi import IndiProcess, WatchedStop, stop_mount
 from rsoconsole.instruments.mount.mount_stop import MountStop
+from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
 
@@ -22,7 +33,10 @@ log = logging.getLogger(__name__)
 _MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
 _SETTLED_S = 2.5
-"""For so long, after the mount stands, tracking is waited for."""
+"""For so long, after the driver has answered, tracking is waited for."""
+_PAST_S = 10.0
+_MEASURED_S = REPEATS_FOR_S + 1.0
+"""After that a STOP is measured no longer, whatever has become of who measured it."""
 _KM_PER_DEG = 111.19
 _SITE_TOLERANCE_KM = 1.0
 _STAMP_NS = 1_000
@@ -49,6 +63,9 @@ class IndiMount:
         self._stops: dict[int, MountStop] = {}
         """Those under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
+        self._has_order = False
+        """Something was ordered and the mount has not been measured to be at rest since: a driver
+        that comes back is told to stop first."""
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
@@ -68,6 +85,7 @@ class IndiMount:
             log_path=log_path,
             on_event=self._on_event,
             start_s=waits.connected_s,
+            on_start=lambda: {"stops_first": self._has_order},
         )
 
     def start(self) -> None:
@@ -77,6 +95,7 @@ class IndiMount:
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         """Go there and track; returns once the mount has taken the order."""
         self._slew_end = None
+        self._new_order()
         self.process.request(
             "slew",
             self._order_s,
@@ -89,7 +108,7 @@ class IndiMount:
         """The latest report, waiting (wall clock) for one at least as late as asked."""
         if not self._config.simulated:
             answer = self.process.request("report", timeout_s)
-            return _to_report(answer["report"])
+            return self._take_report(_to_report(answer["report"]))
         # INDI's stamps are whole microseconds.
         wanted_utc_ns = (not_before_utc_ns or 0) // _STAMP_NS * _STAMP_NS
 
@@ -108,7 +127,7 @@ class IndiMount:
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
     ) -> StopResult:
-        """End motion at once and read back that it has ended; never raises.
+        """End motion at once, and have it measured how the mount then moves; never raises.
 
         Whether tracking is then on is ``mount.after_stop``'s affair; "track" restores it only
         where the mount tracked, or slewed to where it would.
@@ -118,6 +137,7 @@ class IndiMount:
         stop = MountStop(on_news)
         number = next(self._stop_numbers)
         self._stops[number] = stop
+        self._has_order = True
 
         def through_the_process() -> StopResult:
             answer = self.process.request(
@@ -125,46 +145,86 @@ class IndiMount:
             )
             return _to_result(answer)
 
-        def past_it() -> StopResult:
-            return stop_mount(
-                self._config.host,
-                self._config.port,
-                self._config.mount,
-                max(0.2, deadline_s - time.monotonic()),
-                after_stop=self._mount.after_stop,
-                had_tracking=had_tracking,
-                watched=WatchedStop(
-                    on_ordered=lambda: stop.ordered("indi"),
-                    on_stands=lambda: stop.stands("indi"),
-                    is_over=lambda: stop.is_over,
-                ),
-            )
-
-        try:
-            way_past: threading.Thread | None = None
-            if self.process.pid is not None:
-                stop.begin("mount", through_the_process)
-            if not stop.wait_stands(_ABORT_ANSWER_S):
-                way_past = stop.begin("indi", past_it)
-            result = stop.wait_end(deadline_s + _SETTLED_S)
-            if way_past is not None:
-                # It must not turn tracking on behind an order that comes after this.
-                way_past.join(_ABORT_ANSWER_S)
-        finally:
-            del self._stops[number]
+        past_it = self._past_the_process(stop, deadline_s, had_tracking)
+        way_past: threading.Thread | None = None
+        if self.process.pid is not None:
+            stop.begin("mount", through_the_process)
+        if not stop.wait_answered(_ABORT_ANSWER_S):
+            way_past = stop.begin("indi", past_it)
+        result = stop.wait_end(deadline_s + _SETTLED_S)
+        if way_past is not None and stop.leaves_to("mount"):
+            # It must not turn tracking on behind an order that comes after this.
+            way_past.join(_ABORT_ANSWER_S)
+        expired = threading.Timer(_MEASURED_S, self._end_stop, (number, "nothing was heard of it"))
+        expired.daemon = True
+        expired.start()
         return result
+
+    def _past_the_process(
+        self, stop: MountStop, deadline_s: float, had_tracking: bool | None
+    ) -> Callable[[], StopResult]:
+        """STOP by a second plain connection; ends where it is answered, and measures on."""
+
+        def act() -> StopResult:
+            first: queue.SimpleQueue[StopResult] = queue.SimpleQueue()
+
+            def hear(result: StopResult) -> None:
+                if result.motion is None:
+                    first.put(result)
+                else:
+                    stop.measured("indi", result.motion)
+
+            watched = WatchedStop(
+                on_ordered=lambda: stop.ordered("indi"),
+                on_answered=lambda: stop.answered("indi"),
+                is_over=lambda: stop.leaves_to("mount"),
+            )
+            indi = self._config
+            threading.Thread(
+                target=stop_mount,
+                args=(indi.host, indi.port, indi.mount, max(0.2, deadline_s - time.monotonic())),
+                kwargs={
+                    "after_stop": self._mount.after_stop,
+                    "had_tracking": had_tracking,
+                    "watched": watched,
+                    "on_result": hear,
+                },
+                daemon=True,
+                name="stop past the mount's process",
+            ).start()
+            return first.get(timeout=_PAST_S)
+
+        return act
+
+    def _end_stop(self, number: int, why: str = "", *, is_superseded: bool = False) -> None:
+        stop = self._stops.pop(number, None)
+        if stop is not None:
+            stop.end(why, is_superseded=is_superseded)
+
+    def _new_order(self) -> None:
+        """What STOPs before it have left to be measured is over."""
+        self._has_order = True
+        for number in tuple(self._stops):
+            why = "another order came before it was measured"
+            self._end_stop(number, why, is_superseded=True)
 
     def park(self) -> None:
         """Order the mount to its park position."""
+        self._new_order()
         self.process.request("park", self._order_s)
 
     def unpark(self) -> None:
         """Release a parked mount."""
+        self._new_order()
         self.process.request("unpark", self._order_s)
 
     def set_tracking(self, is_on: bool) -> None:
         """Sidereal tracking on or off."""
         self.process.request("set_tracking", self._order_s, is_on=is_on)
+
+    def abilities(self) -> MountAbilities:
+        """What its driver offers."""
+        return MountAbilities(**self.process.request("abilities", self._order_s)["abilities"])
 
     def set_site(self, site: Site) -> None:
         """Tell the mount where it stands."""
@@ -233,34 +293,64 @@ class IndiMount:
 
     def _on_event(self, message: dict[str, Any]) -> None:
         if message.get("event") == "report":
-            self._latest = _to_report(message["report"])
+            self._take_report(_to_report(message["report"]))
             self._tracks_after_stop = message["tracks_after_stop"]
         elif message.get("event") == "slew ended":
             self._slew_end = SlewEnd(
                 unwatched_s=float(message["unwatched_s"]), lease_s=float(message["lease_s"])
             )
-        elif message.get("event") in ("stop ordered", "stands"):
+        elif message.get("event") in ("stop ordered", "stop answered"):
             stop = self._stops.get(message["number"])
             if stop is None:
                 return
-            if message["event"] == "stands":
-                stop.stands("mount", message["at_s"])
+            if message["event"] == "stop answered":
+                stop.answered("mount", message["at_s"])
             else:
                 stop.ordered("mount", message["at_s"])
+        elif message.get("event") == "stop measured":
+            self._measured(message)
         elif message.get("event") == "message":
-            self._messages.append(str(message["text"]))
-            log.warning("%s", message["text"])
+            self._say(str(message["text"]))
+
+    def _measured(self, message: dict[str, Any]) -> None:
+        """How the mount moves since the STOPs that are open."""
+        motion = None if message["motion"] is None else Motion(**message["motion"])
+        if motion is not None:
+            self._has_order &= not motion.is_at_rest
+            if not self._stops:  # it was stopped by the watch, or after its driver came back
+                self._say(_motion_words(motion))
+        for number, stop in tuple(self._stops.items()):
+            if motion is not None:
+                stop.measured("mount", motion, message["at_s"])
+            if message["is_over"]:
+                self._end_stop(number)
+
+    def _say(self, text: str) -> None:
+        self._messages.append(text)
+        log.warning("%s", text)
+
+    def _take_report(self, report: MountReport) -> MountReport:
+        self._latest = report
+        if report.motion.is_at_rest and not report.is_slewing:
+            self._has_order = False
+        return report
 
 
 def _to_report(table: dict[str, Any]) -> MountReport:
-    return MountReport(**table)
+    return MountReport(**{**table, "motion": Motion(**table["motion"])})
 
 
 def _to_result(answer: dict[str, Any]) -> StopResult:
     return StopResult(
-        stopped=bool(answer["stopped"]),
+        is_answered=bool(answer["is_answered"]),
         ms=0.0,
         path="mount",
         detail=answer["detail"],
         is_tracking=answer["is_tracking"],
     )
+
+
+def _motion_words(motion: Motion) -> str:
+    if motion.kind == "unknown":
+        return unmeasured_text("", f"{CUT_POWER} if it does")
+    return f"since then {measured_text(motion.kind, motion.rate_deg_s)}"

@@ -5,6 +5,8 @@ not (``mount_watch``); when the parent goes away it ends motion, restores sidere
 stays until the limit that the parent last named, or until another process watches.
 """
 
+import dataclasses
+import functools
 import os
 import time
 from collections.abc import Callable
@@ -12,9 +14,18 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import AfterStop
-from rsoconsole.instruments.indi import IndiClient, ReplyWriter, Vector, open_client, run_child
+from rsoconsole.instruments.indi import (
+    IndiClient,
+    ReplyWriter,
+    ReportedMotion,
+    Vector,
+    open_client,
+    run_child,
+)
+from rsoconsole.instruments.mount.mount_ear import MountEar
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
+    ABORT,
     COORDINATES,
     PARK,
     SIDE,
@@ -24,10 +35,10 @@ from rsoconsole.instruments.mount.mount_mirror import (
 )
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount_watch import MountWatch
+from rsoconsole.instruments.mount.stop_measurement import StopMeasurement, is_answered
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 
 _REPORTED = (COORDINATES, PARK, TRACKING, SIDE)
-_ABORT = "TELESCOPE_ABORT_MOTION"
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5
 # A driver says on and off again within one look at the mount: ask again rather than wait long.
@@ -35,49 +46,88 @@ _TRACKING_S = 2.0
 _TRACKING_ASKED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
+CAME_BACK = (
+    "the mount's driver has come back while an order or a STOP was under way: ABORT was sent first"
+)
 
 
 class MountChild:
     """Carries out the parent's orders on one INDI mount."""
 
-    def __init__(self, writer: ReplyWriter) -> None:
-        self._writer = writer
+    def __init__(
+        self,
+        writer: ReplyWriter,
+        *,
+        monotonic_s: Callable[[], float] = time.monotonic,
+        time_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._writer, self._monotonic_s, self._time_ns = writer, monotonic_s, time_ns
         self._is_simulated = False
         self._answer_s = 0.0
         self._after_stop: AfterStop = "track"
         self._client: IndiClient | None = None
         self._mirror: MountMirror | None = None
         self._watch: MountWatch | None = None
+        self._motion = ReportedMotion(monotonic_s)
+        self._stops = 0
+        """How many STOPs have come: an order from before one is not carried out behind it."""
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
         """Connect to server and mount."""
-        self._is_simulated = bool(order["simulated"])
-        self._after_stop = order["after_stop"]
         client, library = open_client(order["client"], order["device"], self._on_vector)
-        self._answer_s = float(order["answer_s"])
         client.open(order, (COORDINATES, "ON_COORD_SET"), self._writer)
-        self._client, self._mirror = client, MountMirror(client, self._is_simulated)
+        owner = MountOwner(order["host"], order["port"], order["device"])
+        self.attach(client, order, owner).start()
+        if not self._is_simulated:
+            MountEar(order["host"], order["port"], order["device"], self._motion).start()
+        if self._is_simulated:
+            before = client.send_switch("SIM_REPORT", "NOW")
+            self._expect(
+                client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report", before
+            )
+        elif order.get("stops_first"):
+            self._writer.say({"event": "message", "text": CAME_BACK})
+            self._stop("track", had_tracking=True)
+        return {"client": library.title}
+
+    def attach(self, client: IndiClient, order: dict[str, Any], owner: MountOwner) -> MountWatch:
+        """Take a client that is connected; the watch that is then to be started."""
+        self._is_simulated, self._after_stop = bool(order["simulated"]), order["after_stop"]
+        self._answer_s = float(order["answer_s"])
+        self._client = client
+        self._mirror = MountMirror(
+            client,
+            self._is_simulated,
+            self._motion,
+            monotonic_s=self._monotonic_s,
+            time_ns=self._time_ns,
+        )
         self._watch = MountWatch(
             lease=Lease(float(order["lease_s"])),
             mirror=self._mirror,
-            owner=MountOwner(order["host"], order["port"], order["device"]),
+            owner=owner,
             stop=lambda: self._stop("track"),
             track=self._track,
+            park=lambda: client.send_switch(PARK, "PARK"),
             say=lambda text: self._writer.say({"event": "message", "text": text}),
             on_ended=lambda unwatched_s, lease_s: self._writer.say(
                 {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
             ),
+            monotonic_s=self._monotonic_s,
         )
-        self._watch.start()
-        if self._is_simulated:
-            before = client.send_switch("SIM_REPORT", "NOW")
-            self._expect(client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report")
-        return {"client": library.title}
+        return self._watch
 
-    def on_order(self) -> None:
+    def abilities(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """What the driver offers."""
+        return {"abilities": dataclasses.asdict(self._ready()[1].abilities)}
+
+    def on_order(self, order: dict[str, Any]) -> None:
         """An order has come: somebody is there."""
+        if order["verb"] == "abort":
+            self._stops += 1
+        order["stops"] = self._stops
         if self._watch is not None:
-            self._watch.lease.renew(time.monotonic())
+            self._watch.lease.renew(self._monotonic_s())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
         """Somebody watches the mount, and knows when it will run into a limit."""
@@ -91,9 +141,9 @@ class MountChild:
         self._refuse_if_parked()
         if mirror.is_parking:
             raise InstrumentError("the mount is on its way to its park position: unpark it first")
+        self._new_order(order)
         if self._watch is not None:
             self._watch.slew_begins()
-            self._watch.let_tracking()
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(
             order["ra_icrs_deg"], order["dec_icrs_deg"], order["now_utc_ns"]
         )
@@ -101,10 +151,15 @@ class MountChild:
         if on_set is None or not on_set.values.get("TRACK"):
             self._switch("ON_COORD_SET", "TRACK")
         target = {"RA": deg_to_hours(float(ra_jnow_deg)), "DEC": float(dec_jnow_deg)}
+        self._refuse_if_overtaken(order)
         before = client.send_numbers(COORDINATES, target)
+        if self._is_overtaken(order):
+            client.send_switch(ABORT, "ABORT")
+        self._refuse_if_overtaken(order)
 
         def is_answer(vector: Vector) -> bool:
-            if vector.state in ("Busy", "Alert"):
+            # Some drivers never say that they are busy.
+            if vector.state in ("Busy", "Alert") or mirror.motion.is_fast:
                 return True
             ra_deg = hours_to_deg(vector.values["RA"])
             distance_deg = separation_deg(
@@ -116,40 +171,44 @@ class MountChild:
         if answer is None:
             raise InstrumentError(
                 f"the mount did not start to slew in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {client.last_message}".rstrip()
+                f"look at its driver's log. {client.words_since(before)}".rstrip()
             )
         if answer.state == "Alert":
-            raise InstrumentError(
-                f"the mount refused to slew: {client.last_message or 'no reason'}"
-            )
+            raise InstrumentError(f"the mount refused to slew: {client.reason_since(before)}")
         return {}
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
-        """End motion; answers when the mount says that it stands, or has not for 2 s."""
+        """End motion; answers when the driver has, or has not for 2 s."""
         return self._stop(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
             on_progress=lambda what: self._writer.say(
-                {"event": what, "number": order.get("number"), "at_s": time.monotonic()}
+                {"event": what, "number": order.get("number"), "at_s": self._monotonic_s()}
             ),
         )
 
-    def park(self, _order: dict[str, Any]) -> dict[str, Any]:
+    def park(self, order: dict[str, Any]) -> dict[str, Any]:
         """Send the mount to its park position; one that is parked stays so."""
         client, mirror = self._ready()
+        if not mirror.abilities.can_park:
+            raise InstrumentError("this mount's driver has no park position: it cannot park")
         if mirror.is_parked or mirror.is_parking:
             return {}
+        self._new_order(order)
         before = client.send_switch(PARK, "PARK")
-        answer = self._expect(client.wait(PARK, lambda _: True, self._answer_s, before), "park")
+        answer = self._expect(
+            client.wait(PARK, lambda _: True, self._answer_s, before), "park", before
+        )
         self._await_report(answer.serial)
         return {}
 
-    def unpark(self, _order: dict[str, Any]) -> dict[str, Any]:
+    def unpark(self, order: dict[str, Any]) -> dict[str, Any]:
         """Release the mount; one on its way to its park position is stopped."""
         client, mirror = self._ready()
+        self._new_order(order)
         if mirror.is_parking:
             self._stop("track")
-        if mirror.is_parked:
+        if mirror.says_parked:
             before = client.send_switch(PARK, "UNPARK")
             released = client.wait(
                 PARK,
@@ -157,15 +216,15 @@ class MountChild:
                 self._answer_s,
                 before,
             )
-            self._await_report(self._expect(released, "unpark").serial)
+            self._await_report(self._expect(released, "unpark", before).serial)
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
         """Sidereal tracking on or off; a slew under way takes it at its arrival."""
-        self._refuse_if_parked()
         wanted = bool(order["is_on"])
-        if self._watch is not None:
-            self._watch.let_tracking()
+        if wanted:  # a mount that says that it is parked may track all the same
+            self._refuse_if_parked()
+        self._new_order(order)
         if self._track(wanted) is not wanted and not self._ready()[1].is_moving:
             raise InstrumentError(
                 f"the mount did not turn tracking {'on' if wanted else 'off'}: "
@@ -193,7 +252,9 @@ class MountChild:
             return vector.state == "Alert" or bool(off_deg < _SAME_SITE_DEG)
 
         self._expect(
-            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before), "take its site"
+            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before),
+            "take its site",
+            before,
         )
         return {}
 
@@ -227,6 +288,8 @@ class MountChild:
         self._watch.end()
         if not self._watch.is_taken_over and not self._mirror.is_parking:
             self._stop("track")
+            if not (is_orderly or self._is_simulated):
+                self._watch.finish_stop()
         if not is_orderly:
             self._watch.watch_unattended()
         self._watch.owner.release()
@@ -238,47 +301,73 @@ class MountChild:
         had_tracking: bool = False,
         on_progress: Callable[[str], None] = lambda _what: None,
     ) -> dict[str, Any]:
-        """ABORT, again while the mount still moves, and the read-back; then tracking as wanted.
+        """ABORT, again while its driver says that it moves; then tracking as wanted.
 
-        ``had_tracking``: there was some when STOP was called for, whatever came meanwhile;
-        ``on_progress`` hears at once of the order and that the mount stands.
+        From then on it is measured how the mount moves. ``had_tracking``: there was some when STOP
+        was called for, whatever came meanwhile; ``on_progress`` hears at once of the order and of
+        the driver's answer.
         """
         client, mirror = self._ready()
-        was_moving = mirror.is_moving or client.get(COORDINATES) is None
+        was_moving = mirror.says_moving or client.get(COORDINATES) is None
         wanted = mirror.tracking_after(after_stop)
-        if had_tracking and after_stop == "track" and not mirror.is_parked:
+        if had_tracking and after_stop == "track" and not mirror.says_parked:
             wanted = True
-        first, aborts, stands = client.serial(), 0, None
-        ends_s = time.monotonic() + _STOP_S
-        while stands is None and (left_s := ends_s - time.monotonic()) > 0:
-            client.send_switch(_ABORT, "ABORT")
+        first, aborts = client.serial(), 0
+        answer: Vector | None = None
+        mirror.order_begins()
+        ends_s = self._monotonic_s() + _STOP_S
+        while answer is None and (left_s := ends_s - self._monotonic_s()) > 0:
+            client.send_switch(ABORT, "ABORT")
             aborts += 1
             if aborts == 1:
                 on_progress("stop ordered")
-            awaited = COORDINATES if was_moving else _ABORT
-            stands = client.wait(
+            awaited = COORDINATES if was_moving else ABORT
+            answer = client.wait(
                 awaited,
-                lambda v: v.name != COORDINATES or v.state != "Busy",
+                lambda v: is_answered(client) and (v.name == COORDINATES or v.state != "Alert"),
                 min(left_s, _REPEAT_ABORT_S),
                 first,
             )
-        if stands is not None:
-            on_progress("stands")
+        if answer is not None:
+            on_progress("stop answered")
             if not was_moving:
-                self._await_report(stands.serial)
+                self._await_report(answer.serial)
         is_tracking = None
-        if stands is not None:
-            is_tracking = mirror.is_tracking if wanted is None else self._settled(wanted)
-            if wanted is not None and self._watch is not None:
-                self._watch.hold_tracking(wanted)
-        detail = "" if stands else f"the mount still moves after {aborts} aborts in {_STOP_S:g} s"
-        return {"stopped": stands is not None, "is_tracking": is_tracking, "detail": detail}
+        if answer is not None:
+            is_tracking = mirror.says_tracking if wanted is None else self._settled(wanted)
+        if self._watch is not None:
+            hold = functools.partial(self._watch.hold_tracking, wanted)
+            if answer is not None:
+                hold()
+            self._watch.measure_stop(
+                StopMeasurement(
+                    client,
+                    self._motion,
+                    self._writer.say,
+                    hold_tracking=hold,
+                    monotonic_s=self._monotonic_s,
+                )
+            )
+        detail = "" if answer is not None else self._why_unanswered(aborts, first)
+        return {"is_answered": answer is not None, "is_tracking": is_tracking, "detail": detail}
+
+    def _why_unanswered(self, aborts: int, first: int) -> str:
+        client, mirror = self._ready()
+        if not mirror.abilities.can_abort:
+            return "its driver has no ABORT"
+        abort = client.get(ABORT)
+        if abort is not None and abort.state == "Alert":
+            said = client.words_since(first)
+            return f"its driver answers ABORT with Alert{': ' if said else ''}{said}"
+        if mirror.says_moving:
+            return f"its driver says that it still moves after {aborts} aborts in {_STOP_S:g} s"
+        return f"its driver has not answered {aborts} aborts in {_STOP_S:g} s"
 
     def _settled(self, is_on: bool) -> bool | None:
         """As ``_track``, again where the driver goes back to its own idea at its next look."""
-        ends_s = time.monotonic() + _TRACKING_S
+        ends_s = self._monotonic_s() + _TRACKING_S
         while (is_tracking := self._track(is_on)) is not is_on and is_tracking is not None:
-            if time.monotonic() > ends_s:
+            if self._monotonic_s() > ends_s:
                 break
         return is_tracking
 
@@ -296,9 +385,28 @@ class MountChild:
             answer.serial - 1,
         )
         self._await_report(answer.serial)
-        return mirror.is_tracking
+        return mirror.says_tracking
+
+    def _new_order(self, order: dict[str, Any]) -> None:
+        """What was wanted before is over: a STOP's measurement, tracking that was to be held.
+
+        Raises InstrumentError where STOP has come since it was given.
+        """
+        self._refuse_if_overtaken(order)
+        self._ready()[1].order_begins()
+        if self._watch is not None:
+            self._watch.let_tracking()
+            self._watch.measure_stop(None)
+
+    def _is_overtaken(self, order: dict[str, Any]) -> bool:
+        return int(order.get("stops", self._stops)) != self._stops
+
+    def _refuse_if_overtaken(self, order: dict[str, Any]) -> None:
+        if self._is_overtaken(order):
+            raise InstrumentError("STOP came before the mount had taken this order")
 
     def _on_vector(self, vector: Vector) -> None:
+        self._motion.hear(vector)
         if vector.name not in _REPORTED or self._client is None or self._mirror is None:
             return
         # The simulated mount sends its time just before its coordinates.
@@ -320,14 +428,14 @@ class MountChild:
         )
 
     def _refuse_if_parked(self) -> None:
-        if self._ready()[1].is_parked:
+        if self._ready()[1].says_parked:
             raise InstrumentError("the mount is parked and takes no orders: unpark it first")
 
     def _switch(self, name: str, member: str) -> Vector:
         client, _ = self._ready()
         before = client.send_switch(name, member)
         return self._expect(
-            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}"
+            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}", before
         )
 
     def _await_report(self, answered: int) -> None:
@@ -335,15 +443,16 @@ class MountChild:
         if self._is_simulated:
             self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
-    def _expect(self, answer: Vector | None, what: str) -> Vector:
-        words = self._ready()[0].last_message
+    def _expect(self, answer: Vector | None, what: str, before: int) -> Vector:
+        """``before``: the number of the last update before the order. Raises InstrumentError."""
+        client, _ = self._ready()
         if answer is None:
             raise InstrumentError(
                 f"the mount did not {what} in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {words}"
+                f"look at its driver's log. {client.words_since(before)}".rstrip()
             )
         if answer.state == "Alert":
-            raise InstrumentError(f"the mount refused to {what}: {words or 'no reason given'}")
+            raise InstrumentError(f"the mount refused to {what}: {client.reason_since(before)}")
         return answer
 
     def _ready(self) -> tuple[IndiClient, MountMirror]:
@@ -356,12 +465,17 @@ def main() -> None:
     """Obey until the parent goes away."""
     child = MountChild(ReplyWriter())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
-    orders += [child.set_site, child.site, child.utc_offset]
+    others = [child.set_site, child.site, child.utc_offset]
     try:
         is_orderly = run_child(
             child._writer,
-            slow={order.__name__: order for order in orders},
-            urgent={"abort": child.abort, "report": child.report, "keep": child.keep},
+            slow={order.__name__: order for order in (*orders, *others)},
+            urgent={
+                "abort": child.abort,
+                "report": child.report,
+                "keep": child.keep,
+                "abilities": child.abilities,
+            },
             on_order=child.on_order,
         )
         child.leave(is_orderly=is_orderly)

@@ -1,12 +1,17 @@
-"""What an INDI mount says of itself, read out of the client's copies of its properties."""
+"""What an INDI mount says of itself, and how it is measured to move where the two differ.
 
+A driver's state is a claim. Where the reported directions tell how the mount moves, that counts.
+"""
+
+import dataclasses
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import AfterStop, tracking_after_stop
-from rsoconsole.instruments.indi import IndiClient, Vector
+from rsoconsole.instruments import AfterStop, Motion, MountAbilities, tracking_after_stop
+from rsoconsole.instruments.indi import IndiClient, ReportedMotion, Vector
 from rsoconsole.sky import hours_to_deg, iso_to_utc_ns, jnow_to_icrs, wrap_180
 
 COORDINATES = "EQUATORIAL_EOD_COORD"
@@ -14,22 +19,79 @@ PARK = "TELESCOPE_PARK"
 TRACKING = "TELESCOPE_TRACK_STATE"
 SIDE = "TELESCOPE_PIER_SIDE"
 TIME = "TIME_UTC"
+SITE = "GEOGRAPHIC_COORD"
+ABORT = "TELESCOPE_ABORT_MOTION"
 SILENT_SLEW_S = 10.0
 """A driver that slews speaks several times a second."""
+BUSY_AT_REST_S = 10.0
+"""A mount that was told to go somewhere so long ago and is measured to be at rest has arrived,
+whatever its driver says: none takes so long to begin."""
 _NS = 1_000_000_000
 
 
 class MountMirror:
     """The mount as last heard of."""
 
-    def __init__(self, client: IndiClient, is_simulated: bool) -> None:
+    def __init__(
+        self,
+        client: IndiClient,
+        is_simulated: bool,
+        reported: ReportedMotion | None = None,
+        *,
+        monotonic_s: Callable[[], float] = time.monotonic,
+        time_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """``reported`` None: nobody measures it."""
         self._client, self._is_simulated = client, is_simulated
+        self._reported = reported or ReportedMotion(monotonic_s)
+        self._monotonic_s, self._time_ns = monotonic_s, time_ns
+        self._ordered_s = -math.inf
+
+    def order_begins(self) -> None:
+        """An order goes out: what was measured before it tells nothing."""
+        self._ordered_s = self._monotonic_s()
+        self._reported.begin()
+
+    @property
+    def motion(self) -> Motion:
+        """As measured.
+
+        A driver that no longer looks at a parked mount leaves its coordinates as they are: those
+        would look as if it tracked.
+        """
+        motion = self._reported.motion()
+        if motion.kind == "tracks" and self.says_parked and not self._reported.is_told_lately:
+            tracking = self._client.get(TRACKING)
+            if tracking is None or not tracking.values.get("TRACK_ON"):
+                return Motion()
+        return motion
+
+    @property
+    def abilities(self) -> MountAbilities:
+        """What the driver offers."""
+
+        def has(name: str) -> bool:
+            return self._client.get(name) is not None
+
+        return MountAbilities(
+            can_abort=has(ABORT),
+            can_park=has(PARK),
+            can_set_tracking=has(TRACKING),
+            tells_pier_side=has(SIDE),
+            tells_site=has(SITE),
+            tells_time=has(TIME),
+        )
+
+    @property
+    def says_parked(self) -> bool:
+        """It is parked, by its driver's word."""
+        park = self._client.get(PARK)
+        return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
 
     @property
     def is_parked(self) -> bool:
-        """It stands at its park position and takes no orders."""
-        park = self._client.get(PARK)
-        return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
+        """It says so, and is not measured to slew."""
+        return self.says_parked and not self.motion.is_fast
 
     @property
     def is_parking(self) -> bool:
@@ -38,10 +100,19 @@ class MountMirror:
         return park is not None and park.state == "Busy"
 
     @property
-    def is_moving(self) -> bool:
-        """It slews, or is on its way to its park position."""
+    def says_moving(self) -> bool:
+        """It slews or parks, by its driver's word."""
         coordinates = self._client.get(COORDINATES)
         return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
+
+    @property
+    def is_moving(self) -> bool:
+        """It slews, or is on its way to its park position: measured, or else by its word."""
+        motion = self.motion
+        if motion.is_fast:
+            return True
+        ordered_ago_s = self._monotonic_s() - self._ordered_s
+        return self.says_moving and not (motion.is_at_rest and ordered_ago_s > BUSY_AT_REST_S)
 
     @property
     def is_slewing(self) -> bool:
@@ -49,15 +120,21 @@ class MountMirror:
         return self.is_moving and not self.is_parking and not self.is_parked
 
     @property
-    def is_tracking(self) -> bool:
-        """It says that it tracks; a mount that tells nothing of it does."""
+    def says_tracking(self) -> bool:
+        """It tracks, by its driver's word; a mount that tells nothing of it does."""
         tracking = self._client.get(TRACKING)
-        return not self.is_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
+        return not self.says_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
+
+    @property
+    def is_tracking(self) -> bool:
+        """It is measured to track, or else says so."""
+        motion = self.motion
+        return motion.kind == "tracks" if motion.is_at_rest else self.says_tracking
 
     def now_utc_ns(self) -> int:
         """The machine's clock; in the simulated observatory the instant last reported."""
         if not self._is_simulated:
-            return time.time_ns()
+            return self._time_ns()
         sim_time = self._client.get("SIM_TIME")
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
@@ -82,16 +159,18 @@ class MountMirror:
         pier_side = None
         if side is not None and side.values.get("PIER_EAST") != side.values.get("PIER_WEST"):
             pier_side = "east" if side.values["PIER_EAST"] else "west"
-        age_s = time.monotonic() - coordinates.arrived_monotonic_s
+        age_s = self._monotonic_s() - coordinates.arrived_monotonic_s
         return {
             "t_utc_ns": t_utc_ns,
             "ra_icrs_deg": float(ra_deg),
             "dec_icrs_deg": float(dec_deg),
-            "is_slewing": coordinates.state == "Busy" or self.is_parking,
+            "is_slewing": self.is_moving,
+            "is_parking": self.is_parking,
             "is_parked": self.is_parked,
             "is_tracking": self.is_tracking,
             "pier_side": pier_side,
             "age_s": 0.0 if self._is_simulated else age_s,
+            "motion": dataclasses.asdict(self.motion),
         }
 
     def fresh_report(self) -> dict[str, Any]:
@@ -101,8 +180,9 @@ class MountMirror:
         """
         coordinates = self._client.get(COORDINATES)
         assert coordinates is not None
-        report = self.report(coordinates, time.time_ns())
-        if coordinates.state == "Busy" and report["age_s"] > SILENT_SLEW_S:
+        report = self.report(coordinates, self._time_ns())
+        is_silent = report["age_s"] > SILENT_SLEW_S and not self.motion.is_at_rest
+        if coordinates.state == "Busy" and is_silent:
             raise InstrumentError(
                 f"the mount has said nothing for {report['age_s']:.0f} s in the middle of a slew: "
                 "check its cable and driver, and look at the telescope"
@@ -121,14 +201,14 @@ class MountMirror:
             return None
         if self._is_simulated:
             return (mount_utc_ns - self.now_utc_ns()) / _NS
-        age_ns = round((time.monotonic() - vector.arrived_monotonic_s) * _NS)
-        offset_s = (mount_utc_ns - (time.time_ns() - age_ns)) / _NS
+        age_ns = round((self._monotonic_s() - vector.arrived_monotonic_s) * _NS)
+        offset_s = (mount_utc_ns - (self._time_ns() - age_ns)) / _NS
         is_fresh = not vector.is_definition or self._client.has_connected_device
         return offset_s if is_fresh or offset_s > 0.0 else None
 
     def site(self) -> dict[str, float] | None:
         """The fields of the Site it believes in; INDI's longitude runs from 0 to 360 east."""
-        vector = self._client.get("GEOGRAPHIC_COORD")
+        vector = self._client.get(SITE)
         if vector is None:
             return None
         return {

@@ -1,7 +1,7 @@
-"""One STOP on two ways to the mount; whichever says first that it stands has confirmed it.
+"""One STOP on two ways to the mount: ordered, answered by the driver, measured.
 
-Ordered and confirmed are two things: ABORT is on its way to the mount, and the mount has said that
-it stands. What becomes of tracking is settled after that, by the same way.
+Whichever way is first counts. What becomes of tracking is settled by the way that was answered; how
+the mount moves since is heard for half a minute, or until the next order.
 """
 
 import logging
@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from rsoconsole.instruments import StopPath, StopResult
+from rsoconsole.instruments import Motion, StopPath, StopResult
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +21,7 @@ class MountStop:
     """What is known of it; its ways report from threads of their own."""
 
     def __init__(self, on_news: Callable[[StopResult], None]) -> None:
-        """``on_news`` hears when it is first ordered, and when the mount first says that it stands.
+        """``on_news`` hears when it is first ordered, when it is first answered, what is measured.
 
         Called with what is known by then, from the threads of the ways.
         """
@@ -29,33 +29,63 @@ class MountStop:
         self._began_s = time.monotonic()
         self._changed = threading.Condition()
         self._ordered_ms: float | None = None
-        self._stands: StopResult | None = None
+        self._answered: StopResult | None = None
         self._ends: list[StopResult] = []
         self._ways = 0
-        self._is_over = False
+        self._is_settled = False
+        self._last: StopResult | None = None
+        """What ``on_news`` heard last of how the mount moves."""
+        self.is_over = False
+        """Nobody waits any more: nothing more is sent to the mount for it."""
 
-    @property
-    def is_over(self) -> bool:
-        """Whether nobody waits any more: a way that comes late leaves the mount alone."""
-        return self._is_over
+    def leaves_to(self, path: StopPath) -> bool:
+        """Whether the other way need not go on: that one has come to its end and measures."""
+        return self.is_over or (self._is_settled and any(each.path == path for each in self._ends))
 
     def ordered(self, path: StopPath, at_s: float | None = None) -> None:
         """ABORT has left for the mount; ``at_s``: monotonic time, None: now."""
         with self._changed:
-            if self._ordered_ms is not None or self._is_over:
+            if self._ordered_ms is not None or self._is_settled:
                 return
             self._ordered_ms = self._ms(at_s)
-            news = self._result(stopped=False, path=path)
+            news = self._result(is_answered=False, path=path)
         self._on_news(news)
 
-    def stands(self, path: StopPath, at_s: float | None = None) -> None:
-        """The mount has said that it stands."""
+    def answered(self, path: StopPath, at_s: float | None = None) -> None:
+        """The driver has taken ABORT and claims no motion."""
         with self._changed:
-            if self._stands is not None or self._is_over:
+            if self._answered is not None or self._is_settled:
                 return
-            news = self._stands = self._result(stopped=True, path=path, ms=self._ms(at_s))
+            news = self._answered = self._result(is_answered=True, path=path, ms=self._ms(at_s))
             self._changed.notify_all()
         self._on_news(news)
+
+    def measured(self, path: StopPath, motion: Motion, at_s: float | None = None) -> None:
+        """How the mount moves since; told where it is another kind of motion than before."""
+        with self._changed:
+            told = None if self._last is None or self._last.motion is None else self._last.motion
+            if self.is_over or (told is not None and told.kind == motion.kind):
+                return
+            known = self._answered or self._result(is_answered=False, path=path)
+            news = self._last = replace(known, motion=motion, measured_ms=self._ms(at_s))
+            self.is_over = motion.is_at_rest
+        self._on_news(news)
+
+    def end(self, detail: str = "", *, is_superseded: bool = False) -> None:
+        """It is measured no longer; ``detail``: why, where nothing was."""
+        if not self.is_over and (self._last is None or is_superseded):
+            known = self._answered or self._result(is_answered=False, path="mount")
+            self.is_over = True
+            self._on_news(
+                replace(
+                    known,
+                    motion=Motion(),
+                    measured_ms=self._ms(),
+                    detail=detail,
+                    is_superseded=is_superseded,
+                )
+            )
+        self.is_over = True
 
     def begin(self, path: StopPath, act: Callable[[], StopResult]) -> threading.Thread:
         """Go one way; ``act`` may raise, which is a way that has failed."""
@@ -65,9 +95,9 @@ class MountStop:
                 result = act()
             except Exception as error:  # whatever is wrong with one way, there is the other
                 log.warning("STOP does not get through by %s: %s", WAYS[path], error)
-                result = StopResult(stopped=False, ms=self._ms(), path=path, detail=str(error))
-            if result.stopped:
-                self.stands(path)
+                result = self._result(is_answered=False, path=path, detail=str(error))
+            if result.is_answered:
+                self.answered(path)
             with self._changed:
                 self._ends.append(result)
                 self._changed.notify_all()
@@ -78,40 +108,41 @@ class MountStop:
         thread.start()
         return thread
 
-    def wait_stands(self, timeout_s: float) -> bool:
-        """Whether the mount stands, or every way has failed, before the time is out."""
+    def wait_answered(self, timeout_s: float) -> bool:
+        """Whether the driver has answered before the time is out, or every way has failed."""
         with self._changed:
             self._changed.wait_for(
-                lambda: self._stands is not None or len(self._ends) == self._ways, timeout_s
+                lambda: self._answered is not None or len(self._ends) == self._ways, timeout_s
             )
-            return self._stands is not None
+            return self._answered is not None
 
     def wait_end(self, deadline_s: float) -> StopResult:
-        """What came of it: of the way that ended well first, or of the last one that failed."""
+        """What came of it so far, by the way that ended well first or by the last one."""
         with self._changed:
             self._changed.wait_for(self._is_decided, max(0.0, deadline_s - time.monotonic()))
-            self._is_over = True
-            good = next((each for each in self._ends if each.stopped), None)
-            if self._stands is not None:
-                return replace(self._stands, is_tracking=None if good is None else good.is_tracking)
+            self._is_settled = True
+            good = next((each for each in self._ends if each.is_answered), None)
+            if self._answered is not None:
+                is_tracking = None if good is None else good.is_tracking
+                return replace(self._answered, is_tracking=is_tracking)
             last = self._ends[-1] if self._ends else None
             return self._result(
-                stopped=False,
+                is_answered=False,
                 path="indi" if last is None else last.path,
                 detail="the mount does not answer" if last is None else last.detail,
             )
 
     def _is_decided(self) -> bool:
-        return any(each.stopped for each in self._ends) or len(self._ends) == self._ways
+        return any(each.is_answered for each in self._ends) or len(self._ends) == self._ways
 
     def _ms(self, at_s: float | None = None) -> float:
         return ((time.monotonic() if at_s is None else at_s) - self._began_s) * 1e3
 
     def _result(
-        self, *, stopped: bool, path: StopPath, ms: float | None = None, detail: str = ""
+        self, *, is_answered: bool, path: StopPath, ms: float | None = None, detail: str = ""
     ) -> StopResult:
         return StopResult(
-            stopped=stopped,
+            is_answered=is_answered,
             ms=self._ms() if ms is None else ms,
             ordered_ms=self._ordered_ms,
             path=path,

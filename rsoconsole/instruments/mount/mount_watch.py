@@ -14,6 +14,7 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 from rsoconsole.instruments.mount.mount_owner import MountOwner
+from rsoconsole.instruments.mount.stop_measurement import StopMeasurement
 from rsoconsole.sky import utc_ns_to_iso
 
 _LOOK_EVERY_S = 0.2
@@ -33,16 +34,21 @@ class MountWatch:
         stop: Callable[[], dict[str, Any]],
         track: Callable[[bool], bool | None],
         say: Callable[[str], None],
+        park: Callable[[], object] = lambda: None,
         on_ended: Callable[[float, float], None] = lambda _unwatched_s, _lease_s: None,
+        monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """``stop`` ends motion and restores tracking, ``track`` turns that on or off.
 
+        ``park`` is what a mount whose tracking cannot be turned off is given at a limit.
         ``on_ended`` hears, before a slew is ended, for how long nobody was heard of, and how
         long that may be.
         """
         self.lease, self.owner = lease, owner
-        self._mirror, self._stop, self._track = mirror, stop, track
+        self._mirror, self._stop, self._track, self._park = mirror, stop, track, park
+        self._monotonic_s = monotonic_s
         self._held: tuple[bool, float] | None = None
+        self._measurement: StopMeasurement | None = None
         self._say_to_parent = say
         self._on_ended = on_ended
         self._wake, self._is_over = threading.Event(), threading.Event()
@@ -62,17 +68,24 @@ class MountWatch:
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Somebody watches."""
-        self.lease.begin(time.monotonic(), lease_s)
+        self.lease.begin(self._monotonic_s(), lease_s)
         self.lease.set_limit(track_until_utc_ns)
         self.owner.claim()
         self._wake.set()
 
-    def hold_tracking(self, is_on: bool) -> None:
-        """Tracking was set behind a STOP: see that it stays so.
+    def hold_tracking(self, is_on: bool | None) -> None:
+        """Tracking was set behind a STOP: see that it stays so; None: nobody wants it.
 
         A driver may go back to its own idea of it at its next look at the mount.
         """
-        self._held = (is_on, time.monotonic() + _HOLD_S)
+        self._held = None if is_on is None else (is_on, self._monotonic_s() + _HOLD_S)
+
+    def measure_stop(self, measurement: StopMeasurement | None) -> None:
+        """Look how the mount moves since a STOP, in place of the one before; None: no more."""
+        before, self._measurement = self._measurement, measurement
+        if before is not None:
+            before.end()
+        self._wake.set()
 
     def let_tracking(self) -> None:
         """A new order has something else to say on tracking."""
@@ -80,7 +93,7 @@ class MountWatch:
 
     def slew_begins(self) -> None:
         """A slew is about to be ordered."""
-        self.lease.begin(time.monotonic())
+        self.lease.begin(self._monotonic_s())
         self.owner.claim()
 
     def look(self, *, is_moving: bool) -> None:
@@ -110,23 +123,38 @@ class MountWatch:
                 return
             self._look_at_limit()
 
+    def finish_stop(self) -> None:
+        """Nobody is left: see the last STOP through."""
+        while self._measurement is not None and not self._measurement.is_over:
+            self._measurement.look()
+            time.sleep(_LOOK_EVERY_S)
+
     def _run(self) -> None:
         while not self._is_over.is_set():
             self._wake.wait(_LOOK_EVERY_S)
             self._wake.clear()
             if not self._is_over.is_set():
-                self._look_at_tracking()
-                self._look_at_slew()
-                self._look_at_limit()
+                self.watch()
+
+    def watch(self) -> None:
+        """One look at all that it watches."""
+        self._look_at_stop()
+        self._look_at_tracking()
+        self._look_at_slew()
+        self._look_at_limit()
+
+    def _look_at_stop(self) -> None:
+        if self._measurement is not None:
+            self._measurement.look()
 
     def _look_at_tracking(self) -> None:
         held, mirror = self._held, self._mirror
-        if held is None or mirror.is_moving or mirror.is_parked:
+        if held is None or mirror.is_moving or mirror.says_parked:
             return
         is_on, until_s = held
-        if time.monotonic() > until_s:
+        if self._monotonic_s() > until_s:
             self._held = None
-        elif mirror.is_tracking is not is_on:
+        elif mirror.says_tracking is not is_on:
             try:
                 self._track(is_on)
             except InstrumentError as error:
@@ -140,7 +168,7 @@ class MountWatch:
         self._is_over.wait(_LOOK_EVERY_S)
         if not self._is_slew_unwatched():
             return
-        unwatched_s = self.lease.unwatched_s(time.monotonic())
+        unwatched_s = self.lease.unwatched_s(self._monotonic_s())
         # Before the mount is seen to stand: who sees that must know why.
         self._on_ended(unwatched_s, self.lease.lease_s)
         self._say(
@@ -152,20 +180,26 @@ class MountWatch:
         except InstrumentError as error:
             self._say(f"the slew cannot be ended: {error}")
             return
-        tracking = "tracking" if result["is_tracking"] else "not tracking"
-        self._say(f"the mount stands, {tracking}" if result["stopped"] else result["detail"])
+        if not result["is_answered"]:
+            self._say(result["detail"])
 
     def _is_slew_unwatched(self) -> bool:
-        return self._mirror.is_slewing and self.lease.has_lapsed(time.monotonic())
+        return self._mirror.is_slewing and self.lease.has_lapsed(self._monotonic_s())
 
     def _look_at_limit(self) -> None:
         if not self.lease.is_past_limit(self._mirror.now_utc_ns()):
             return
         if self._mirror.is_moving or not self._mirror.is_tracking:
             return
-        if time.monotonic() < self._try_again_s:
+        if self._monotonic_s() < self._try_again_s:
             return
-        self._try_again_s = time.monotonic() + _TRY_AGAIN_S
+        self._try_again_s = self._monotonic_s() + _TRY_AGAIN_S
+        able = self._mirror.abilities
+        if able.can_park and not able.can_set_tracking:
+            self._park()
+            self.lease.close_limit()
+            self._say("the mount is at its limit: its tracking cannot be turned off, it parks")
+            return
         try:
             is_tracking = self._track(False)
         except InstrumentError as error:

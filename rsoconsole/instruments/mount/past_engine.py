@@ -1,19 +1,26 @@
 """STOP where the engine does not answer: by a connection of its own, from any seat."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from rsoconsole.config import Config, IndiConfig, load_config
 from rsoconsole.errors import ConfigError
+from rsoconsole.instruments import StopResult
 
 
 def stop_past_engine(
+    on_found: Callable[[Mapping[str, Any]], None],
     indi: IndiConfig | None = None,
     *,
     config_path: Path | None = None,
     on_fault: Callable[[str], None] | None = None,
-) -> tuple[bool, str]:
-    """Stop the mount by a connection of its own to the INDI server: (it stands, how or why not).
+) -> None:
+    """Stop the mount by a connection of its own to the INDI server.
+
+    ``on_found`` hears what comes of it, as an engine answers a STOP: that the driver has answered,
+    then how the mount is measured to move. Returns when nothing more comes: it is at rest, or half
+    a minute has passed, in which ABORT is repeated as long as it moves.
 
     ``indi`` as the session has it; None: as configured. A configuration that cannot be read
     prevents nothing: ``on_fault`` is told, and the standard mount is stopped.
@@ -30,5 +37,21 @@ def stop_past_engine(
                 f"{error}; stopping '{settings.mount}' at {settings.host}:{settings.port} instead"
             )
     indi = indi or config.indi
-    result = stop_mount(indi.host, indi.port, indi.mount, after_stop=config.mount.after_stop)
-    return result.stopped, result.path if result.stopped else result.detail or "no reason given"
+    stop_mount(
+        indi.host,
+        indi.port,
+        indi.mount,
+        after_stop=config.mount.after_stop,
+        on_result=lambda result: on_found(_as_answer(result)),
+    )
+
+
+def _as_answer(result: StopResult) -> dict[str, Any]:
+    return {
+        "is_answered": result.is_answered,
+        "path": result.path,
+        "ms": result.ms,
+        "outcome": None if result.motion is None else result.motion.kind,
+        "rate_deg_s": result.rate_deg_s,
+        "detail": result.detail,
+    }

@@ -5,6 +5,7 @@ import getpass
 import os
 import threading
 import time
+from collections.abc import Callable
 from contextvars import Context, copy_context
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from rsoconsole.control import ControlClient, Sender, Wire
+from rsoconsole.control import ControlClient, Found, Sender, Wire
 from rsoconsole.instruments.mount import stop_past_engine
 from rsoconsole.notebook.panel.link import Link
 from rsoconsole.notebook.panel.panel_orders import PanelOrders
@@ -113,9 +114,9 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         elif was_unseen:
             self._link.look_now()
 
-    def _stop_directly(self) -> tuple[bool, str]:
+    def _stop_directly(self, on_found: Callable[[Found], None]) -> None:
         live = self._link.live
-        return stop_past_engine(None if live is None else live.begun_with.indi)
+        stop_past_engine(on_found, None if live is None else live.begun_with.indi)
 
     def _show_status(self, view: dict[str, Any]) -> None:
         self._ticks += 1

@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 LAST_FRAMES = 40
 _PRESSES = 100
-_PHASES = ("sent", "late", "failed", "stopped")
+_PHASES = ("sent", "late", "answered", "failed", "stopped")
 """Of a STOP, in the order in which the later one counts."""
 POINTING = {
     "name": "pointing",

@@ -199,7 +199,7 @@ def result(words: str) -> CommandResult:  # noqa: PLR0911 -- one case a kind
     if words.startswith("NOT confirmed: "):
         return CommandResult(kind="failed", detail=words.removeprefix("NOT confirmed: "))
     if (found := _STOPPED.fullmatch(words)) is not None:
-        return CommandResult(kind="stopped", stop_ms=float(found["ms"]), stop_path=found["path"])
+        return CommandResult(kind="answered", stop_ms=float(found["ms"]), stop_path=found["path"])
     if (found := _RESULT.fullmatch(words)) is not None:
         ruled: RuledKind = "rejected" if found["ruled"] == "rejected" else "taken"
         return CommandResult(

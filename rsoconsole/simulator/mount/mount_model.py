@@ -2,9 +2,9 @@
 
 Everything here is epoch of date, as the mount itself thinks. The two axes are kept as a point
 that turns with the sky: ``primary`` is the right ascension the polar axis stands for, ``secondary``
-the declination axis, beyond 90 deg when the telescope hangs on the east side of the pier (looking
-west). What the mount reports is where it believes to look; the true boresight adds pointing
-errors, which are mostly systematic (polar axis, cone, flexure, a jump at the flip).
+the declination axis, beyond the elevated pole when the telescope hangs on the east side of the
+pier (looking west). What the mount reports is where it believes to look; the true boresight adds
+pointing errors, which are mostly systematic (polar axis, cone, flexure, a jump at the flip).
 """
 
 from dataclasses import dataclass, replace
@@ -130,7 +130,7 @@ class MountModel:
         self._rng = np.random.default_rng([seed, 0x6D6F756E])
         hour_angle_deg = wrap_180(float(lst_deg(longitude_deg, t_utc_ns)) - ra_date_deg)
         side: PierSide = "west" if hour_angle_deg < 0 else "east"
-        primary_deg, secondary_deg = _axes(ra_date_deg, dec_date_deg, side)
+        primary_deg, secondary_deg = self._axes(ra_date_deg, dec_date_deg, side)
         east_deg, north_deg = self._draw_random()
         self._motions = [
             _Motion(
@@ -224,7 +224,7 @@ class MountModel:
         """East and north of where it would look if it kept still once it has arrived."""
         motion = self._motion_at(t_utc_ns)
         since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
-        sign = 1.0 if motion.secondary_deg <= 90.0 else -1.0
+        sign = 1.0 if abs(motion.secondary_deg) <= 90.0 else -1.0
         way_deg = (motion.travel_primary_deg, sign * motion.travel_secondary_deg)
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
 
@@ -237,7 +237,7 @@ class MountModel:
     def _go(self, ra_date_deg: float, dec_date_deg: float, side: PierSide, t_utc_ns: int) -> float:
         motion = self._motion_at(t_utc_ns)
         primary_deg, secondary_deg = self._axes_at(motion, (t_utc_ns - motion.t0_utc_ns) / NS)
-        to_primary_deg, to_secondary_deg = _axes(ra_date_deg, dec_date_deg, side)
+        to_primary_deg, to_secondary_deg = self._axes(ra_date_deg, dec_date_deg, side)
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
         # The polar axis turns with the counterweight low, never through the upper half.
         travel_deg = _axis_angle(sidereal_deg, primary_deg) - _axis_angle(
@@ -303,6 +303,11 @@ class MountModel:
             primary_deg += SIDEREAL_DEG_S * standing_s
         return primary_deg, secondary_deg
 
+    def _axes(self, ra_deg: float, dec_deg: float, side: PierSide) -> tuple[float, float]:
+        if side == "west":
+            return ra_deg, dec_deg
+        return ra_deg + 180.0, (180.0 if self.latitude_deg >= 0 else -180.0) - dec_deg
+
     def _side_for(self, hour_angle_deg: float, present: PierSide) -> PierSide:
         if abs(hour_angle_deg) < self.traits.flip_hysteresis_deg:
             return present
@@ -339,16 +344,13 @@ def systematic_error_deg(
     return east_deg, north_deg
 
 
-def _axes(ra_deg: float, dec_deg: float, side: PierSide) -> tuple[float, float]:
-    return (ra_deg, dec_deg) if side == "west" else (ra_deg + 180.0, 180.0 - dec_deg)
-
-
 def _axis_angle(sidereal_deg: float, primary_deg: float) -> float:
     """Angle of the polar axis, -270 to 90; 0: west of the pier, looking at the meridian."""
     return wrap_360(sidereal_deg - primary_deg - 90.0) - 270.0
 
 
 def _direction(primary_deg: float, secondary_deg: float) -> tuple[float, float, PierSide]:
-    if secondary_deg > 90.0:
-        return wrap_360(primary_deg - 180.0), 180.0 - secondary_deg, "east"
+    if abs(secondary_deg) > 90.0:
+        over_deg = 180.0 if secondary_deg > 0.0 else -180.0
+        return wrap_360(primary_deg - 180.0), over_deg - secondary_deg, "east"
     return wrap_360(primary_deg), secondary_deg, "west"

@@ -3,3 +3,5 @@ from .limits import Limits as Limits
 from .limits import Pose as Pose
 from .refusals import LimitName as LimitName
 from .refusals import Refusal as Refusal
+from .stopping import StoppingDistance as StoppingDistance
+from .way_ahead import Rates as Rates

@@ -1,4 +1,4 @@
-"""Where a telescope must never look or turn: held against every slew and watched at 1 Hz.
+"""Where a telescope must never look or turn: held against every slew and every motion, at 1 Hz.
 
 Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the
 safe side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour
@@ -12,7 +12,7 @@ import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Site
+from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     NS_PER_S,
     Epoch,
@@ -30,11 +30,19 @@ from rsoconsole.sky.limits.margins import (
     TrackedPose,
     hour_angle_deg,
     sun_altitude_deg,
+    while_parking,
     while_slewing,
     while_tracking,
 )
 from rsoconsole.sky.limits.refusals import LimitName, Refusal
 from rsoconsole.sky.limits.sun_passage import sun_passage
+from rsoconsole.sky.limits.way_ahead import (
+    SIDEREAL_DEG_S,
+    Rates,
+    leads_to_its_end,
+    on_way_ahead,
+    way_ahead,
+)
 
 __all__ = ["LimitName", "Limits", "PierSide", "Pose", "Refusal"]
 
@@ -45,6 +53,8 @@ FIRST_UTC_NS = iso_to_utc_ns("2000-01-01T00:00:00Z")
 LAST_UTC_NS = iso_to_utc_ns("2100-01-01T00:00:00Z")
 LESS_BAD_DEG = 0.002
 """Reported positions that tremble by this much are not getting worse."""
+LOWER_DEG = 1.0
+"""A way that begins below the horizon may lead so much lower before it leads out."""
 _SLEW_STEP_S = 2.0
 _SUN_STEP_S = 300.0
 _WATCH_STEP_S = 5.0
@@ -105,7 +115,7 @@ class Limits:
         t_ns = _instants(arrival_ns, max(arrival_ns, t_until_utc_ns), _SLEW_STEP_S)
         for side in dict.fromkeys(side for _, side in candidates):
             track = self._track(epoch, ra_icrs_deg, dec_icrs_deg, side)
-            for margin in self._while_tracking(track, t_ns, lifted):
+            for margin in self._while_tracking(track, t_ns, lifted, is_level_held=False):
                 worst = int(np.argmax(margin.excess_deg))
                 if margin.excess_deg[worst] > 0.0:
                     return margin.refusal_at(worst, (int(t_ns[worst]) - start.t_utc_ns) / NS_PER_S)
@@ -146,35 +156,111 @@ class Limits:
         pose: Pose,
         *,
         is_slewing: bool,
+        is_parking: bool = False,
         lifted: Collection[LimitName] = (),
         before: Pose | None = None,
     ) -> Refusal | None:
         """Why the mount must not be there, by what it reports; None when all is well.
 
-        While it slews: the Sun's cone, and how far the polar axis has turned (a fork: its hour
-        angle); the way may dip. ``before``, the pose reported last, tells a way out: what was
-        violated then and does not grow worse is no reason while slewing. While it tracks or
-        stands: all but twilight, and the meridian's limit where the side of the pier is known.
+        While it is on the way of a slew that ``refuse_slew`` has let pass: the Sun's cone, and
+        how far the polar axis has turned (a fork: its hour angle); the way may dip. On its way to
+        its park position: these, and no more than a few degrees below the level horizon.
+        ``before``, the pose reported last, tells a way out: what was violated then and does not
+        grow worse is no reason while slewing. While it tracks or stands: all but twilight, and the
+        meridian's limit where the side of the pier is known.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
         )
         if fault is not None:
             return fault
-        was_deg = {}
-        if is_slewing and before is not None and _instant_fault(before.t_utc_ns) is None:
-            was_deg = {
-                margin.limit: margin.excess_deg[0] for margin in self._slewing_at(before, lifted)
-            }
-        for margin in (
-            self._slewing_at(pose, lifted) if is_slewing else self._tracking_at(pose, lifted)
-        ):
+        was_deg: dict[LimitName, float] = {}
+        hold = self._parking_at if is_parking else self._slewing_at
+        if not (is_slewing or is_parking):
+            hold = self._tracking_at
+        elif before is not None and _instant_fault(before.t_utc_ns) is None:
+            was_deg = _excesses_deg(hold(before, lifted))
+        for margin in hold(pose, lifted):
             excess_deg = margin.excess_deg[0]
             before_deg = was_deg.get(margin.limit, 0.0)
             is_way_out = before_deg > 0.0 and excess_deg <= before_deg + LESS_BAD_DEG
             if excess_deg > 0.0 and not is_way_out:
                 return margin.refusal_at(0)
         return None
+
+    def refuse_motion(
+        self,
+        pose: Pose,
+        rates: Rates | None,
+        ahead_s: float,
+        *,
+        lifted: Collection[LimitName] = (),
+        before: Pose | None = None,
+        rested: Pose | None = None,
+    ) -> Refusal | None:
+        """Why a motion whose end nobody knows must not go on; None while it may.
+
+        Held are the place where it is and those that it will have passed in ``ahead_s`` seconds,
+        straight on at its ``rates`` (None: not known, only where it is), against all but twilight.
+        A way out is let be as in ``refuse_pose``: ``before`` is the pose reported last, ``rested``
+        the one where the motion began; below the horizon it may lead a little lower first.
+        """
+        fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
+            pose.ra_icrs_deg, pose.dec_icrs_deg
+        )
+        if fault is not None:
+            return fault
+        last_deg = _excesses_deg(self._moving(before, None, 0.0, lifted)[1])
+        first_deg = _excesses_deg(self._moving(rested, None, 0.0, lifted)[1])
+        later_s, margins = self._moving(pose, rates, ahead_s, lifted)
+        for margin in margins:
+            excess_deg = margin.excess_deg
+            allowed_deg = last_deg.get(margin.limit, 0.0)
+            began_deg = first_deg.get(margin.limit, 0.0)
+            if margin.limit in ("altitude", "horizon") and began_deg > 0.0:
+                allowed_deg = max(allowed_deg, began_deg + LOWER_DEG)
+            if excess_deg[0] > 0.0 and not 0.0 < excess_deg[0] <= allowed_deg + LESS_BAD_DEG:
+                return margin.refusal_at(0)
+            if excess_deg[0] <= 0.0:
+                allowed_deg = 0.0
+            beyond = np.flatnonzero(excess_deg > max(allowed_deg + LESS_BAD_DEG, 0.0))
+            if beyond.size:
+                index = int(beyond[0])
+                return margin.refusal_at(index, float(later_s[index]))
+        return None
+
+    def is_on_its_way(
+        self, start: Pose, to_icrs_deg: tuple[float, float], pose: Pose, rates: Rates | None
+    ) -> bool:
+        """Whether a mount is where a slew leads that began at ``start``, and goes on to its end.
+
+        Only then has ``refuse_slew`` let its motion pass.
+        """
+        for one in (start, pose):
+            if _instant_fault(one.t_utc_ns) or _direction_fault(one.ra_icrs_deg, one.dec_icrs_deg):
+                return False
+        epoch = epoch_at(start.t_utc_ns)
+        target, place = self._track(epoch, *to_icrs_deg, None), self._pose_track(pose)
+        # While it slews the mount turns with the sky: its way is one of the first instant.
+        ha_deg = self._hour_angle_at(place, start.t_utc_ns)
+        return any(
+            leads_to_its_end(way, place, ha_deg, rates, self._site.latitude_deg)
+            for way, _ in self._ways(epoch, start, target)
+        )
+
+    def _moving(
+        self,
+        pose: Pose | None,
+        rates: Rates | None,
+        ahead_s: float,
+        lifted: Collection[LimitName],
+    ) -> tuple[FloatArray, Iterable[Margin]]:
+        """How much later each place ahead is, and every limit there; nothing for no pose."""
+        if pose is None or _instant_fault(pose.t_utc_ns) is not None:
+            return np.zeros(1), ()
+        rates = rates or Rates(ra_deg_s=SIDEREAL_DEG_S, dec_deg_s=0.0)
+        way = way_ahead(self._site, self._pose_track(pose), pose.t_utc_ns, rates, ahead_s)
+        return way.later_s, on_way_ahead(self._site, self._limits, self._mount, way, lifted=lifted)
 
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
         """How far each limit of a tracking mount is from a pose, the nearest first.
@@ -245,9 +331,22 @@ class Limits:
         )
 
     def _while_tracking(
-        self, track: TrackedPose, t_ns: IntArray, lifted: Collection[LimitName]
+        self,
+        track: TrackedPose,
+        t_ns: IntArray,
+        lifted: Collection[LimitName],
+        *,
+        is_level_held: bool = True,
     ) -> Iterator[Margin]:
-        return while_tracking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+        return while_tracking(
+            self._site,
+            self._limits,
+            self._mount,
+            track,
+            t_ns,
+            lifted=lifted,
+            is_level_held=is_level_held,
+        )
 
     def _tracking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         return self._while_tracking(self._pose_track(pose), np.array([pose.t_utc_ns]), lifted)
@@ -255,6 +354,10 @@ class Limits:
     def _slewing_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
         return while_slewing(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+
+    def _parking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
+        track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
+        return while_parking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
     def _sun_on(self, epoch: Epoch, candidates: Iterable[Way], t_utc_ns: int) -> Refusal | None:
         if sun_altitude_deg(self._site, epoch, np.array([t_utc_ns]))[0] <= SUN_HARMLESS_DEG:
@@ -282,6 +385,11 @@ def _instants(from_ns: int, to_ns: int, step_s: float) -> IntArray:
     """Both ends, and between them as many as it takes for steps of at most ``step_s``."""
     steps = max(1, int(np.ceil((to_ns - from_ns) / (step_s * NS_PER_S))))
     return np.asarray(from_ns + (to_ns - from_ns) * np.arange(steps + 1) // steps, np.int64)
+
+
+def _excesses_deg(margins: Iterable[Margin]) -> dict[LimitName, float]:
+    """How far beyond each limit, at the first instant."""
+    return {margin.limit: float(margin.excess_deg[0]) for margin in margins}
 
 
 def _first_violation(margin: Iterable[Margin]) -> tuple[int, Margin] | None:

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.reasons import SlewRefusal
@@ -11,13 +12,16 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import Epoch, IntArray, PierSide, altaz_of_hour_angle, wrap_180
 from rsoconsole.sky.limits import refusals
 from rsoconsole.sky.limits.axes import is_pole, polar_deg
-from rsoconsole.sky.limits.horizon import horizon_altitude_deg
+from rsoconsole.sky.limits.horizon import level_deg, lowest_altitude_deg
 from rsoconsole.sky.limits.refusals import AngleLimit, LimitName, Refusal
 from rsoconsole.sky.limits.sun_passage import from_sun_deg
 
 SUN_HARMLESS_DEG = -6.0
 """No tube above the horizon looks at a Sun that low, and a German mount that flips by night may
 well swing through the place below the horizon where it is; also one that is parked at dawn."""
+
+PARKS_BELOW_DEG = 5.0
+"""A mount that is parked level may be told to be a little below the horizon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,6 +36,10 @@ class Margin:
     side: PierSide | None = None
     is_axis: bool = False
     """The value is the polar axis itself, not an hour angle."""
+
+    def but_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
+        """The same, without a violation where it is not held."""
+        return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
     def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
         """What to say of one instant."""
@@ -72,23 +80,30 @@ def while_tracking(
     t_ns: IntArray,
     *,
     lifted: Collection[LimitName],
+    is_level_held: bool = True,
 ) -> Iterator[Margin]:
-    """Every limit but twilight at (N,) instants, the gravest first."""
+    """Every limit but twilight at (N,) instants, the gravest first.
+
+    ``is_level_held``: where the least altitude is lifted and no walls are drawn, the level horizon
+    is held all the same.
+    """
     if "Sun" not in lifted:
-        yield _from_sun(site, limits, track, t_ns)
+        yield _of_track_from_sun(site, limits, track, t_ns)
     ha_deg = hour_angle_deg(site, track, t_ns)
     altitude_deg, azimuth_deg = altaz_of_hour_angle(
         site, ha_deg, np.full(ha_deg.shape, track.dec_deg)
     )
     if "altitude" not in lifted:
-        yield _at_least("altitude", altitude_deg, limits.min_altitude_deg)
-    if limits.horizon and "horizon" not in lifted:
-        mask_deg = horizon_altitude_deg(limits.horizon, azimuth_deg)
-        yield _at_least("horizon", altitude_deg, mask_deg, azimuth_deg)
+        yield at_least("altitude", altitude_deg, limits.min_altitude_deg)
+    # The level horizon is never higher than the least altitude.
+    is_held = bool(limits.horizon) or (is_level_held and "altitude" in lifted)
+    if is_held and "horizon" not in lifted:
+        bound_deg = lowest_altitude_deg(limits, azimuth_deg)
+        yield at_least("horizon", altitude_deg, bound_deg, azimuth_deg)
     if is_pole(track.dec_deg):
         return
     if "hour angle" not in lifted:
-        yield _within_hours(limits, ha_deg)
+        yield within_hours(limits, ha_deg)
     if mount.type == "german" and track.side is not None and "pier" not in lifted:
         past_deg = limits.past_meridian_deg if track.side == "west" else -limits.past_meridian_deg
         excess_deg = ha_deg - past_deg if track.side == "west" else past_deg - ha_deg
@@ -117,24 +132,16 @@ def while_slewing(
     limit.
     """
     if "Sun" not in lifted:
-        yield _from_sun(site, limits, track, t_ns)
+        yield _of_track_from_sun(site, limits, track, t_ns)
     if is_pole(track.dec_deg):
         return
     ha_deg = hour_angle_deg(site, track, t_ns)
     if mount.type == "fork":
         if "hour angle" not in lifted:
-            yield _within_hours(limits, ha_deg)
+            yield within_hours(limits, ha_deg)
     elif track.side is not None and "pier" not in lifted:
         axis_deg = np.array([polar_deg(float(one), track.side) for one in ha_deg])
-        past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
-        bound_deg = np.full(ha_deg.shape, limits.past_meridian_deg)
-        yield Margin(
-            limit="pier",
-            value_deg=past_deg,
-            bound_deg=bound_deg,
-            excess_deg=past_deg - bound_deg,
-            is_axis=True,
-        )
+        yield past_meridian(limits, axis_deg)
 
 
 def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
@@ -144,27 +151,74 @@ def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
     return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
 
 
-def _from_sun(site: Site, limits: LimitsConfig, track: TrackedPose, t_ns: IntArray) -> Margin:
+def while_parking(
+    site: Site,
+    limits: LimitsConfig,
+    mount: MountConfig,
+    track: TrackedPose,
+    t_ns: IntArray,
+    *,
+    lifted: Collection[LimitName],
+) -> Iterator[Margin]:
+    """What holds on the way to a park position, which may lie behind a wall or be level."""
+    yield from while_slewing(site, limits, mount, track, t_ns, lifted=lifted)
+    if "horizon" not in lifted:
+        ha_deg = hour_angle_deg(site, track, t_ns)
+        altitude_deg, azimuth_deg = altaz_of_hour_angle(
+            site, ha_deg, np.full(ha_deg.shape, track.dec_deg)
+        )
+        lowest_deg = level_deg(limits) - PARKS_BELOW_DEG
+        yield at_least("horizon", altitude_deg, lowest_deg, azimuth_deg)
+
+
+def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their instants
+    site: Site,
+    limits: LimitsConfig,
+    epoch: Epoch,
+    ra_deg: float | FloatArray,
+    dec_deg: float | FloatArray,
+    t_ns: IntArray,
+) -> Margin:
     """How deep in the Sun's cone; by night there is none to be deep in."""
-    sun_ra_deg, sun_dec_deg = track.epoch.sun_date_deg(t_ns)
-    distance_deg = from_sun_deg(track.ra_deg, track.dec_deg, sun_ra_deg, sun_dec_deg)
-    margin = _at_least("Sun", distance_deg, limits.sun_cone_deg)
-    is_harmless = sun_altitude_deg(site, track.epoch, t_ns) <= SUN_HARMLESS_DEG
-    return replace(margin, excess_deg=np.where(is_harmless, -np.inf, margin.excess_deg))
+    sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_ns)
+    distance_deg = from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
+    margin = at_least("Sun", distance_deg, limits.sun_cone_deg)
+    return margin.but_where(sun_altitude_deg(site, epoch, t_ns) <= SUN_HARMLESS_DEG)
 
 
-def _within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
+def _of_track_from_sun(
+    site: Site, limits: LimitsConfig, track: TrackedPose, t_ns: IntArray
+) -> Margin:
+    return from_sun(site, limits, track.epoch, track.ra_deg, track.dec_deg, t_ns)
+
+
+def past_meridian(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
+    """How far a German mount's polar axis has turned its counterweight up."""
+    past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
+    bound_deg = np.full(axis_deg.shape, limits.past_meridian_deg)
+    return Margin(
+        limit="pier",
+        value_deg=past_deg,
+        bound_deg=bound_deg,
+        excess_deg=past_deg - bound_deg,
+        is_axis=True,
+    )
+
+
+def within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
+    """How far beyond the hour angle that the mount may reach."""
     bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
     excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
     return Margin(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
 
 
-def _at_least(
+def at_least(
     limit: AngleLimit,
     value_deg: FloatArray,
     bound_deg: float | FloatArray,
     azimuth_deg: FloatArray | None = None,
 ) -> Margin:
+    """How far below what an angle must at least be."""
     bound = np.broadcast_to(bound_deg, value_deg.shape)
     return Margin(
         limit=limit,

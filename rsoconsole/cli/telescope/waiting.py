@@ -1,0 +1,214 @@
+"""What --wait does: after the engine's answer its status is followed until the order is done.
+
+Judged by where the mount is and how it is measured to move; its driver's word counts only where
+nothing could be measured. The seconds are the engine's: a simulated night's go faster.
+"""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from rsoconsole.config import Config, load_config
+from rsoconsole.control import AskStatus, Outcome, Status, motion_words
+from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.sky import separation_deg
+
+if TYPE_CHECKING:
+    from rsoconsole.control import Wire
+
+WaitOption = Annotated[
+    bool, typer.Option("--wait", help="Return when the mount has done it, or is kept from it.")
+]
+LOOK_S = 1.0
+GRACE_S = 60.0
+"""Beyond mount.slew_timeout_s."""
+BY_WORD_S = 10.0
+"""So long a motion is waited for that nobody has measured yet."""
+AT_REST_S = 12.0
+"""Some pause for seconds between two axes, and are sent again where they stopped short."""
+TOLD_AGAIN_S = 45.0
+"""A mount that shall park is told again every 30 s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What an order is to lead to."""
+
+    done: str
+    """In words."""
+    is_there: Callable[[Status], bool]
+    """By its place, or its driver's word: how it moves is looked at beside it."""
+    ends: tuple[str, ...] = ("stands", "tracks")
+    """Motions in which it is done."""
+    at_rest_s: float = AT_REST_S
+    """At rest for so long elsewhere it goes no further."""
+    others: tuple[str, ...] = ("MANUAL",)
+    """States of the engine that another order brings about."""
+
+
+WISHES = {
+    "park": Wish(
+        done="parked",
+        is_there=lambda status: bool(status.is_parked),
+        ends=("stands",),
+        at_rest_s=TOLD_AGAIN_S,
+    ),
+    "unpark": Wish(done="released", is_there=lambda status: status.is_parked is False),
+}
+"""Of verbs that are nothing but a command."""
+
+
+def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Wish:
+    """The mount is there, by its own coordinates."""
+
+    def is_there(status: Status) -> bool:
+        ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
+        if ra is None or dec is None or status.is_parked:
+            return False
+        return 60.0 * separation_deg(ra, dec, ra_icrs_deg, dec_icrs_deg) <= near_arcmin
+
+    return Wish(done="arrived", is_there=is_there, others=())
+
+
+def config_of(session: Path | None) -> Config:
+    """The configuration that the engine runs by; the user's own where it cannot be read."""
+    from rsoconsole.session.reading import SessionReader
+
+    if session is not None:
+        try:
+            return SessionReader(session).config()
+        except SessionError:
+            pass
+    return load_config()
+
+
+class Follower:
+    """Looks at the engine once a second until a wish has come true, or cannot any more."""
+
+    def __init__(self, wire: "Wire") -> None:
+        """Before the order is sent: what was before it ends no waiting."""
+        self._wire = wire
+        self._before = self._last = self._look()
+        self._case: Case = "on its way"
+        self._case_since_s = 0.0
+
+    def follow(self, wish: Wish) -> str:
+        """How it was done, in words. Raises ControlError where it is not."""
+        sent = self._last = self._look()
+        bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
+        began_s = time.monotonic()
+        with _shown() as show:
+            while True:
+                time.sleep(LOOK_S)
+                status = self._look()
+                self._expect_no_other(status, wish)
+                waited_s = _engine_s(status) - _engine_s(sent)
+                # What was reported before the order has been taken tells nothing of it.
+                if (status.mount_t_utc_ns or 0) > (sent.now_utc_ns or 0):
+                    words = self._ended(status, wish)
+                    if words:
+                        return words
+                    show(f"{motion_words(status)}, {waited_s:.0f} s")
+                if max(waited_s, time.monotonic() - began_s) > bound_s:
+                    raise ControlError(f"not {wish.done} in {bound_s:.0f} s: {_how(status)}")
+
+    def outcome(self, wish: Wish) -> Outcome:
+        """The same as an outcome: also that it is not done."""
+        try:
+            return Outcome(ok=True, message=self.follow(wish))
+        except ControlError as error:
+            return Outcome(ok=False, message=str(error))
+
+    def _ended(self, status: Status, wish: Wish) -> str:
+        """How it ended well; empty: not yet. Raises ControlError where it ended otherwise."""
+        case, now_s = _case_of(status, wish), _engine_s(status)
+        if case != self._case:
+            self._case, self._case_since_s = case, now_s
+        lasts_s = now_s - self._case_since_s
+        if case == "done":
+            return f"{wish.done}: it {status.mount_motion}, measured"
+        if case == "not measured" and lasts_s > BY_WORD_S:
+            return f"{wish.done}, by its driver's word: how it moves is not known"
+        if case in ("moves there", "elsewhere") and lasts_s > wish.at_rest_s:
+            raise ControlError(f"not {wish.done}: {_how(status)}")
+        return ""
+
+    def _look(self) -> Status:
+        from rsoconsole.control import read_status
+
+        outcome = self._wire.send(AskStatus())
+        if not outcome.ok:
+            raise ControlError(outcome.message)
+        return read_status(outcome.data)
+
+    def _expect_no_other(self, status: Status, wish: Wish) -> None:
+        """Raises ControlError where something else has the mount now."""
+        last, self._last = self._last, status
+        stop, before = status.last_stop, self._before.last_stop
+        is_new = status.state != last.state
+        if stop is not None and (before is None or stop.t_utc_ns != before.t_utc_ns):
+            raise ControlError(f"not {wish.done}: STOP by {stop.by}; {_how(status)}")
+        if status.pid != self._before.pid:
+            raise ControlError(f"not {wish.done}: another engine runs now; {_how(status)}")
+        if is_new and status.state == "FAULT":
+            why = "; ".join(status.faults)
+            raise ControlError(f"not {wish.done}: FAULT {why}".rstrip())
+        is_taken = status.holder == "autonomy" != last.holder
+        if is_taken or (is_new and status.state in wish.others):
+            raise ControlError(
+                f"not {wish.done}: another order came ({status.state}); {_how(status)}"
+            )
+
+
+Case = Literal["done", "not measured", "moves there", "elsewhere", "on its way"]
+
+
+def _case_of(status: Status, wish: Wish) -> Case:
+    """How things stand with a wish."""
+    motion, claims_motion = status.mount_motion, status.is_slewing or status.is_parking
+    is_known = motion not in (None, "unknown")
+    if wish.is_there(status):
+        if motion in wish.ends:
+            return "done"
+        if is_known:
+            return "moves there"
+        return "on its way" if claims_motion else "not measured"
+    is_at_rest = motion != "moves" if is_known else not claims_motion
+    return "elsewhere" if is_at_rest else "on its way"
+
+
+def _engine_s(status: Status) -> float:
+    return (status.now_utc_ns or 0) / 1e9
+
+
+def _how(status: Status) -> str:
+    """Where the mount is and what it does."""
+    place, words = "", motion_words(status)
+    if status.mount_alt_deg is not None and status.mount_az_deg is not None:
+        place = f" at alt {status.mount_alt_deg:.1f} az {status.mount_az_deg:.1f}"
+    return f"the mount{place}: {words}"
+
+
+@contextlib.contextmanager
+def _shown() -> Iterator[Callable[[str], None]]:
+    """What the mount does meanwhile, on a terminal's stderr, nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+        redirect_stdout=False,
+        redirect_stderr=False,
+    ) as line:
+        task = line.add_task("waits for the mount", total=None)
+        yield lambda words: line.update(task, description=words)

@@ -1,0 +1,169 @@
+"""How the mount moves at a look: measured where that is known, else by the more careful word.
+
+Its driver's slewing, tracking or parked is a claim. What this program has ordered itself is told
+apart from what others have.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from rsoconsole.engine.aim import FAR_OFF_DEG, NS, Ordered
+from rsoconsole.instruments import SIDEREAL_ARCSEC_S, MountReport
+from rsoconsole.sky import separation_deg, wrap_180
+from rsoconsole.sky.limits import Limits, Pose, Rates
+
+How = Literal["stands", "tracks", "slews"]
+Own = Literal["slew", "park"]
+
+MOVED_ARCSEC = 200.0
+"""Between two looks: more than the coarsest driver's step and a second's turn of the sky."""
+LONGEST_APART_S = 10.0
+STARTS_WITHIN_S = 30.0
+"""A mount that still rests so long after an order does not follow it any more."""
+PARKS_WITHIN_S = 900.0
+TURNS_WITHIN_S = 3.0
+"""An axis that moved when the order came has to turn round first."""
+FRESH_S = 5.0
+PARKED_S = 5.0
+"""So long a mount that says that it is parked may come to rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenMotion:
+    """One look's answer."""
+
+    how: How
+    rates: Rates | None = None
+    """Of a slew; None where they are not known."""
+
+
+def pose_of(report: MountReport) -> Pose:
+    """Where the mount says that it is."""
+    return Pose(
+        t_utc_ns=report.t_utc_ns,
+        ra_icrs_deg=report.ra_icrs_deg,
+        dec_icrs_deg=report.dec_icrs_deg,
+        pier_side=report.pier_side,
+    )
+
+
+def seen_motion(report: MountReport, before: MountReport | None) -> SeenMotion:
+    """How it moves; ``before``: its report at the look before this one.
+
+    A measured drift counts as tracking: it is slow enough to be held where it is. What is not
+    measured yet is a slew where the directions have changed since the last look or the driver says
+    so, and tracks where it says that.
+    """
+    motion = report.motion
+    if motion.kind == "moves":
+        if not motion.is_fast:
+            return SeenMotion(how="tracks")
+        rates = Rates(
+            ra_deg_s=motion.ra_rate_arcsec_s / 3600.0, dec_deg_s=motion.dec_rate_arcsec_s / 3600.0
+        )
+        return SeenMotion(how="slews", rates=rates)
+    if motion.kind != "unknown":
+        return SeenMotion(how=motion.kind)
+    rates_seen = _rates_between(before, report)
+    if rates_seen is not None or report.is_slewing:
+        return SeenMotion(how="slews", rates=rates_seen)
+    return SeenMotion(how="tracks" if report.is_tracking else "stands")
+
+
+def _rates_between(before: MountReport | None, report: MountReport) -> Rates | None:
+    """By two looks; None where they do not show a slew."""
+    if before is None:
+        return None
+    apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
+    if not 0.2 <= apart_s <= LONGEST_APART_S or _turned_arcsec(before, report) <= MOVED_ARCSEC:
+        return None
+    return Rates(
+        ra_deg_s=wrap_180(report.ra_icrs_deg - before.ra_icrs_deg) / apart_s,
+        dec_deg_s=(report.dec_icrs_deg - before.dec_icrs_deg) / apart_s,
+    )
+
+
+def _turned_arcsec(before: MountReport, report: MountReport) -> float:
+    """By how much either axis has turned, whether it tracks or stands otherwise."""
+    apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
+    ra_arcsec = wrap_180(report.ra_icrs_deg - before.ra_icrs_deg) * 3600.0
+    dec_arcsec = (report.dec_icrs_deg - before.dec_icrs_deg) * 3600.0
+    return max(min(abs(ra_arcsec), abs(ra_arcsec - SIDEREAL_ARCSEC_S * apart_s)), abs(dec_arcsec))
+
+
+class OwnMotion:
+    """The motion that this program ordered last, until it is over."""
+
+    def __init__(self, ordered: Callable[[], Ordered | None]) -> None:
+        self._ordered = ordered
+        self._of: Ordered | None = None
+        self._start: Pose | None = None
+        self._last: Pose | None = None
+        self._is_over = False
+
+    def note(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
+        """One look."""
+        ordered = self._ordered()
+        if ordered is not self._of:
+            last = self._last
+            is_fresh = last is not None and 0 <= pose.t_utc_ns - last.t_utc_ns < FRESH_S * NS
+            self._of, self._start, self._is_over = ordered, last if is_fresh else pose, False
+        self._last = pose
+        if ordered is None or self._is_over:
+            return
+        since_s = (pose.t_utc_ns - ordered.t_utc_ns) / NS
+        to = ordered.to_icrs_deg
+        is_there = (
+            report.is_parked and report.motion.is_at_rest
+            if to is None
+            else separation_deg(pose.ra_icrs_deg, pose.dec_icrs_deg, *to) < FAR_OFF_DEG
+        )
+        if seen.how != "slews":
+            self._is_over = is_there or since_s > STARTS_WITHIN_S
+        elif to is None:
+            self._is_over = since_s > PARKS_WITHIN_S
+
+    def kind(self, pose: Pose, seen: SeenMotion, limits: Limits) -> Own | None:
+        """Which order a slew follows; None where it is somebody else's."""
+        ordered, start = self._of, self._start
+        if ordered is None or start is None or self._is_over:
+            return None
+        if ordered.to_icrs_deg is None:
+            return "park"
+        if 0 <= pose.t_utc_ns - ordered.t_utc_ns < TURNS_WITHIN_S * NS:
+            return "slew"
+        is_own = limits.is_on_its_way(start, ordered.to_icrs_deg, pose, seen.rates)
+        return "slew" if is_own else None
+
+
+class ParkedMotion:
+    """Whether a mount that says that it is parked rests."""
+
+    def __init__(self) -> None:
+        self._looks: deque[MountReport] = deque()
+        """Since it says that it is parked, the last seconds of it."""
+        self._since_ns = 0
+
+    def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
+        """What it is measured to do instead; None where it rests, or that is not known yet."""
+        if not report.is_parked:
+            self._looks.clear()
+            return None
+        if not self._looks or report.t_utc_ns < self._looks[-1].t_utc_ns:
+            self._looks.clear()
+            self._since_ns = report.t_utc_ns
+        self._looks.append(report)
+        window_ns = report.t_utc_ns - round(PARKED_S * NS)
+        while len(self._looks) > 1 and self._looks[1].t_utc_ns <= window_ns:
+            self._looks.popleft()
+        first = self._looks[0]
+        if first.t_utc_ns > window_ns or self._since_ns > window_ns:
+            return None
+        if report.motion.kind == "tracks":
+            return "tracks" if all(e.motion.kind == "tracks" for e in self._looks) else None
+        is_turned = _turned_arcsec(first, report) > MOVED_ARCSEC
+        halfway = self._looks[len(self._looks) // 2]
+        is_turning = is_turned and _turned_arcsec(halfway, report) > MOVED_ARCSEC / 2.0
+        return "moves" if is_turning and report.motion.kind != "stands" else None

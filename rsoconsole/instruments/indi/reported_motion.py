@@ -1,0 +1,196 @@
+"""A mount's motion measured from what its driver says on a plain connection.
+
+INDI's base class tells coordinates only where they have changed: a mount that tracks is silent.
+So its silence is filled by asking, and counts only where the driver answers and shows no Alert.
+"""
+
+import math
+import statistics
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from rsoconsole.instruments import DirectionReport, Motion, MotionMeter
+from rsoconsole.sky import hours_to_deg
+
+COORDINATES = "EQUATORIAL_EOD_COORD"
+POLLING = "POLLING_PERIOD"
+SIM_TIME = "SIM_TIME"
+POLLING_MS = 500.0
+"""In which a driver looks at its mount while its motion is measured, where it takes that."""
+_ASK_EVERY_S = 0.5
+_HUNG_S = 1.0
+"""A driver that needs so long to answer was held up, and has not looked at its mount meanwhile."""
+_PERIODS_S = (0.05, 30.0)
+_INTERVALS = 9
+_INTERVAL_S = (0.2, 10.0)
+_NS = 1e9
+
+
+class Told(Protocol):
+    """A property's vector, from whichever client."""
+
+    @property
+    def name(self) -> str:
+        """Of the property."""
+
+    @property
+    def state(self) -> str:
+        """Idle, Ok, Busy or Alert."""
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Numbers as such, or as INDI writes them."""
+
+    @property
+    def is_definition(self) -> bool:
+        """The answer to what there is, however old its values are by then."""
+
+
+class ReportedMotion:
+    """Hears one mount's vectors; safe for several threads.
+
+    In a simulated observatory, known by SIM_TIME, that is its time, told before the coordinates.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._meter = MotionMeter()
+        self._lock = threading.Lock()
+        self._sim_s: float | None = None
+        self._heard_s = self._asked_s = self._told_s = self._changed_s = -math.inf
+        self._apart_s: deque[float] = deque(maxlen=_INTERVALS)
+        """Between changes that the driver told by itself."""
+        self._unanswered_s: float | None = None
+        """Since when it has not answered; None: it has."""
+        self._knows_period = False
+        """Until then silence tells nothing: nobody knows how old it is."""
+        self.state = ""
+        """Of the coordinates, as told last."""
+        self.polling_ms: float | None = None
+        """What the driver says of its looks; None where it says nothing."""
+
+    def hear(self, vector: Told) -> None:
+        """One more word of the mount's driver."""
+        with self._lock:
+            now_s = self._now_s()
+            if vector.name == POLLING:
+                self._hear_polling(vector.values)
+            elif vector.name == SIM_TIME:
+                self._hear_sim_time(vector.values)
+            elif vector.name == COORDINATES:
+                self._hear_coordinates(vector, now_s)
+
+    def begin(self) -> None:
+        """An order goes out: reports before it tell nothing."""
+        with self._lock:
+            self._meter.begin_at(self._now_s() if self._sim_s is None else self._sim_s)
+
+    def held_up(self) -> None:
+        """What comes next may have come long ago: nobody was there to read it."""
+        if self._sim_s is None:
+            self.begin()
+
+    def motion(self) -> Motion:
+        """As measured up to now."""
+        with self._lock:
+            if self.state == "Alert":
+                return Motion()
+            return self._meter.motion(self._now_s() if self._sim_s is None else self._sim_s)
+
+    @property
+    def is_told_lately(self) -> bool:
+        """Whether the driver has told coordinates by itself within the span that is measured."""
+        with self._lock:
+            return self._now_s() - self._told_s <= self._meter.span_s + self._meter.period_s
+
+    def wants_word(self) -> bool:
+        """Whether the driver is to be asked now, because it is silent; counts as asked."""
+        with self._lock:
+            now_s = self._now_s()
+            if self._sim_s is not None or now_s - max(self._heard_s, self._asked_s) < _ASK_EVERY_S:
+                return False
+            self._asked_s = now_s
+            if self._unanswered_s is None:
+                self._unanswered_s = now_s
+            return True
+
+    def _hear_sim_time(self, values: Mapping[str, Any]) -> None:
+        told = _number(values.get("UTC_NS", ""))
+        if told is None:
+            return
+        if self._sim_s is None:
+            self._meter = MotionMeter(0.0)
+        self._sim_s = told / _NS
+
+    def _hear_polling(self, values: Mapping[str, Any]) -> None:
+        told = _number(values.get("PERIOD_MS", ""))
+        if told is not None and told > 0.0 and self._sim_s is None:
+            self.polling_ms, self._knows_period = told, True
+            self._meter.period_s = min(max(told / 1e3, _PERIODS_S[0]), _PERIODS_S[1])
+
+    def _learn_period(self, now_s: float) -> None:
+        """A driver that does not tell it shows how often it looks at a mount that moves."""
+        apart_s, self._changed_s = now_s - self._changed_s, now_s
+        if self.polling_ms is not None or self._sim_s is not None:
+            return
+        if not _INTERVAL_S[0] <= apart_s <= _INTERVAL_S[1]:
+            return  # told with an order's answer, or after a long rest
+        self._apart_s.append(apart_s)
+        if len(self._apart_s) >= _INTERVALS // 2:
+            self._knows_period = True
+            self._meter.period_s = max(_PERIODS_S[0], statistics.median(self._apart_s))
+
+    def _hear_coordinates(self, vector: Told, now_s: float) -> None:
+        was_busy, self._heard_s = self.state == "Busy", now_s
+        if was_busy is not (vector.state == "Busy"):
+            # Where it was on its way here tells nothing of how it moves from now on.
+            self._meter.begin_at(now_s if self._sim_s is None else self._sim_s)
+        self.state = vector.state
+        asked_s, self._unanswered_s = self._unanswered_s, None
+        has_hung = asked_s is not None and now_s - asked_s > _HUNG_S
+        if has_hung:
+            # It may answer before it has looked again: what it knows is of long ago.
+            self._meter.begin_at(now_s)
+            if vector.is_definition:
+                return
+        ra_hours, dec_deg = (_number(vector.values.get(name, "")) for name in ("RA", "DEC"))
+        if ra_hours is None or dec_deg is None or vector.state == "Alert":
+            return
+        if self._sim_s is not None and vector.is_definition:
+            return
+        t_s = now_s if self._sim_s is None else self._sim_s
+        ra_deg, last = hours_to_deg(ra_hours), self._meter.last
+        is_same = last is not None and (last.ra_deg, last.dec_deg) == (ra_deg, dec_deg)
+        if not vector.is_definition:
+            self._told_s = now_s
+            if not is_same:
+                self._learn_period(now_s)
+        if is_same:
+            # Said again, because it was asked for or with another state: of its last look.
+            if not vector.is_definition or self._knows_period:
+                self._meter.hold(t_s, now_s)
+            return
+        if last is None and vector.is_definition:
+            t_s -= self._meter.period_s
+        report = DirectionReport(t_s=t_s, host_s=now_s, ra_deg=ra_deg, dec_deg=dec_deg)
+        self._meter.add(report)
+
+
+def _number(text: Any) -> float | None:
+    """A number as INDI writes it, decimal or sexagesimal; None where it is none."""
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        pass
+    parts = str(text).replace(":", " ").replace(";", " ").split()
+    try:
+        figures = [abs(float(part)) for part in parts]
+    except ValueError:
+        return None
+    if not 2 <= len(figures) <= 3:
+        return None
+    size = sum(figure / 60.0**place for place, figure in enumerate(figures))
+    return -size if parts[0].startswith("-") else size

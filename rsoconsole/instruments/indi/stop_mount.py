@@ -1,0 +1,254 @@
+"""STOP by a plain connection of its own to the INDI server: the second way to the mount.
+
+ABORT goes out at once, before anything is known of the mount; then the driver's answer is read,
+tracking is turned on or off as it is to be, and the mount's motion is measured.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import (
+    AfterStop,
+    Motion,
+    StopMeasure,
+    StopResult,
+    tracking_after_stop,
+)
+from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments.indi.reported_motion import (
+    COORDINATES,
+    POLLING,
+    POLLING_MS,
+    ReportedMotion,
+)
+
+_REPEAT_ABORT_S = 0.5
+_LOOK_S = 0.05
+_TRACKING_S = 2.0
+_SETTLE_S = 1.2
+"""A driver may go back to its own idea of tracking at its next look at the mount."""
+_ABORT = "TELESCOPE_ABORT_MOTION"
+_PARK = "TELESCOPE_PARK"
+_TRACK_STATE = "TELESCOPE_TRACK_STATE"
+_UNTOLD = "the mount does not answer: look at its driver and its cable, and at the telescope"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedStop:
+    """Who hears of a STOP while it is under way, and may give it up."""
+
+    on_ordered: Callable[[], None] = lambda: None
+    """ABORT has been handed to the system for the server."""
+    on_answered: Callable[[], None] = lambda: None
+    is_over: Callable[[], bool] = lambda: False
+    """True: nothing more is to be sent to the mount, nobody waits any longer."""
+
+
+def stop_mount(
+    host: str,
+    port: int,
+    device: str,
+    timeout_s: float = 2.0,
+    *,
+    after_stop: AfterStop = "track",
+    had_tracking: bool | None = None,
+    watched: WatchedStop = WatchedStop(),
+    on_result: Callable[[StopResult], None] = lambda _result: None,
+    measures: bool = True,
+) -> StopResult:
+    """ABORT, the driver's answer, tracking as ``after_stop`` says, and how the mount then moves.
+
+    ``had_tracking``: whether there was any to restore, where the caller knows better than the
+    mount, which may have been aborted by another way meanwhile. ``on_result`` hears what came of
+    ABORT within ``timeout_s`` and a little for tracking, then each word of the measurement, which
+    takes some seconds, half a minute where the mount moves on; without ``measures`` it ends before
+    that, with ``watched`` when that says so. Never raises: a server that cannot be reached is a
+    result that is not answered.
+    """
+    begun_s = time.monotonic()
+    result = StopResult(is_answered=False, ms=0.0, path="indi")
+    try:
+        wire = IndiWire(host, port, timeout_s)
+        try:
+            stop = _WireStop(wire, device, watched, begun_s)
+            result = stop.abort(timeout_s, after_stop, had_tracking)
+            on_result(result)
+            if measures and stop.vectors:
+                result = stop.measure(result, on_result)
+        finally:
+            wire.close()
+    except InstrumentError as error:
+        result = replace(result, detail=str(error), ms=result.ms or _ms_since(begun_s))
+        on_result(result)
+    return result
+
+
+class _WireStop:
+    """One STOP by plain connection: what the mount said before and after."""
+
+    def __init__(self, wire: IndiWire, device: str, watched: WatchedStop, begun_s: float) -> None:
+        self._wire, self._device, self._watched = wire, device, watched
+        self._begun_s = begun_s
+        self.vectors: dict[str, IndiVector] = {}
+        """The latest of each property."""
+        self._first: dict[str, IndiVector] = {}
+        self._motion = ReportedMotion()
+        self._is_answered = False
+
+    def abort(
+        self, timeout_s: float, after_stop: AfterStop, had_tracking: bool | None
+    ) -> StopResult:
+        """ABORT until the driver has answered; then tracking."""
+        result = StopResult(is_answered=False, ms=0.0, path="indi")
+        aborts = self._abort_until(self._begun_s + timeout_s)
+        if not self._is_answered:
+            detail = ""
+            if not self._watched.is_over():
+                detail = _UNTOLD if not self.vectors else self._unanswered(aborts, timeout_s)
+            return replace(result, ms=_ms_since(self._begun_s), detail=detail)
+        result = replace(result, is_answered=True, ms=_ms_since(self._begun_s))
+        self._watched.on_answered()
+        return replace(result, is_tracking=self._settle_tracking(after_stop, had_tracking))
+
+    def measure(self, result: StopResult, on_result: Callable[[StopResult], None]) -> StopResult:
+        """How the mount moves since; ABORT again as long as it does."""
+        measure = StopMeasure(self._begun_s)
+        self._wire.ask(self._device, POLLING)
+        self._wire.ask(self._device, COORDINATES)
+        polling_ms: float | None = None
+        while not (measure.is_over or self._watched.is_over()):
+            looked_s = time.monotonic()
+            self._read_next(_LOOK_S)
+            if time.monotonic() - looked_s > 10.0 * _LOOK_S:
+                self._motion.held_up()
+            if polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
+                polling_ms = self._motion.polling_ms
+                self._look_every(POLLING_MS)
+            if self._motion.wants_word():
+                self._wire.ask(self._device, COORDINATES)
+            step = measure.step(
+                time.monotonic(), self._motion.motion(), is_answered=self._is_answered
+            )
+            if step.sends_abort:
+                self._send_abort()
+            if step.news is not None:
+                result = replace(
+                    result, motion=step.news, measured_ms=_ms_since(self._begun_s), detail=""
+                )
+                on_result(result)
+                if step.news.kind == "unknown" and self._is_answered:
+                    break  # it is obeyed, and its reports are too few to tell
+        if polling_ms is not None:
+            self._look_every(polling_ms)
+        if result.motion is None:
+            result = replace(result, motion=Motion(), measured_ms=_ms_since(self._begun_s))
+        return result
+
+    def _abort_until(self, deadline_s: float) -> int:
+        """How often ABORT was sent until it was answered, or until the time was out."""
+        aborts = 0
+        if self._watched.is_over():
+            return 0
+        # Answered in order: one line tells how the mount was before the first ABORT.
+        for name in (_TRACK_STATE, _PARK, COORDINATES):
+            self._wire.ask(self._device, name)
+        while time.monotonic() < deadline_s and not (self._is_answered or self._watched.is_over()):
+            self._send_abort()
+            aborts += 1
+            if aborts == 1:
+                self._watched.on_ordered()
+            # Only an answer given after the order counts, so the state is asked for behind it.
+            self._wire.ask(self._device, COORDINATES)
+            repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
+            while not self._is_answered and (left_s := repeat_s - time.monotonic()) > 0:
+                self._read_next(left_s)
+        return aborts
+
+    def _send_abort(self) -> None:
+        self._wire.new("Switch", self._device, _ABORT, {"ABORT": "On"})
+
+    def _look_every(self, period_ms: float) -> None:
+        self._wire.new("Number", self._device, POLLING, {"PERIOD_MS": f"{period_ms:g}"})
+
+    def _unanswered(self, aborts: int, timeout_s: float) -> str:
+        if self._is_refused:
+            said = self._wire.last_message
+            return f"its driver answers ABORT with Alert{': ' if said else ''}{said}"
+        return f"its driver says that it still moves after {aborts} aborts in {timeout_s:.1f} s"
+
+    def _settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
+        """Turn tracking on or off as it is to be; whether it is then, None where untold."""
+        was_parking = self._was_busy(_PARK)
+        wanted = tracking_after_stop(
+            after_stop,
+            was_slewing=self._was_busy(COORDINATES) and not was_parking,
+            was_parking=was_parking,
+            was_tracking=_is_on(self._first.get(_TRACK_STATE), "TRACK_ON"),
+            is_parked=not was_parking and _is_on(self.vectors.get(_PARK), "PARK"),
+        )
+        if had_tracking and after_stop == "track":
+            wanted = True
+        if _TRACK_STATE not in self.vectors:
+            return None
+        if wanted is None or self._watched.is_over():
+            return _is_on(self.vectors[_TRACK_STATE], "TRACK_ON")
+        member = "TRACK_ON" if wanted else "TRACK_OFF"
+        self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
+        del self.vectors[_TRACK_STATE]
+        self._wire.ask(self._device, _TRACK_STATE)
+        self._await_tracking(member, time.monotonic() + _TRACKING_S)
+        if self._was_busy(COORDINATES):
+            self._hold_tracking(member, time.monotonic() + _SETTLE_S)
+            if not self._watched.is_over():
+                # It may just have been said again.
+                self._await_tracking(member, time.monotonic() + _TRACKING_S)
+        tracking = self.vectors.get(_TRACK_STATE)
+        return None if tracking is None else _is_on(tracking, "TRACK_ON")
+
+    def _await_tracking(self, member: str, ends_s: float) -> None:
+        while (left_s := ends_s - time.monotonic()) > 0:
+            if _is_on(self.vectors.get(_TRACK_STATE), member):
+                return
+            self._read_next(left_s)
+
+    def _hold_tracking(self, member: str, ends_s: float) -> None:
+        """Say again what is wanted of tracking whenever the driver thinks otherwise."""
+        before = self.vectors.get(_TRACK_STATE)
+        while (left_s := ends_s - time.monotonic()) > 0 and not self._watched.is_over():
+            self._read_next(min(left_s, _LOOK_S))
+            now = self.vectors.get(_TRACK_STATE)
+            if self._watched.is_over():
+                return
+            if now is not before and not _is_on(now, member):
+                self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
+            before = now
+
+    def _read_next(self, timeout_s: float) -> None:
+        vector = self._wire.wait(lambda each: each.device == self._device, timeout_s)
+        if vector is None:
+            return
+        self._motion.hear(vector)
+        is_first = vector.name not in self._first
+        self._first.setdefault(vector.name, vector)
+        self.vectors[vector.name] = vector
+        # The first word on the coordinates was asked for before the order.
+        if vector.name == COORDINATES and not is_first and vector.state != "Busy":
+            self._is_answered = not self._is_refused
+
+    @property
+    def _is_refused(self) -> bool:
+        said = self.vectors.get(_ABORT)
+        return said is not None and said.state == "Alert" and not said.is_definition
+
+    def _was_busy(self, name: str) -> bool:
+        return name in self._first and self._first[name].state == "Busy"
+
+
+def _is_on(vector: IndiVector | None, member: str) -> bool:
+    return vector is not None and vector.values.get(member) == "On"
+
+
+def _ms_since(begun_s: float) -> float:
+    return (time.monotonic() - begun_s) * 1e3

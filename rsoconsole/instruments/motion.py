@@ -1,0 +1,283 @@
+"""How a mount moves, measured from the directions that it reports and from nothing else.
+
+A driver's Idle, parked or tracking is a claim. What counts are the coordinates over a span of time,
+as rates of the two coordinates, right ascension and declination of date: a mount that tracks keeps
+both, one that stands gains 15.04 arcsec of right ascension a second, at the pole too.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+MotionKind = Literal["stands", "tracks", "moves", "unknown"]
+
+SIDEREAL_ARCSEC_S = 15.041067
+"""By which the right ascension of a mount at rest grows in a second."""
+STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
+"""In which right ascensions are told: INDI's base class tells changes of 1.5; drivers that read
+seconds, or tenths of a minute, know no finer ones."""
+MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
+MIN_REPORTS = 3
+MAX_WIDTH_ARCSEC_S = 10.0
+"""Of the rates that no report contradicts: wider, they do not tell."""
+NEAR_ARCSEC_S = 2.5
+"""A rate as near as that to rest is one: a lunar rate, a drift of a bad alignment."""
+LATE_S = 0.1
+"""By which one report may be late against another."""
+HELD_UP_S = 1.0
+"""The same on a busy machine: what only that explains is no motion, and no rest either."""
+UNKNOWN_PERIOD_S = 2.0
+"""Of a driver's looks at its mount, where it does not tell."""
+LASTING = 3.0
+"""Spans over which a slow drift is looked at before it is named."""
+FAST_DEG_S = 0.02
+"""Above it a motion is a slew, below it a drift."""
+_MIN_APART_S = 0.2
+_ON_GRID_ARCSEC = 0.06
+_MAX_REPORTS = 600
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What a mount's reported directions say of how it moves."""
+
+    kind: MotionKind = "unknown"
+    ra_rate_arcsec_s: float = 0.0
+    """Of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
+    dec_rate_arcsec_s: float = 0.0
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it is measured to stand or to track."""
+        return self.kind in ("stands", "tracks")
+
+    @property
+    def rate_deg_s(self) -> float:
+        """Of the faster axis against the sky, degrees a second."""
+        return max(abs(self.ra_rate_arcsec_s), abs(self.dec_rate_arcsec_s)) / 3600.0
+
+    @property
+    def is_fast(self) -> bool:
+        """Whether it is a slew's motion and no drift."""
+        return self.kind == "moves" and self.rate_deg_s > FAST_DEG_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectionReport:
+    """Where the mount said that it was, epoch of date, as it came."""
+
+    t_s: float
+    """In the clock in which the mount moves."""
+    host_s: float
+    """In the host's: another one where the observatory is simulated."""
+    ra_deg: float
+    dec_deg: float
+
+
+class MotionMeter:
+    """Reports in, motion out; pure: its clocks are arguments. Not safe for several threads."""
+
+    def __init__(self, period_s: float = UNKNOWN_PERIOD_S) -> None:
+        """``period_s``: of the driver's looks at its mount."""
+        self.period_s = period_s
+        self._reports: deque[DirectionReport] = deque(maxlen=_MAX_REPORTS)
+        self._since_s = -math.inf
+        self._step_arcsec = STEPS_ARCSEC[-1]
+        self._known: Motion | None = None
+        """By these reports; None: not computed yet."""
+
+    @property
+    def span_s(self) -> float:
+        """How long it looks before it names a motion."""
+        return max(MIN_SPAN_S, 3.0 * self.period_s, _span_of(self._step_arcsec))
+
+    @property
+    def last(self) -> DirectionReport | None:
+        """The report that came last."""
+        return self._reports[-1] if self._reports else None
+
+    def begin_at(self, t_s: float) -> None:
+        """An order went out: what was reported before it tells nothing of what is now."""
+        self._since_s, self._known = t_s, None
+
+    def add(self, report: DirectionReport) -> None:
+        """The next one."""
+        if not (math.isfinite(report.ra_deg) and math.isfinite(report.dec_deg)):
+            return
+        if self._reports and report.t_s <= self._reports[-1].t_s:
+            if report.t_s < self._reports[-1].t_s:
+                self._reports.clear()  # its clock was set
+                self._since_s = -math.inf
+            else:
+                self._reports.pop()
+        self._step_arcsec = min(self._step_arcsec, _step_shown(report.ra_deg))
+        self._reports.append(report)
+        self._known = None
+
+    def hold(self, t_s: float, host_s: float) -> None:
+        """The driver has answered at ``t_s``, and nothing has changed since its last report.
+
+        What it knows may be as old as its last look at the mount.
+        """
+        last, held_s = self.last, t_s - self.period_s
+        if last is not None and held_s > last.t_s:
+            at_host_s = max(last.host_s, host_s - self.period_s)
+            same = DirectionReport(
+                t_s=held_s, host_s=at_host_s, ra_deg=last.ra_deg, dec_deg=last.dec_deg
+            )
+            self.add(same)
+
+    def motion(self, t_s: float) -> Motion:
+        """How it moves at ``t_s``; unknown where the reports since the last order do not tell.
+
+        A rest is named where, of all constant rates, those that pass every report of the span
+        within half its step are so few that there is no room for another motion (set membership:
+        Milanese and Vicino 1991, Automatica 27, 997).
+        """
+        if not self._reports or t_s - self._reports[-1].t_s > self.span_s + self.period_s:
+            return Motion()
+        if self._known is None:
+            self._known = self._by_reports()
+        return self._known
+
+    def _by_reports(self) -> Motion:
+        # Reports may be coarser than they look: a driver may have turned them to another epoch.
+        steps = [step for step in STEPS_ARCSEC if step >= self._step_arcsec][:2]
+        longest_s = LASTING * max(self.span_s, _span_of(steps[-1]))
+        begins_s = self._reports[-1].t_s - longest_s - 2.0 * self.period_s
+        begins_host_s = self._reports[-1].host_s - 2.0 * MIN_HOST_SPAN_S
+        reports = [
+            each
+            for each in self._reports
+            if each.t_s >= self._since_s and (each.t_s >= begins_s or each.host_s >= begins_host_s)
+        ]
+        if not reports:
+            return Motion()
+        path = _Path(reports)
+        fast = path.fast(self._step_arcsec)
+        if fast is not None:
+            return fast
+        for step in steps:
+            span_s = max(self.span_s, _span_of(step))
+            named = path.last(span_s).named(step)
+            if named is None:
+                continue
+            if named.kind != "moves":
+                return named
+            # A drift that small may be a machine that is held up more and more.
+            lasting = path.last(LASTING * span_s).named(step)
+            return lasting if lasting is not None and lasting.kind == "moves" else Motion()
+        wandering = path.last(self.span_s).wandering(self._step_arcsec)
+        # It may have come to rest since.
+        late = path.last(self.span_s / 2.0, MIN_HOST_SPAN_S / 2.0)
+        return wandering if late.wandering(self._step_arcsec).kind == "moves" else Motion()
+
+
+class _Path:
+    """Reports in order: seconds, arcseconds of right ascension without a jump, of declination."""
+
+    def __init__(self, reports: Sequence[DirectionReport]) -> None:
+        self._reports = reports
+        self._t_s = [each.t_s for each in reports]
+        self._dec = [each.dec_deg * 3600.0 for each in reports]
+        ra_deg, self._ra = reports[0].ra_deg if reports else 0.0, list[float]()
+        for each in reports:
+            ra_deg += (each.ra_deg - ra_deg + 180.0) % 360.0 - 180.0
+            self._ra.append(ra_deg * 3600.0)
+
+    def last(self, span_s: float, host_span_s: float = MIN_HOST_SPAN_S) -> "_Path":
+        """The shortest end of it that lasts so long; empty where it is shorter."""
+        for index in range(len(self._t_s) - MIN_REPORTS, -1, -1):
+            host_s = self._reports[-1].host_s - self._reports[index].host_s
+            if self._t_s[-1] - self._t_s[index] >= span_s - 1e-6 and host_s >= host_span_s:
+                return _Path(self._reports[index:])
+        return _Path(())
+
+    def fast(self, step_arcsec: float) -> Motion | None:
+        """A slew shows in two reports."""
+        last = len(self._t_s) - 1
+        for index in range(last - 1, -1, -1):
+            span_s = self._t_s[last] - self._t_s[index]
+            if span_s < _MIN_APART_S:
+                continue
+            ra = self._ra[last] - self._ra[index]
+            dec = self._dec[last] - self._dec[index]
+            motion = Motion(
+                kind="moves", ra_rate_arcsec_s=ra / span_s, dec_rate_arcsec_s=dec / span_s
+            )
+            slack = step_arcsec + HELD_UP_S * SIDEREAL_ARCSEC_S
+            off = max(min(abs(ra), abs(ra - SIDEREAL_ARCSEC_S * span_s)), abs(dec))
+            return motion if off > slack and motion.is_fast else None
+        return None
+
+    def named(self, step_arcsec: float) -> Motion | None:
+        """The motion at a constant rate; None where no rate passes, or too many do."""
+        if not self._t_s:
+            return None
+        room = step_arcsec + LATE_S * SIDEREAL_ARCSEC_S
+        ra, dec = _passing(self._t_s, self._ra, room), _passing(self._t_s, self._dec, room)
+        if max(ra[1] - ra[0], dec[1] - dec[0]) > MAX_WIDTH_ARCSEC_S or not (
+            ra[0] <= ra[1] and dec[0] <= dec[1]
+        ):
+            return None
+        kind: MotionKind = "moves"
+        if _allows(dec, 0.0):
+            if _allows(ra, 0.0):
+                kind = "tracks"
+            elif _allows(ra, SIDEREAL_ARCSEC_S):
+                kind = "stands"
+        return Motion(kind=kind, ra_rate_arcsec_s=sum(ra) / 2.0, dec_rate_arcsec_s=sum(dec) / 2.0)
+
+    def wandering(self, step_arcsec: float) -> Motion:
+        """A motion at no constant rate, where neither rest explains it; else unknown."""
+        if not self._t_s:
+            return Motion()
+        standing = [ra - SIDEREAL_ARCSEC_S * t for t, ra in zip(self._t_s, self._ra, strict=True)]
+        is_off = min(_spread(self._ra), _spread(standing)) > (
+            step_arcsec + HELD_UP_S * SIDEREAL_ARCSEC_S
+        ) or _spread(self._dec) > 2.0 * (step_arcsec + LATE_S * SIDEREAL_ARCSEC_S)
+        if not is_off:
+            return Motion()
+        span_s = self._t_s[-1] - self._t_s[0]
+        return Motion(
+            kind="moves",
+            ra_rate_arcsec_s=(self._ra[-1] - self._ra[0]) / span_s,
+            dec_rate_arcsec_s=(self._dec[-1] - self._dec[0]) / span_s,
+        )
+
+
+def _passing(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple[float, float]:
+    """The least and the largest rate of lines that pass all places within half of ``room``."""
+    low, high = -math.inf, math.inf
+    for j in range(1, len(t_s)):
+        for i in range(j):
+            apart_s = t_s[j] - t_s[i]
+            low = max(low, (x[j] - x[i] - room) / apart_s)
+            high = min(high, (x[j] - x[i] + room) / apart_s)
+    return low, high
+
+
+def _allows(rates: tuple[float, float], rate: float) -> bool:
+    """Whether a rate passes, or lies beside the middle of those that do."""
+    is_within = rates[0] <= rate <= rates[1]
+    return is_within or abs(sum(rates) / 2.0 - rate) <= NEAR_ARCSEC_S
+
+
+def _spread(x: Sequence[float]) -> float:
+    return max(x) - min(x)
+
+
+def _span_of(step_arcsec: float) -> float:
+    """How long reports in such steps must be looked at."""
+    return 2.0 * step_arcsec / (MAX_WIDTH_ARCSEC_S / 2.0)
+
+
+def _step_shown(ra_deg: float) -> float:
+    """The coarsest step whose multiple this right ascension is."""
+    arcsec = ra_deg * 3600.0
+    for step in reversed(STEPS_ARCSEC[1:]):
+        if abs(arcsec - round(arcsec / step) * step) < _ON_GRID_ARCSEC:
+            return step
+    return STEPS_ARCSEC[0]

@@ -1,0 +1,71 @@
+"""What came of a STOP, measured in the mount's process while the mount's reports come in."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rsoconsole.instruments import Motion, StopMeasure
+from rsoconsole.instruments.indi import POLLING, POLLING_MS, IndiClient, ReportedMotion
+from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES
+
+
+class StopMeasurement:
+    """From an ABORT to the rest that is measured; looked at several times a second."""
+
+    def __init__(
+        self,
+        client: IndiClient,
+        motion: ReportedMotion,
+        say: Callable[[dict[str, Any]], None],
+        *,
+        hold_tracking: Callable[[], None],
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``say`` hears each change; ``hold_tracking`` is called behind every further ABORT."""
+        self._client, self._motion, self._say = client, motion, say
+        self._hold_tracking, self._monotonic_s = hold_tracking, monotonic_s
+        self._measure = StopMeasure(monotonic_s())
+        self._polling_ms: float | None = None
+        self.is_over = False
+
+    def look(self) -> None:
+        """One look: ABORT again where it moves, and what is news."""
+        if self.is_over:
+            return
+        if self._polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
+            self._polling_ms = self._motion.polling_ms
+            self._client.send_numbers(POLLING, {"PERIOD_MS": POLLING_MS})
+        step = self._measure.step(
+            self._monotonic_s(), self._motion.motion(), is_answered=is_answered(self._client)
+        )
+        if step.sends_abort:
+            self._client.send_switch(ABORT, "ABORT")
+            self._hold_tracking()
+        if step.news is not None or step.is_over:
+            self._tell(step.news, is_over=step.is_over)
+        if step.is_over:
+            self.end()
+
+    def end(self) -> None:
+        """Measured, or another order is given: the driver looks as often as it did."""
+        if not self.is_over and self._polling_ms is not None:
+            self._client.send_numbers(POLLING, {"PERIOD_MS": self._polling_ms})
+        self.is_over = True
+
+    def _tell(self, motion: Motion | None, *, is_over: bool) -> None:
+        self._say(
+            {
+                "event": "stop measured",
+                "motion": None if motion is None else dataclasses.asdict(motion),
+                "at_s": self._monotonic_s(),
+                "is_over": is_over,
+            }
+        )
+
+
+def is_answered(client: IndiClient) -> bool:
+    """Whether the driver has taken ABORT, by its word: neither refused nor busy."""
+    abort, coordinates = client.get(ABORT), client.get(COORDINATES)
+    is_refused = abort is not None and abort.state == "Alert" and not abort.is_definition
+    return not is_refused and coordinates is not None and coordinates.state != "Busy"

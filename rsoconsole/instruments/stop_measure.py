@@ -1,0 +1,57 @@
+"""What follows an ABORT until the mount is measured to be at rest: a rule without I/O."""
+
+from dataclasses import dataclass
+
+from rsoconsole.instruments.motion import Motion
+
+MOVES_AFTER_S = 4.0
+"""Before that a motion that goes on may be the way that a mount needs to stop."""
+UNKNOWN_AFTER_S = 10.0
+REPEAT_S = 1.0
+REPEATS_FOR_S = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopStep:
+    """What is to be done and told now."""
+
+    sends_abort: bool = False
+    news: Motion | None = None
+    """Told when its kind has changed."""
+    is_over: bool = False
+    """At rest, or ABORT has been repeated long enough: the alarm stays."""
+
+
+class StopMeasure:
+    """One STOP from its first ABORT on; ABORT is repeated while the mount is measured to move, or
+    while its driver has not answered and nothing is known."""
+
+    def __init__(self, began_s: float) -> None:
+        self.began_s = began_s
+        self._aborted_s = began_s
+        self._told: Motion | None = None
+        self.is_over = False
+
+    def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
+        """One look; ``is_answered``: the driver has taken ABORT."""
+        since_s = now_s - self.began_s
+        news = self._news(since_s, motion)
+        if news is not None:
+            self._told = news
+        self.is_over = motion.is_at_rest or since_s >= REPEATS_FOR_S
+        must_repeat = motion.kind == "moves" or (motion.kind == "unknown" and not is_answered)
+        sends = must_repeat and not self.is_over and now_s - self._aborted_s >= REPEAT_S
+        if sends:
+            self._aborted_s = now_s
+        return StopStep(sends_abort=sends, news=news, is_over=self.is_over)
+
+    def _news(self, since_s: float, motion: Motion) -> Motion | None:
+        told = None if self._told is None else self._told.kind
+        if motion.kind == told:
+            return None
+        if motion.kind == "moves" and since_s < MOVES_AFTER_S:
+            return None
+        # Once it was seen to move, a moment of doubt is no news.
+        if motion.kind == "unknown" and (since_s < UNKNOWN_AFTER_S or told is not None):
+            return None
+        return motion

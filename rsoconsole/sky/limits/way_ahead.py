@@ -1,0 +1,173 @@
+"""Where a mount that moves will be until it can be stopped, and the limits on that way.
+
+Nobody knows where a motion leads that somebody else has ordered. It is taken to go straight on in
+both axes; the declination axis goes on over a pole.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.config import LimitsConfig, MountConfig
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import altaz_of_hour_angle
+from rsoconsole.sky.limits.axes import Way, declination_axis_deg, is_pole, polar_deg
+from rsoconsole.sky.limits.horizon import lowest_altitude_deg
+from rsoconsole.sky.limits.margins import (
+    Margin,
+    TrackedPose,
+    at_least,
+    from_sun,
+    hour_angle_deg,
+    past_meridian,
+    within_hours,
+)
+from rsoconsole.sky.limits.refusals import LimitName
+
+SIDEREAL_DEG_S = 15.041067 / 3600.0
+POLE_ROOM_DEG = 10.0
+"""So near to a pole a right ascension runs at another rate than the polar axis."""
+FLIP_ROOM_DEG = 45.0
+"""So near to the elevated pole a flip may lead through any hour angle."""
+BESIDE_DEG = 3.0
+"""A mount that misses its way, or its end, by so little is on it: some slew without the sky's
+motion, some come from beyond."""
+PAUSE_DEG_S = 0.05
+"""An axis at a lower rate than this goes nowhere."""
+_STEP_DEG = 0.5
+_MOST_DEG = 90.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rates:
+    """How both coordinates change."""
+
+    ra_deg_s: float
+    """Of the right ascension itself, not times cos declination; 0 where it tracks."""
+    dec_deg_s: float
+
+    def fastest_deg_s(self, dec_deg: float) -> float:
+        """Of either axis, as far as its coordinate tells."""
+        near_pole = abs(dec_deg) > 90.0 - POLE_ROOM_DEG
+        polar_deg_s = self.ra_deg_s * (np.cos(np.radians(dec_deg)) if near_pole else 1.0)
+        return float(max(abs(polar_deg_s), abs(self.dec_deg_s)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WayAhead:
+    """Places at later and later seconds, the first where the mount is now."""
+
+    track: TrackedPose
+    t_utc_ns: int
+    later_s: FloatArray
+    hour_angle_deg: FloatArray
+    """Not wrapped."""
+    declination_deg: FloatArray
+    """Beyond a pole where the way leads over it."""
+
+
+def way_ahead(
+    site: Site, track: TrackedPose, t_utc_ns: int, rates: Rates, ahead_s: float
+) -> WayAhead:
+    """Straight on from a place, in steps of at most half a degree of either axis."""
+    fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
+    if fastest_deg_s > 0.0:
+        ahead_s = min(ahead_s, _MOST_DEG / fastest_deg_s)
+    steps = max(1, int(np.ceil(fastest_deg_s * ahead_s / _STEP_DEG)))
+    later_s = np.linspace(0.0, max(ahead_s, 0.0), steps + 1)
+    start_deg = float(hour_angle_deg(site, track, np.array([t_utc_ns]))[0])
+    return WayAhead(
+        track=track,
+        t_utc_ns=t_utc_ns,
+        later_s=later_s,
+        hour_angle_deg=start_deg + (SIDEREAL_DEG_S - rates.ra_deg_s) * later_s,
+        declination_deg=track.dec_deg + rates.dec_deg_s * later_s,
+    )
+
+
+def on_way_ahead(
+    site: Site,
+    limits: LimitsConfig,
+    mount: MountConfig,
+    way: WayAhead,
+    *,
+    lifted: Iterable[LimitName],
+) -> Iterator[Margin]:
+    """Every limit of a motion whose end nobody knows, the gravest first.
+
+    The hour angle of a German mount is held far from its pole only: a flip may pass there at any.
+    """
+    track, held = way.track, frozenset(lifted)
+    t_ns = np.full(way.later_s.shape, way.t_utc_ns)
+    if "Sun" not in held:
+        ra_deg = track.epoch.sidereal_deg(site.longitude_deg, t_ns) - way.hour_angle_deg
+        yield from_sun(site, limits, track.epoch, ra_deg, way.declination_deg, t_ns)
+    altitude_deg, azimuth_deg = altaz_of_hour_angle(site, way.hour_angle_deg, way.declination_deg)
+    if "altitude" not in held:
+        yield at_least("altitude", altitude_deg, limits.min_altitude_deg)
+    if "horizon" not in held:
+        bound_deg = lowest_altitude_deg(limits, azimuth_deg)
+        yield at_least("horizon", altitude_deg, bound_deg, azimuth_deg)
+    if is_pole(track.dec_deg):
+        return
+    dec_deg = np.degrees(np.arcsin(np.sin(np.radians(way.declination_deg))))
+    if "hour angle" not in held:
+        yield _hours_ahead(site, limits, mount, way, dec_deg)
+    if mount.type == "german" and track.side is not None and "pier" not in held:
+        turned_deg = way.hour_angle_deg - way.hour_angle_deg[0]
+        axis_deg = polar_deg(float(way.hour_angle_deg[0]), track.side) + turned_deg
+        yield _where_known(past_meridian(limits, axis_deg), dec_deg)
+
+
+def _hours_ahead(
+    site: Site, limits: LimitsConfig, mount: MountConfig, way: WayAhead, dec_deg: FloatArray
+) -> Margin:
+    wrapped_deg = (way.hour_angle_deg + 180.0) % 360.0 - 180.0
+    beyond_pole = np.cos(np.radians(way.declination_deg)) < 0.0
+    ha_deg = np.where(beyond_pole, wrapped_deg % 360.0 - 180.0, wrapped_deg)
+    margin = within_hours(limits, ha_deg)
+    if mount.type == "fork":
+        return _where_known(margin, dec_deg)
+    from_pole_deg = 90.0 - (dec_deg if site.latitude_deg >= 0 else -dec_deg)
+    return margin.but_where(from_pole_deg < FLIP_ROOM_DEG)
+
+
+def _where_known(margin: Margin, dec_deg: FloatArray) -> Margin:
+    """Near a pole what is reported now tells of the polar axis, what is expected does not."""
+    is_unknown = np.abs(dec_deg) > 90.0 - POLE_ROOM_DEG
+    is_unknown[0] = False
+    return margin.but_where(is_unknown)
+
+
+def leads_to_its_end(
+    way: Way, place: TrackedPose, hour_angle_deg: float, rates: Rates | None, latitude_deg: float
+) -> bool:
+    """Whether a mount at this place is on a slew's way, and does not leave it.
+
+    On its way it is wherever the axes may be between start and end, for nobody knows which of
+    them runs ahead. ``hour_angle_deg``: of the place, at the instant at which the slew began;
+    ``rates``: None where they are not known.
+    """
+    near_pole = abs(place.dec_deg) > 90.0 - POLE_ROOM_DEG
+    for side in ("west", "east"):
+        # A driver may tell either side in the midst of a flip; a fork is always on the west one.
+        at_deg = declination_axis_deg(place.dec_deg, side, latitude_deg)
+        dec_deg_s = 0.0 if rates is None else rates.dec_deg_s * (1.0 if side == "west" else -1.0)
+        if not _closes_in(way.declination_from_deg, way.declination_to_deg, at_deg, dec_deg_s):
+            continue
+        turned_deg = polar_deg(hour_angle_deg, side)
+        polar_deg_s = 0.0 if rates is None else -rates.ra_deg_s
+        # A fork counts its turns otherwise.
+        for at_deg in (turned_deg - 360.0, turned_deg, turned_deg + 360.0):
+            if near_pole or _closes_in(way.polar_from_deg, way.polar_to_deg, at_deg, polar_deg_s):
+                return True
+    return False
+
+
+def _closes_in(from_deg: float, to_deg: float, at_deg: float, rate_deg_s: float) -> bool:
+    """Whether an axis is between start and end, and does not turn away from its end."""
+    low_deg, high_deg = min(from_deg, to_deg) - BESIDE_DEG, max(from_deg, to_deg) + BESIDE_DEG
+    left_deg = to_deg - at_deg
+    is_turning_away = abs(rate_deg_s) > PAUSE_DEG_S and rate_deg_s * left_deg < 0.0
+    return low_deg <= at_deg <= high_deg and (not is_turning_away or abs(left_deg) <= BESIDE_DEG)
