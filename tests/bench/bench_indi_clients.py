@@ -24,7 +24,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.indi.client_choice import LIBRARIES
-from rsoconsole.instruments.indi.indi_wire import stop_mount
+from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
 
 WIDTH_PX, HEIGHT_PX = 4656, 3520
@@ -155,7 +155,7 @@ def _frames(
 
 def past_the_process(server: Server) -> float:
     """STOP by a connection of its own, which is no client's."""
-    return stop_mount("127.0.0.1", server.port, "Telescope Simulator").ms
+    return stop_mount("127.0.0.1", server.port, "Telescope Simulator", measures=False).ms
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
-from rsoconsole.instruments.indi.indi_wire import stop_mount
+from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments
 from rsoconsole.simulator.camera.indi_fits import fits_bytes
@@ -59,7 +59,9 @@ def measure(instruments: Instruments, frames: int) -> None:
         note("order a slew", ms_of(lambda: slew(20.0)))
         note("STOP, mount's process", mount.abort().ms)
         slew(-20.0)
-        wire = stop_mount(instruments.host, instruments.port, instruments.mount_name)
+        wire = stop_mount(
+            instruments.host, instruments.port, instruments.mount_name, measures=False
+        )
         note("STOP, connection of its own", wire.ms)
         camera.start_exposure(10.0, frame_id)
         clock.wait_until(clock.now_utc_ns() + 11 * NS)

@@ -1,6 +1,7 @@
 """The verbs for a running telescope, over a real socket to a stand-in for the engine."""
 
 import contextlib
+import dataclasses
 import json
 import os
 import subprocess
@@ -22,13 +23,14 @@ from rsoconsole.cli.demo.demo_night import Night, control_socket, run_night
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
 from rsoconsole.control.stop import LATE_S
-from rsoconsole.errors import ControlError, InstrumentError
-from rsoconsole.instruments.indi import indi_wire
+from rsoconsole.errors import ControlError
+from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.rigs.stub_stage import SITE
 
-STOPPED = {"stopped": True, "path": "mount", "ms": 12.5, "detail": ""}
+UNMEASURED = {"is_answered": True, "path": "mount", "ms": 12.5, "detail": "", "number": 1}
+STOPPED = {**UNMEASURED, "outcome": "tracks"}
 
 
 @pytest.fixture(autouse=True)
@@ -174,19 +176,30 @@ def test_the_engine_s_help_says_how_to_arm_it():
 @pytest.fixture
 def direct(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int, str]]:
     """Every STOP that went to the mount past the engine; each succeeds."""
-    return stand_in_for_the_wire(monkeypatch, StopResult(is_answered=True, ms=5.0, path="indi"))
+    result = StopResult(is_answered=True, ms=5.0, path="indi")
+    measured = dataclasses.replace(result, motion=Motion(kind="tracks"), measured_ms=3100.0)
+    return stand_in_for_the_wire(monkeypatch, result, measured)
 
 
 def stand_in_for_the_wire(
-    monkeypatch: pytest.MonkeyPatch, result: StopResult
+    monkeypatch: pytest.MonkeyPatch, *results: StopResult
 ) -> list[tuple[str, int, str]]:
     calls: list[tuple[str, int, str]] = []
 
-    def stop_mount(host: str, port: int, device: str, *, after_stop: str) -> StopResult:
+    def stop_mount(
+        host: str,
+        port: int,
+        device: str,
+        *,
+        after_stop: str,
+        on_result: Callable[[StopResult], None],
+    ) -> StopResult:
         calls.append((host, port, device))
-        return result
+        for result in results:
+            on_result(result)
+        return results[-1]
 
-    monkeypatch.setattr(indi_wire, "stop_mount", stop_mount)
+    monkeypatch.setattr("rsoconsole.instruments.indi.wire_stop.stop_mount", stop_mount)
     return calls
 
 
@@ -203,9 +216,9 @@ def test_an_engine_that_stopped_the_mount_is_believed(direct):
     "data",
     [
         {},
-        {**STOPPED, "stopped": False, "detail": "the mount still moves"},
-        {**STOPPED, "stopped": "yes"},
-        {"stopped": True},
+        {**UNMEASURED, "is_answered": False, "detail": "its driver says that it still moves"},
+        {**UNMEASURED, "is_answered": "yes"},
+        {"is_answered": True},
         {"path": "mount"},
     ],
     ids=["empty", "not stopped", "no truth value", "no path", "no answer"],
@@ -215,7 +228,7 @@ def test_an_engine_that_did_not_surely_stop_the_mount_is_passed_by(
 ):
     with engine_that(lambda _: Outcome(ok=True, data=data)) as heard:
         run = rsoconsole("stop", "--json")
-    assert [each.command.verb for each in heard] == ["stop"]
+    assert [each.command.verb for each in heard if each.command.verb != "status"] == ["stop"]
     assert (run.exit_code, json.loads(run.stdout)["path"]) == (0, "indi")
     assert len(direct) == 1
 
@@ -263,8 +276,10 @@ def test_without_an_engine_the_configured_mount_is_stopped(direct, home):
     run = rsoconsole("stop")
     assert run.exit_code == 0
     assert direct == [("dome", 7000, "EQMod Mount")]
-    assert run.stdout.startswith("STOP motion ended, confirmed in ")
-    assert "by a connection past the engine (a second INDI connection)" in run.stdout
+    answered, measured = run.stdout.splitlines()
+    assert answered.startswith("STOP ABORT answered in ")
+    assert "by a connection past the engine (a second INDI connection): measuring" in answered
+    assert measured.startswith("STOP the mount tracks, measured in ")
 
 
 @pytest.mark.parametrize("text", ["not TOML", "[detector]\ntau = 7\n", "[nonsense]\n"])
@@ -279,15 +294,38 @@ def test_a_faulty_configuration_does_not_prevent_a_stop(direct, home, text):
     assert "stopping 'Telescope Simulator' at 127.0.0.1:7624 instead" in run.stderr
 
 
-def test_a_stop_that_is_not_confirmed_is_a_failure_that_says_why(monkeypatch):
+def test_a_stop_that_nobody_answers_is_a_failure_that_says_why(monkeypatch):
     result = StopResult(is_answered=False, ms=5.0, path="indi", detail="start indiserver")
     stand_in_for_the_wire(monkeypatch, result)
     run = rsoconsole("stop", "--json")
-    assert run.exit_code == 1
-    assert isinstance(run.exception, InstrumentError)
-    assert "start indiserver" in str(run.exception)
-    assert "cut its power" in str(run.exception)
-    assert json.loads(run.stdout)["stopped"] is False
+    answer = json.loads(run.stdout)
+    assert (run.exit_code, answer["stopped"], answer["outcome"]) == (4, False, "unknown")
+    assert "start indiserver" in answer["reason"]
+    said = rsoconsole("stop").stdout
+    assert "NOT ANSWERED: NOT KNOWN whether the mount moves" in said
+    assert "cut the mount's power if it moves" in said
+
+
+@pytest.mark.parametrize(
+    ("motion", "status", "words"),
+    [
+        (Motion(kind="stands", ra_rate_arcsec_s=15.04), 0, "the mount stands, measured in "),
+        (Motion(kind="tracks"), 0, "the mount tracks, measured in "),
+        (
+            Motion(kind="moves", dec_rate_arcsec_s=14_400.0),
+            3,
+            "the mount STILL MOVES at 4.0 deg/s: cut the mount's power",
+        ),
+        (Motion(), 4, "NOT KNOWN whether the mount moves"),
+    ],
+)
+def test_each_outcome_of_a_stop_has_its_words_and_its_status(monkeypatch, motion, status, words):
+    result = StopResult(is_answered=True, ms=5.0, path="indi")
+    measured = dataclasses.replace(result, motion=motion, measured_ms=3100.0)
+    stand_in_for_the_wire(monkeypatch, result, measured)
+    run = rsoconsole("stop")
+    assert run.exit_code == status
+    assert f"STOP {words}" in run.stdout
 
 
 # ---- demo ----------------------------------------------------------------------------------

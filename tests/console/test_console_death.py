@@ -147,7 +147,7 @@ def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_an_engine_at_another_place_is_asked_stopped_and_ended_by_its_socket(beside, monkeypatch):
     monkeypatch.setattr(
-        "rsoconsole.instruments.indi.indi_wire.stop_mount",
+        "rsoconsole.instruments.indi.wire_stop.stop_mount",
         lambda *_, **__: pytest.fail("another engine's mount was stopped"),
     )
     other = Idler(beside)

@@ -133,7 +133,7 @@ def test_what_each_verb_may_is_as_it_has_been():
     assert those("is_urgent") == {
         *("abort", "track", "disarm", "goto", "nudge", "park", "unpark", "hold")
     }
-    assert those("moves_mount") == {"goto", "nudge", "arm", "resume", "seek"}
+    assert those("moves_mount") == {"goto", "nudge", "arm", "resume", "seek", "track"}
     assert those("survives_stop") == {"disarm", "shutdown", "stop", "status"}
     assert set(COMMANDS) - those("needs_control") == {
         *("stop", "status", "preview", "note", "ask_seat", "answer_seat")

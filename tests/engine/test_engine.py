@@ -129,17 +129,17 @@ def test_stop_undoes_an_arming_that_still_waits():
     assert outcomes[-1] == "dropped by STOP"
 
 
-def test_a_stop_that_the_mount_does_not_confirm_is_an_alarm():
+def test_a_stop_that_the_driver_does_not_answer_is_an_alarm():
     r = rig(set())
     r.mount.abort = lambda **_: StopResult(  # type: ignore[method-assign]
-        stopped=False, ms=2000.0, path="indi", detail="still moving"
+        is_answered=False, ms=2000.0, path="indi", detail="still moving"
     )
     command_handler = command_handler_of(r)
     r.engine.arm()
     assert not command_handler.handle(asked("stop")).ok
     end_when_idle(r)
     r.engine.run()
-    assert any("not confirmed" in event.text for event in r.memory.of(Event))
+    assert any("STOP was not answered" in event.text for event in r.memory.of(Event))
 
 
 def test_one_lost_frame_is_a_miss_and_the_loop_goes_on():
@@ -385,7 +385,8 @@ def test_an_end_at_which_the_mount_did_not_stop_is_an_alarm_and_none_that_went_w
     r.mount.abort = lambda *_, **__: failed  # type: ignore[method-assign]
     r.queue.request_shutdown()
     r.engine.run()
-    assert r.memory.of(Event)[-1].text == "the mount did not confirm its stop: no answer"
+    said = "the engine ends, the mount's driver did not answer ABORT: no answer"
+    assert r.memory.of(Event)[-1].text == said
     assert not is_told_to_have_ended(r)
 
 

@@ -100,7 +100,7 @@ def test_a_part_of_the_sensor_is_read_and_its_corner_known_though_no_header_tell
 def test_stop_ends_a_slew_by_either_path_and_tracking_is_as_configured(night, path):
     stop = night[f"stop_by_{path}"]
     assert stop["was_slewing"]
-    assert stop["stopped"]
+    assert stop["is_answered"]
     assert stop["comes_to_rest"]
     is_wanted = not path.startswith("still")
     assert (stop["is_tracking_by_result"], stop["is_tracking"]) == (is_wanted, is_wanted)

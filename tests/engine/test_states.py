@@ -215,10 +215,10 @@ def test_what_is_unknown_is_an_error_and_no_silence():
 
 
 @pytest.mark.parametrize("state", ALL)
-def test_a_stop_that_is_not_confirmed_is_a_fault_and_moves_nothing(state):
-    unsure = step(authority_in(state), Stopped(by=YOU, is_confirmed=False))
+def test_a_stop_that_is_not_obeyed_is_a_fault_and_moves_nothing(state):
+    unsure = step(authority_in(state), Stopped(by=YOU, is_obeyed=False))
     assert (unsure.authority.state, unsure.actions) == ("FAULT", ("abort",))
-    assert "NOT CONFIRMED" in text(unsure.reason)
+    assert "NOT OBEYED" in text(unsure.reason)
     # Nobody parks behind the back of the operator who has stopped it.
     assert step(unsure.authority, NightEnded(words="rain", parks=True)).authority.state == "FAULT"
     assert step(unsure.authority, Stopped(by=YOU)).authority.state == "IDLE"

@@ -17,7 +17,7 @@ from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.camera import ARRIVED_KEY, IndiCamera
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
-from rsoconsole.instruments.indi.stop_mount import stop_mount
+from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.observatory.clock import SimulatedClock, SystemClock
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments

@@ -16,7 +16,7 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.after_stop import tracking_after_stop
 from rsoconsole.instruments.indi.indi_client import Vector
 from rsoconsole.instruments.indi.indi_wire import IndiWire
-from rsoconsole.instruments.indi.stop_mount import stop_mount
+from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 from rsoconsole.instruments.observatory.clock import SimulatedClock

@@ -15,7 +15,8 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire, stop_mount
+from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments, MountReport
@@ -148,7 +149,7 @@ def stop_by(path: str, mount: Any, config: Config, after_stop: Any) -> dict[str,
     time.sleep(1.0)
     return {
         "was_slewing": was_slewing,
-        "stopped": result.stopped,
+        "is_answered": result.is_answered,
         "ms": result.ms,
         "is_tracking_by_result": result.is_tracking,
         "comes_to_rest": rests,

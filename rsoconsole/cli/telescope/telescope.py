@@ -235,6 +235,7 @@ def stop(
     ended = stopping.wait()
     if json_:
         answer = {
+            "stopped": ended.phase == "stopped",
             "outcome": ended.outcome,
             "rate_deg_s": ended.rate_deg_s,
             "path": ended.path,

@@ -432,7 +432,10 @@ class Engine:
             said, is_alarm = self._how_it_ends(result, measured)
             self._enter(Authority(), Cause(kind="engine ended"))
             words = f"the engine ends, {said}"
-            self.session_log.say("alarm" if is_alarm else "info", words, "engine ended")
+            if is_alarm:
+                self.session_log.say("alarm", words)
+            else:
+                self.session_log.say("info", words, "engine ended")
 
     def _how_it_ends(self, result: StopResult, news: SimpleQueue[StopResult]) -> tuple[str, bool]:
         """How the engine leaves the mount, and whether that is an alarm."""

@@ -13,5 +13,5 @@ from .reported_motion import POLLING as POLLING
 from .reported_motion import POLLING_MS as POLLING_MS
 from .reported_motion import ReportedMotion as ReportedMotion
 from .safety_monitor import open_safety_monitor as open_safety_monitor
-from .stop_mount import WatchedStop as WatchedStop
-from .stop_mount import stop_mount as stop_mount
+from .wire_stop import WatchedStop as WatchedStop
+from .wire_stop import stop_mount as stop_mount
