@@ -84,6 +84,8 @@ class LastStop:
     """Of the faster axis, where it moves."""
     is_over: bool = False
     """The mount has been measured to be at rest since, or was armed again."""
+    is_superseded: bool = False
+    """Not measured any longer, because another order came."""
     path: str | None = None
     detail: str = ""
     """Why it is not answered, or not known."""

@@ -70,6 +70,8 @@ class StopNews:
     """Of the faster axis, where it moves."""
     reason: str = ""
     """What is wrong where it failed."""
+    is_superseded: bool = False
+    """Another order came before it was measured: no alarm, but nothing is known either."""
 
 
 def counted(said: str, ordered_ms: float | None, since: str) -> str:
@@ -248,7 +250,9 @@ class Stopping:
         phase: Phase = "stopped" if outcome in ("stands", "tracks") else "failed"
         news = self._news(phase, text, path)
         reason = "" if phase == "stopped" else detail or text
-        self._say(replace(news, outcome=outcome, rate_deg_s=rate_deg_s, reason=reason))
+        is_superseded = found.get("is_superseded") is True
+        news = replace(news, outcome=outcome, rate_deg_s=rate_deg_s, reason=reason)
+        self._say(replace(news, is_superseded=is_superseded))
         return True
 
     def _note_reason(self, reason: str, *, is_past: bool = False) -> None:

@@ -102,6 +102,11 @@ class MotionMeter:
         """An order went out: what was reported before it tells nothing of what is now."""
         self._since_s, self._known = t_s, None
 
+    def forget(self) -> None:
+        """What was reported is no place of this mount."""
+        self._reports.clear()
+        self._known = None
+
     def add(self, report: DirectionReport) -> None:
         """The next one."""
         if not (math.isfinite(report.ra_deg) and math.isfinite(report.dec_deg)):

@@ -5,6 +5,7 @@
     python -m tests.campaign gps molniya --jobs 1
     python -m tests.campaign table --write
     python -m tests.campaign faults --help
+    python -m tests.campaign odd_mounts --help
 
 A full-size frame costs two seconds of a core: 100 worlds of 40 frames take two hours of one.
 Stop it when you like; the same command goes on. Answers lie in ``--folder``; remove it to begin
@@ -16,7 +17,7 @@ import os
 import sys
 from pathlib import Path
 
-from tests.campaign import faults, runner
+from tests.campaign import faults, odd_mounts, runner
 from tests.campaign.arguments import seeds_of
 from tests.campaign.cases import ELEMENTS, GROUPS, Group
 from tests.campaign.table import table
@@ -56,6 +57,8 @@ def main() -> int:
     """Exit status 0 when every night came to its end."""
     if sys.argv[1:2] == ["faults"]:
         return faults.main(sys.argv[2:])
+    if sys.argv[1:2] == ["odd_mounts"]:
+        return odd_mounts.main(sys.argv[2:])
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -102,7 +102,7 @@ def tell(r: Rig, verb: str) -> Outcome:
     return answer
 
 
-def test_a_stop_that_is_not_confirmed_is_a_fault_until_the_mount_is_seen_to_stand(tracking: Rig):
+def test_a_stop_that_is_not_answered_is_a_fault_until_the_mount_is_measured_to_stand(tracking: Rig):
     abort = tracking.mount.abort
 
     def unsure(*_: Any, **__: Any) -> StopResult:
@@ -137,21 +137,26 @@ def test_a_watch_that_sees_nothing_says_so(tracking: Rig):
     assert not watch.is_blind
 
 
-def test_the_banner_of_a_stop_ends_when_the_mount_is_seen_to_stand(wire: FakeWire):
+def test_the_banner_of_a_stop_ends_when_the_mount_is_measured_to_stand(wire: FakeWire):
     wire.outcomes["stop"] = Outcome(ok=False, message="the mount is silent")
     wire.status |= {"mount_ra_icrs_deg": 150.0, "mount_dec_icrs_deg": 20.0, "is_slewing": False}
+    wire.status |= {"mount_motion": "moves", "mount_rate_deg_s": 0.5}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         at_ns = wire.status["now_utc_ns"]
         wire.status |= {"mount_t_utc_ns": at_ns}
         await pilot.press("x")
-        await until(pilot, lambda: "NOT CONFIRMED" in stop_text(app))
+        await until(pilot, lambda: "NOT KNOWN" in stop_text(app))
         wire.status |= {"now_utc_ns": at_ns + 3 * NS}
         await until(pilot, lambda: app.live.engine.now_utc_ns == at_ns + 3 * NS)
-        assert "NOT CONFIRMED" in stop_text(app)
+        assert "NOT KNOWN" in stop_text(app)
         wire.status |= {"mount_t_utc_ns": at_ns + 3 * NS}
-        await until(pilot, lambda: "the mount answers again" in stop_text(app))
+        await until(pilot, lambda: app.live.engine.mount_t_utc_ns == at_ns + 3 * NS)
+        # Its driver says that it does not slew: that is a claim.
+        assert "NOT KNOWN" in stop_text(app)
+        wire.status |= {"mount_motion": "stands", "mount_rate_deg_s": None}
+        await until(pilot, lambda: "the mount is at rest" in stop_text(app))
         assert "RA 10:00:00.0 Dec +20:00:00" in stop_text(app)
 
     play(wire, scene)

@@ -6,7 +6,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.watches import watch
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import wrapped
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
+from rsoconsole.control import ControlClient, ControlServer, Found, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.reasons import Cause, Missed, NotTaken, Unclassified, done
@@ -387,7 +387,7 @@ def test_a_smaller_terminal_loses_plots_then_picture_then_log() -> None:
 def test_stop_is_sent_at_once_and_its_end_is_said_loudly(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert wire.verbs == ["stop"]
         await pilot.press("escape")
         assert stop_text(app) == ""
@@ -408,7 +408,7 @@ def test_stop_works_in_every_dialog_and_puts_it_away(wire: FakeWire, dialog: str
         await pilot.press(dialog)
         await until(pilot, lambda: app.screen is not app.live)
         await pilot.press(key)
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert app.screen is app.live
         assert wire.verbs[-1] == "stop"
 
@@ -428,7 +428,7 @@ def test_the_letter_is_a_letter_in_a_field_and_ctrl_x_stops_there(wire: FakeWire
         assert field.value == "cut mex"
         assert wire.verbs == []
         await pilot.press("ctrl+x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert wire.verbs == ["stop"]
 
     play(wire, scene)
@@ -442,19 +442,19 @@ def test_a_late_stop_says_so_and_names_the_way_without_the_engine(wire: FakeWire
         await until(pilot, lambda: "NO ANSWER YET" in stop_text(app))
         assert "rsoconsole stop" in stop_text(app)
         wire.hangs["stop"].set()
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
 
     play(wire, scene)
 
 
-def test_a_stop_that_is_not_confirmed_is_never_called_a_stop(wire: FakeWire) -> None:
+def test_a_stop_that_is_not_answered_is_never_called_a_stop(wire: FakeWire) -> None:
     wire.outcomes["stop"] = Outcome(ok=False, message="the mount moves on", data={})
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
-        await until(pilot, lambda: "NOT CONFIRMED" in stop_text(app))
+        await until(pilot, lambda: "NOT KNOWN" in stop_text(app))
         assert "the mount moves on" in stop_text(app)
-        assert "motion ended" not in stop_text(app)
+        assert "measured" not in stop_text(app)
 
     play(wire, scene)
 
@@ -463,30 +463,33 @@ def test_stop_goes_past_an_engine_that_hangs(wire: FakeWire) -> None:
     wire.hangs["stop"] = threading.Event()
     asked: list[Any] = []
 
-    def directly(indi: Any) -> tuple[bool, str]:
+    def directly(on_found: Callable[[Found], None], indi: Any) -> None:
         asked.append(indi)
-        return True, "indi"
+        on_found({"is_answered": True, "path": "indi", "outcome": "tracks"})
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
         await until(pilot, lambda: "past the engine" in stop_text(app) and asked != [])
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert asked[0].port == 7624
         wire.hangs["stop"].set()
 
     play(wire, scene, stop_directly=directly)
 
 
-def test_a_stop_that_fails_on_both_ways_is_not_confirmed(wire: FakeWire) -> None:
+def test_a_stop_that_fails_on_both_ways_is_not_known(wire: FakeWire) -> None:
     wire.outcomes["stop"] = Outcome(ok=False, message="the mount's process is gone")
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
-        await until(pilot, lambda: "NOT CONFIRMED" in stop_text(app))
+        await until(pilot, lambda: "NOT KNOWN" in stop_text(app))
         assert "process is gone" in stop_text(app)
         assert "no server" in stop_text(app)
 
-    play(wire, scene, stop_directly=lambda _indi: (False, "no server"))
+    def directly(on_found: Callable[[Found], None], _indi: Any) -> None:
+        on_found({"is_answered": False, "path": "indi", "detail": "no server"})
+
+    play(wire, scene, stop_directly=directly)
 
 
 def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_after_it(
@@ -501,47 +504,47 @@ def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_aft
         await pilot.press("a")
         assert "arm …" in pane(app, "keys")
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert "arm …" not in pane(app, "keys")
         wire.hangs["arm"].set()
         await pilot.pause(0.3)
         assert "armed from" not in screen_text(app)
-        assert "motion ended" in stop_text(app)
+        assert "tracks, measured" in stop_text(app)
         assert pane(app, "keys").split() == screen_text(app).splitlines()[-1].split()
         assert "F1 Help" in pane(app, "keys")
 
     play(wire, scene)
 
 
-@pytest.mark.parametrize("is_confirmed", [True, False])
-def test_state_and_holder_are_seen_beside_a_stop_and_only_a_confirmed_one_goes_by_itself(
-    wire: FakeWire, monkeypatch: pytest.MonkeyPatch, is_confirmed: bool
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_state_and_holder_are_seen_beside_a_stop_and_only_a_measured_one_goes_by_itself(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch, is_measured: bool
 ) -> None:
     monkeypatch.setattr(seat, "BANNER_S", 2.0)
     wire.status |= {"lifted": ["sun"]}
-    if not is_confirmed:
+    if not is_measured:
         wire.outcomes["stop"] = Outcome(ok=False, message="the mount moves on", data={})
-    end = "motion ended" if is_confirmed else "NOT CONFIRMED"
+    end, first = ("tracks, measured", "the mount") if is_measured else ("NOT KNOWN", "NOT")
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
         await until(pilot, lambda: end in stop_text(app))
         # What the engine said last is from before the STOP: its next word is waited for.
         shown = ("TRACK", "AUTO has the mount", "a Disarm")
-        if is_confirmed:
+        if is_measured:
             wire.status |= {"state": "IDLE", "holder": "nobody"}
             shown = ("IDLE", "nobody has the mount", "a Arm")
         await until(pilot, lambda: shown[1] in pane(app, "top"))
         text = screen_text(app)
-        for words in (*shown, "STOP " + end[:6]):
+        for words in (*shown, f"STOP {first}"):
             assert words in text
-        if is_confirmed:
+        if is_measured:
             await until(pilot, lambda: stop_text(app) == "")
         else:
             await pilot.pause(0.7)
             assert end in stop_text(app)
 
-    play(wire, scene, (60, 20) if is_confirmed else (40, 12))
+    play(wire, scene, (60, 20) if is_measured else (40, 12))
 
 
 def test_what_came_of_a_stop_never_covers_the_first_lines_nor_the_keys() -> None:
@@ -719,7 +722,7 @@ def test_a_seat_that_only_looks_sends_nothing_but_stop(wire: FakeWire) -> None:
         assert "this console only looks" in pane(app, "keys")
         await until(pilot, lambda: "(read only)" in pane(app, "top"))
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert wire.verbs == ["stop"]
         await pilot.press("q")
 
@@ -795,7 +798,7 @@ def test_a_vanished_engine_is_said_and_its_night_stays(wire: FakeWire) -> None:
         await pilot.press("a")
         assert wire.verbs == []
         await pilot.press("x")
-        await until(pilot, lambda: "NOT CONFIRMED" in stop_text(app))
+        await until(pilot, lambda: "NOT KNOWN" in stop_text(app))
 
     play(wire, scene)
 

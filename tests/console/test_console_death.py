@@ -20,6 +20,7 @@ from rsoconsole.control import ControlServer, Outcome, Request, default_socket_p
 from rsoconsole.records import FrameTaken
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.launch import start_observatory
+from tests.rigs.seat_rig import ANSWERED
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
 
@@ -131,7 +132,8 @@ class Idler:
         data: dict[str, Any] = {"state": "IDLE", "holder": self.holder, "frame": 7, "faults": []}
         data |= {"ra": None, "dec": None, "alt": None, "az": None}
         if request.command.verb == "stop":
-            data = {"stopped": self.stops, "path": "mount"}
+            outcome = "stands" if self.stops else "moves"
+            data = ANSWERED | {"outcome": outcome, "rate_deg_s": 0.0 if self.stops else 4.0}
         return Outcome(ok=True, message="so be it", data=data)
 
 
@@ -156,7 +158,8 @@ def test_an_engine_at_another_place_is_asked_stopped_and_ended_by_its_socket(bes
         assert "frame 7" in CliRunner().invoke(app, ["status", *at]).output
         assert "by the mount's own process" in CliRunner().invoke(app, ["stop", *at]).output
         other.stops = False
-        assert CliRunner().invoke(app, ["stop", *at]).exit_code != 0
+        moves_on = 3
+        assert CliRunner().invoke(app, ["stop", *at]).exit_code == moves_on
         assert CliRunner().invoke(app, ["quit", *at]).exit_code == 0
     assert other.verbs == ["status", "stop", "stop", "shutdown"]
 

@@ -233,7 +233,8 @@ def test_beside_a_line_that_is_silent_but_not_cut_another_console_stops(engine, 
         with server.line(engine) as other:
             wait_for(lambda: newest_frame(other) > frames, "the present in another console")
             other.press("x")
-            wait_for(lambda: other.shows("motion ended"), "STOP", 5.0)
+            wait_for(lambda: other.shows("ABORT answered"), "STOP", 5.0)
+            wait_for(lambda: other.shows("measured in"), "how the mount moves")
             wait_for(lambda: engine.status()["holder"] == "nobody", "a disarmed engine")
             leave(other)
 

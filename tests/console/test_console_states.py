@@ -33,7 +33,7 @@ from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
 from tests.makers import NS
 from tests.nights import made_up_night as night
-from tests.rigs.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
+from tests.rigs.seat_rig import FRAMES, STOPPED, FakeWire, pane, play, screen_text, until
 from tests.rigs.stop_situations import full_disk
 from tests.rigs.stub_stage import open_plain
 from tests.rigs.terminal import EVERY_S, Terminal
@@ -113,8 +113,9 @@ def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, s
             wait_for(lambda seat=seat: seat.shows("ENGINE GONE"), "the engine's end")
             wait_for(lambda seat=seat: seat.shows("'rsoconsole stop' stops the"), "a remedy")
         wide.press("x")
-        wait_for(lambda: wide.shows("motion ended", "past the engine"), "a STOP past the engine")
+        wait_for(lambda: wide.shows("ABORT answered", "past the engine"), "a STOP past the engine")
         assert not is_slewing(mount_by_itself(sky))
+        wait_for(lambda: wide.shows("tracks, measured in"), "how the mount moves")
         known = len(narrow.text)
         engine.start("--session", str(engine.folder / "next night"))
         wait_for(lambda: narrow.shows("AUTO has the mount", since=known), "the next engine")
@@ -390,7 +391,7 @@ class Told:
         with self._lock:
             self.verbs.append(request.command.verb)
         is_stop = request.command.verb == "stop"
-        return Outcome(ok=True, data={"stopped": True, "path": "mount"} if is_stop else {})
+        return Outcome(ok=True, data=STOPPED if is_stop else {})
 
 
 @pytest.fixture
@@ -405,7 +406,7 @@ def test_the_smallest_terminal_has_state_holder_clock_and_stop(told, home):
         wait_for(lambda: seat.shows("TRACK", "AUTO has the mount", "x STOP"), "what matters")
         wait_for(lambda: re.search(r"\d\d:\d\d:\d\dZ", seat.text), "the clock")
         seat.press("x")
-        wait_for(lambda: seat.shows("motion ended"), "what came of STOP")
+        wait_for(lambda: seat.shows("tracks, measured"), "what came of STOP")
         assert told.verbs == ["stop"]
 
 

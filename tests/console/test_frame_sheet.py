@@ -654,7 +654,7 @@ def test_a_frame_opened_after_a_stop_does_not_hide_what_came_of_it(wire: FakeWir
             await pilot.press("x", "enter")
             sheet = app.screen
             assert isinstance(sheet, FrameSheet)
-            await until(pilot, lambda: "STOP motion ended" in words(sheet, "alert"))
+            await until(pilot, lambda: "STOP the mount tracks" in words(sheet, "alert"))
 
     asyncio.run(run())
 

@@ -91,7 +91,7 @@ def test_stray_keys_in_a_track_end_nothing_and_two_presses_can_be_undone(
             assert _track_id(engine) == track
             known = len(seat.text)
             seat.press("x")
-            wait_for(shown(seat, "motion ended", known), "STOP by one key")
+            wait_for(shown(seat, "ABORT answered", known), "STOP by one key")
             wait_for(lambda: engine.status()["holder"] == "nobody", "a disarmed engine")
 
 

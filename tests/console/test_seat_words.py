@@ -167,7 +167,7 @@ def test_a_stop_between_leaves_the_track_where_it_is(wire: FakeWire):
         await until(pilot, lambda: wire.verbs == ["arm"])
         await pilot.press("x")
         wire.hangs["arm"].set()
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         await until(pilot, lambda: not app.live.telescope.is_arming)
         await pilot.press("h")  # it may have meant Hold
         await until(pilot, lambda: "autonomy has just lost the mount" in pane(app, "keys"))
@@ -258,13 +258,12 @@ def test_a_stop_says_how_things_stand_and_the_next_key(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert "kept" not in stop_text(app)  # the engine has not said so yet
         wire.status |= STOPPED | {"kept_until_utc_ns": NOW + 900 * NS}
         await until(pilot, lambda: "u follows it again" in stop_text(app))
-        assert (
-            "IDLE: disarmed, the mount tracks on. INTELSAT 14 kept for 15 min more: u follows"
-            " it again" in stop_text(app)
+        assert "IDLE: disarmed. INTELSAT 14 kept for 15 min more: u follows it again" in stop_text(
+            app
         )
         wire.status |= {"kept": None, "kept_until_utc_ns": None}
         await until(pilot, lambda: "a arms it again" in stop_text(app))
@@ -280,17 +279,17 @@ def test_from_the_press_on_the_first_line_says_stop(wire: FakeWire):
         assert "AUTO" not in pane(app, "top")
         wire.status |= STOPPED
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         await until(pilot, lambda: "nobody has the mount" in pane(app, "top"))
         assert "STOP given" not in pane(app, "top")
 
     play(wire, scene, LARGE)
 
 
-def test_a_stop_that_is_confirmed_is_not_told_by_a_word_from_before_it(wire: FakeWire):
+def test_a_stop_that_is_measured_is_not_told_by_a_word_from_before_it(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        app.live.on_stop_news_came(StopNewsCame(StopNews(phase="stopped", text="motion ended")))
+        app.live.on_stop_news_came(StopNewsCame(StopNews(phase="stopped", text="it stands")))
         assert "STOP given" in pane(app, "top")  # the engine's last word is TRACK
         await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
 
@@ -299,13 +298,13 @@ def test_a_stop_that_is_confirmed_is_not_told_by_a_word_from_before_it(wire: Fak
 
 def test_a_stop_that_the_engine_knows_is_over_only_once_nobody_has_the_mount(wire: FakeWire):
     """Its command handler answers at once, its loop ends the track with its next turn."""
-    known = {"last_stop": {"t_utc_ns": NOW, "is_confirmed": True, "is_over": True}}
+    known = {"last_stop": {"t_utc_ns": NOW, "outcome": "stands", "is_over": True}}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
         wire.status |= known
         await pilot.press("x")
-        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "tracks, measured" in stop_text(app))
         await until(pilot, lambda: app.live.engine.last_stop is not None)
         assert "STOP given" in pane(app, "top")
         assert "AUTO" not in pane(app, "top")

@@ -66,7 +66,8 @@ OUTCOMES = (
     CommandResult.refused("altitude 3.0 deg, 20 at least"),
     CommandResult(kind="dropped", dropped_by="STOP"),
     CommandResult(kind="failed", detail="no answer"),
-    CommandResult(kind="stopped", stop_ms=3.0, stop_path="mount"),
+    CommandResult(kind="answered", stop_ms=3.0, stop_path="mount"),
+    CommandResult(kind="measured", stop_outcome="moves", stop_ms=3000.0, rate_deg_s=4.0),
 )
 """What the recorded nights have not."""
 OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
@@ -203,7 +204,7 @@ def garbled(record: Any) -> Any:  # noqa: PLR0911 -- one case a kind
             return dataclasses.replace(record, reason=other)
         case OperatorAction(outcome=CommandResult() as result) if result.detail:
             return dataclasses.replace(record, outcome=dataclasses.replace(result, detail="fgh"))
-        case OperatorAction(outcome=CommandResult(kind="stopped") as result):
+        case OperatorAction(outcome=CommandResult(kind="answered") as result):
             other_way = dataclasses.replace(result, stop_path="vbnm", stop_ms=9.0)
             return dataclasses.replace(record, outcome=other_way)
         case Miss(reason=Missed(kind="instrument") as missed):
@@ -493,7 +494,6 @@ def test_what_no_version_has_written_stays_as_it_was() -> None:
         ("frame 9: taken by the operator's hand, 1 left alone", "ruled"),
         ("frame 12: taken", "ruled"),
         ("frame 13: rejected", "ruled"),
-        ("NOT confirmed: no answer; no server", "failed"),
         ("refused: altitude 3.0 deg, 20 at least", "refused"),
         ("dropped by STOP", "dropped"),
         ("dropped: a limit was met", "dropped"),
@@ -508,9 +508,29 @@ def test_an_old_outcome_becomes_a_kind_that_says_the_same(words: str, kind: str)
 
 def test_an_old_stop_is_told_in_today_s_words() -> None:
     result = old_reasons.result("stopped in 12 ms by mount")
-    assert (result.kind, result.stop_path) == ("stopped", "mount")
-    said = "motion ended, confirmed in 12 ms by the mount's own process"
-    assert reason_text.text(result) == said
+    assert (result.kind, result.stop_path) == ("answered", "mount")
+    assert reason_text.text(result) == "ABORT answered in 12 ms by the mount's own process"
+    result = old_reasons.result("NOT confirmed: no answer; no server")
+    assert result.kind == "failed"
+    assert reason_text.text(result) == "NOT answered: no answer; no server"
+
+
+def test_a_stop_that_went_on_record_as_ended_by_the_mount_s_word_is_read_as_answered(
+    tmp_path: Path,
+) -> None:
+    answered = CommandResult(kind="answered", stop_ms=12.0, stop_path="mount")
+    action = OperatorAction(verb="stop", arguments={}, outcome=answered, by="console a@b")
+    writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
+    writer.append(action, 1)
+    writer.close()
+    with closing(sqlite3.connect(tmp_path / "night" / "session.db")) as log, log:
+        old = """replace(body, '"answered"', '"stopped"')"""
+        changed = log.execute(f"UPDATE log SET body = {old} WHERE kind = 'OperatorAction'")
+        assert changed.rowcount == 1
+        assert log.execute("SELECT outcome_kind FROM actions").fetchone() == ("stopped",)
+    reader = SessionReader(tmp_path / "night")
+    assert [record for _, _, record in reader.records(kinds=(OperatorAction,))] == [action]
+    assert [row["outcome_kind"] for row in reader.view("actions")] == ["answered"]
 
 
 @pytest.mark.parametrize(

@@ -29,11 +29,12 @@ from rsoconsole.sky import jnow_to_icrs
 from rsoconsole.sky.limits import Pose
 from tests.makers import T0_UTC_NS
 from tests.rigs.odd_engine import SITE
-from tests.rigs.odd_mount import ABORT, COORDINATES, DEVICE, Oddities, OddMount
+from tests.rigs.odd_mount import ABORT, COORDINATES, DEVICE, PARK, Oddities, OddMount
 
 NS = 1_000_000_000
-STEP_S = 0.05
+STEP_S = 0.1
 WATCH_EVERY_S, LIMITS_EVERY_S, ASK_EVERY_S, JUDGE_EVERY_S = 0.2, 1.0, 0.1, 0.2
+PARK_ROOM_DEG = 5.0
 FINE_ARCSEC_S = 10.0
 """A motion that reports of fine steps show."""
 CONFIG = Config.model_validate({"site": SITE, "limits": {"past_meridian_deg": 90}})
@@ -372,27 +373,26 @@ class OddNight:
         ra_deg = (self.model.ra_deg + self.model.ha_deg - ha_deg) % 360.0
         self.model.go_to(ra_deg, dec_deg)
         self.deliver()
+        if is_low:
+            self.pass_s(self._draw.uniform(5.0, 40.0))
 
     # -- the judge ------------------------------------------------------------------------------
 
-    @property
-    def _resolution_s(self) -> float:
-        """How old what is known of the mount may be."""
-        period_s = self.oddities.slowreport or self.model.period_s
-        return 2.0 * period_s + 1.2
-
     def _judge(self) -> None:
         rates = self.model.ra_rate_arcsec_s, self.model.dec_rate_arcsec_s
-        stands = max(abs(rates[0] - SIDEREAL_ARCSEC_S), abs(rates[1])) <= self._shown_arcsec_s
-        tracks = max(abs(rates[0]), abs(rates[1])) <= self._shown_arcsec_s
+        stands = max(abs(rates[0] - SIDEREAL_ARCSEC_S), abs(rates[1])) <= shown_arcsec_s(
+            self.oddities
+        )
+        tracks = max(abs(rates[0]), abs(rates[1])) <= shown_arcsec_s(self.oddities)
         if stands or tracks:
             self._rest_since_s = self.now_s
+        self.verdict.lowest_deg = min(self.verdict.lowest_deg, self.model.altitude_deg)
         self._judge_stops()
         motion = self.child._mirror.motion if self.child._mirror is not None else Motion()
         if motion.is_at_rest:
             self.verdict.rests_claimed += 1
             moved_s = self.now_s - self._rest_since_s
-            if moved_s > self._resolution_s:
+            if moved_s > known_within_s(self.oddities):
                 self._fault(f"said that it {motion.kind} while it moves since {moved_s:.1f} s")
 
     def _judge_stops(self) -> None:
@@ -406,13 +406,8 @@ class OddNight:
             moved_s = self.now_s - self._rest_since_s
             if kind in ("stands", "tracks"):
                 self.verdict.rests_told += 1
-                if moved_s > self._resolution_s:
+                if moved_s > known_within_s(self.oddities):
                     self._fault(f"STOP: told to {kind[:-1]}, and moves since {moved_s:.1f} s")
-
-    @property
-    def _shown_arcsec_s(self) -> float:
-        coarse = 2.0 * self.oddities.step_arcsec / 5.0
-        return max(FINE_ARCSEC_S, coarse)
 
     def _fault(self, words: str) -> None:
         self.verdict.faults.append(f"at {self.now_s - 1000.0:.1f} s: {words}")
@@ -453,15 +448,39 @@ class OddNight:
 
     def _judge_limits(self) -> None:
         """A mount that obeys goes no farther below the horizon than it needs to stop."""
-        odd = self.oddities
-        disobeys = odd.lieabort or odd.abortalert or odd.abortignored or odd.noabort
-        if disobeys or odd.aborts_ignored or self._was_deaf:
+        if disobeys(self.oddities) or self._was_deaf:
             return
-        way_deg = odd.speed_deg_s**2 / (2.0 * odd.acceleration_deg_s2)
-        if self.verdict.lowest_deg < -math.sqrt(2.0) * way_deg - 0.1:
+        way_deg = way_to_stop_deg(self.oddities) + park_room_deg(self.model)
+        if self.verdict.lowest_deg < -way_deg - 0.1:
             self._fault(
                 f"{-self.verdict.lowest_deg:.1f} deg below the horizon, stops in {way_deg:.1f}"
             )
+
+
+def way_to_stop_deg(odd: Oddities) -> float:
+    """How far a mount at full speed goes on."""
+    return math.sqrt(2.0) * odd.speed_deg_s**2 / (2.0 * odd.acceleration_deg_s2)
+
+
+def park_room_deg(model: OddMount) -> float:
+    """A mount that was told to park may go a little below the horizon."""
+    return PARK_ROOM_DEG if any(name == PARK for _, name, _ in model.received) else 0.0
+
+
+def disobeys(odd: Oddities) -> bool:
+    """Whether ABORT does not end its motion."""
+    is_deaf = odd.lieabort or odd.abortalert or odd.abortignored or odd.noabort
+    return bool(is_deaf or odd.aborts_ignored)
+
+
+def shown_arcsec_s(odd: Oddities) -> float:
+    """A motion that its reports show within the time in which rest is named."""
+    return max(FINE_ARCSEC_S, 2.0 * odd.step_arcsec / 5.0)
+
+
+def known_within_s(odd: Oddities) -> float:
+    """How old what is known of the mount may be."""
+    return 2.0 * (odd.slowreport or odd.period_s) + 1.2
 
 
 class _NoOwner(MountOwner):

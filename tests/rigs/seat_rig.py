@@ -22,6 +22,9 @@ from tests.nights import made_up_night as night
 FRAMES = 20
 PATIENCE_S = 30.0
 FULL = (80, 24)
+ANSWERED = {"is_answered": True, "number": 1, "path": "mount", "ms": 12.0}
+"""The mount's driver has taken ABORT; how the mount moves is being measured."""
+STOPPED = ANSWERED | {"outcome": "tracks"}
 
 Play = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
 
@@ -33,9 +36,7 @@ class FakeWire:
         self.sent: list[tuple[str, dict[str, Any]]] = []
         self.begun: list[tuple[int | None, bool]] = []
         """Marks that were begun, or left off: (frame, whether begun)."""
-        self.outcomes: dict[str, Outcome] = {
-            "stop": Outcome(ok=True, data={"stopped": True, "ms": 12.0, "path": "mount"})
-        }
+        self.outcomes: dict[str, Outcome] = {"stop": Outcome(ok=True, data=STOPPED)}
         self.is_gone = False
         self.hangs: dict[str, threading.Event] = {}
         self.status: dict[str, Any] = {

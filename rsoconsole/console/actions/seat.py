@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
-"""A confirmed STOP is shown so long; one that is not confirmed stays."""
+"""A STOP after which the mount is measured to be at rest is shown so long; any other stays."""
 
 
 class Seat(Screen[None]):
@@ -174,8 +174,9 @@ class Seat(Screen[None]):
 
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open, then say so."""
-        self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
-        self.stops += 1
+        number = self.stops + 1
+        self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news, number)))
+        self.stops = number
         self._stopped_utc_ns = self.engine.now_utc_ns
         self._is_stop_seen = False
         self.say("")
@@ -184,7 +185,14 @@ class Seat(Screen[None]):
         self.show_stop(StopNews(phase="sent", text="sent to the engine"))
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
-        """Late, answered and being measured, then stopped or failed."""
+        """Late, answered and being measured, then stopped or failed; of the last STOP alone."""
+        if message.number not in (None, self.stops):
+            return
+        if message.news.is_superseded:
+            self.show_stop(None)
+            self.say("another order came before STOP was measured to its end", "warn")
+            self.ask_now()
+            return
         self.show_stop(message.news)
         if message.news.phase == "stopped":
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))

@@ -328,7 +328,8 @@ def _of_action(record: OperatorAction) -> tuple[Level, str]:
     by, result = without_console(record.by), record.outcome
     if record.verb == Stop.verb:
         said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
-        return "alarm", f"{by}: STOP: {said}"
+        is_at_rest = result.stop_outcome in ("stands", "tracks")
+        return "good" if is_at_rest else "alarm", f"{by}: STOP: {said}"
     if _is_used_mark(record):
         return "good", f"{by}: mark in frame {result.frame_id} is {ruled_text(result)}"
     wanted = command_words(record.verb, record.arguments)

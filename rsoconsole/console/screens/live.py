@@ -48,8 +48,6 @@ from rsoconsole.control import (
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
-"""By ``mount.after_stop``."""
-
 
 class LiveScreen(NightScreen):
     """The operator's seat over a night, live or recorded."""

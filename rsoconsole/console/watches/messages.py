@@ -131,8 +131,8 @@ class OutcomeCame(Message):
 
 
 class StopNewsCame(Message):
-    """How a STOP stands."""
+    """How a STOP stands; ``number``: which of this seat's it is."""
 
-    def __init__(self, news: StopNews) -> None:
+    def __init__(self, news: StopNews, number: int | None = None) -> None:
         super().__init__()
-        self.news = news
+        self.news, self.number = news, number

@@ -37,6 +37,8 @@ _LOOK_S = 0.5
 ARE_YOU_THERE = "are you there"
 WAITING = "waiting"
 """The event by which a child says what it waits for at its start."""
+AT_ONCE = frozenset(("abort",))
+"""Orders that do not wait for a child that is only starting: there is another way."""
 END = "end"
 """The order with which a parent takes its leave; one that merely goes away gives none."""
 
@@ -151,6 +153,8 @@ class IndiProcess:
         """
         if self.pid is None:
             self.start()
+        elif verb not in AT_ONCE and self._starting.acquire(timeout=timeout_s):
+            self._starting.release()  # somebody else had it started: it is connected now
         process = self._process
         assert process is not None
         try:

@@ -63,6 +63,8 @@ class ReportedMotion:
         self._heard_s = self._asked_s = self._told_s = self._changed_s = -math.inf
         self._apart_s: deque[float] = deque(maxlen=_INTERVALS)
         """Between changes that the driver told by itself."""
+        self._is_base_defined = False
+        """The only report is what was defined at first."""
         self._unanswered_s: float | None = None
         """Since when it has not answered; None: it has."""
         self._knows_period = False
@@ -170,10 +172,14 @@ class ReportedMotion:
                 self._learn_period(now_s)
         if is_same:
             # Said again, because it was asked for or with another state: of its last look.
+            self._is_base_defined = False
             if not vector.is_definition or self._knows_period:
                 self._meter.hold(t_s, now_s)
             return
-        if last is None and vector.is_definition:
+        if self._is_base_defined:
+            self._meter.forget()  # a driver that has just connected may not have looked yet
+        self._is_base_defined = last is None and vector.is_definition
+        if self._is_base_defined:
             t_s -= self._meter.period_s
         report = DirectionReport(t_s=t_s, host_s=now_s, ra_deg=ra_deg, dec_deg=dec_deg)
         self._meter.add(report)

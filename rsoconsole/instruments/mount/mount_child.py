@@ -6,7 +6,6 @@ stays until the limit that the parent last named, or until another process watch
 """
 
 import dataclasses
-import functools
 import os
 import time
 from collections.abc import Callable
@@ -23,6 +22,7 @@ from rsoconsole.instruments.indi import (
     run_child,
 )
 from rsoconsole.instruments.mount.mount_ear import MountEar
+from rsoconsole.instruments.mount.mount_halt import Halt
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
     ABORT,
@@ -35,17 +35,13 @@ from rsoconsole.instruments.mount.mount_mirror import (
 )
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount_watch import MountWatch
-from rsoconsole.instruments.mount.stop_measurement import StopMeasurement, is_answered
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 
 _REPORTED = (COORDINATES, PARK, TRACKING, SIDE)
-_STOP_S = 2.0
-_REPEAT_ABORT_S = 0.5
-# A driver says on and off again within one look at the mount: ask again rather than wait long.
-_TRACKING_S = 2.0
 _TRACKING_ASKED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
+_FIRST_LOOK_S = 2.0
 CAME_BACK = (
     "the mount's driver has come back while an order or a STOP was under way: ABORT was sent first"
 )
@@ -68,6 +64,7 @@ class MountChild:
         self._client: IndiClient | None = None
         self._mirror: MountMirror | None = None
         self._watch: MountWatch | None = None
+        self._halt: Halt | None = None
         self._motion = ReportedMotion(monotonic_s)
         self._stops = 0
         """How many STOPs have come: an order from before one is not carried out behind it."""
@@ -88,6 +85,9 @@ class MountChild:
         elif order.get("stops_first"):
             self._writer.say({"event": "message", "text": CAME_BACK})
             self._stop("track", had_tracking=True)
+        if client.has_connected_device and not self._is_simulated:
+            # What it tells before its first look is no place of the mount.
+            client.wait(COORDINATES, lambda vector: not vector.is_definition, _FIRST_LOOK_S)
         return {"client": library.title}
 
     def attach(self, client: IndiClient, order: dict[str, Any], owner: MountOwner) -> MountWatch:
@@ -113,6 +113,16 @@ class MountChild:
             on_ended=lambda unwatched_s, lease_s: self._writer.say(
                 {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
             ),
+            monotonic_s=self._monotonic_s,
+        )
+        self._halt = Halt(
+            client,
+            self._mirror,
+            self._motion,
+            self._watch,
+            track=self._track,
+            await_report=self._await_report,
+            say=self._writer.say,
             monotonic_s=self._monotonic_s,
         )
         return self._watch
@@ -301,75 +311,9 @@ class MountChild:
         had_tracking: bool = False,
         on_progress: Callable[[str], None] = lambda _what: None,
     ) -> dict[str, Any]:
-        """ABORT, again while its driver says that it moves; then tracking as wanted.
-
-        From then on it is measured how the mount moves. ``had_tracking``: there was some when STOP
-        was called for, whatever came meanwhile; ``on_progress`` hears at once of the order and of
-        the driver's answer.
-        """
-        client, mirror = self._ready()
-        was_moving = mirror.says_moving or client.get(COORDINATES) is None
-        wanted = mirror.tracking_after(after_stop)
-        if had_tracking and after_stop == "track" and not mirror.says_parked:
-            wanted = True
-        first, aborts = client.serial(), 0
-        answer: Vector | None = None
-        mirror.order_begins()
-        ends_s = self._monotonic_s() + _STOP_S
-        while answer is None and (left_s := ends_s - self._monotonic_s()) > 0:
-            client.send_switch(ABORT, "ABORT")
-            aborts += 1
-            if aborts == 1:
-                on_progress("stop ordered")
-            awaited = COORDINATES if was_moving else ABORT
-            answer = client.wait(
-                awaited,
-                lambda v: is_answered(client) and (v.name == COORDINATES or v.state != "Alert"),
-                min(left_s, _REPEAT_ABORT_S),
-                first,
-            )
-        if answer is not None:
-            on_progress("stop answered")
-            if not was_moving:
-                self._await_report(answer.serial)
-        is_tracking = None
-        if answer is not None:
-            is_tracking = mirror.says_tracking if wanted is None else self._settled(wanted)
-        if self._watch is not None:
-            hold = functools.partial(self._watch.hold_tracking, wanted)
-            if answer is not None:
-                hold()
-            self._watch.measure_stop(
-                StopMeasurement(
-                    client,
-                    self._motion,
-                    self._writer.say,
-                    hold_tracking=hold,
-                    monotonic_s=self._monotonic_s,
-                )
-            )
-        detail = "" if answer is not None else self._why_unanswered(aborts, first)
-        return {"is_answered": answer is not None, "is_tracking": is_tracking, "detail": detail}
-
-    def _why_unanswered(self, aborts: int, first: int) -> str:
-        client, mirror = self._ready()
-        if not mirror.abilities.can_abort:
-            return "its driver has no ABORT"
-        abort = client.get(ABORT)
-        if abort is not None and abort.state == "Alert":
-            said = client.words_since(first)
-            return f"its driver answers ABORT with Alert{': ' if said else ''}{said}"
-        if mirror.says_moving:
-            return f"its driver says that it still moves after {aborts} aborts in {_STOP_S:g} s"
-        return f"its driver has not answered {aborts} aborts in {_STOP_S:g} s"
-
-    def _settled(self, is_on: bool) -> bool | None:
-        """As ``_track``, again where the driver goes back to its own idea at its next look."""
-        ends_s = self._monotonic_s() + _TRACKING_S
-        while (is_tracking := self._track(is_on)) is not is_on and is_tracking is not None:
-            if self._monotonic_s() > ends_s:
-                break
-        return is_tracking
+        self._ready()
+        assert self._halt is not None
+        return self._halt.end_motion(after_stop, had_tracking=had_tracking, on_progress=on_progress)
 
     def _track(self, is_on: bool) -> bool | None:
         """Tracking on or off, and whether it is then; None for a mount that does not tell."""

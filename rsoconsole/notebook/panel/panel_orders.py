@@ -100,7 +100,10 @@ class PanelOrders:
             number = self._stops
 
         def news(answer: StopNews) -> None:
-            self._show_stop(number, answer.phase, answer.text)
+            if answer.is_superseded:
+                self._end_stop(number)
+            else:
+                self._show_stop(number, answer.phase, answer.text)
             self._link.look_now()
 
         Stopping(lambda: self._wire, self._stop_directly, news).begin()
@@ -116,6 +119,15 @@ class PanelOrders:
                 return
             self._stop_shown = rank
             self._show("stop_news", {"number": number, "phase": phase, "text": text})
+
+    def _end_stop(self, number: int) -> None:
+        """Another order came before it was measured: it is an alarm no longer."""
+        with self._lock:
+            if self._stop_shown[0] != number:
+                return
+            self._stop_shown = number, len(_PHASES)
+            self._show("stop_news", NOTHING)
+        self._say("another order came before STOP was measured to its end", "warning")
 
     # -- orders ---------------------------------------------------------------------------------
 

@@ -117,7 +117,12 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
         if fields.get("after") == "FAULT" and isinstance(reason, Unclassified):
             reason = Cause(kind="instrument", detail=words)
         return {**fields, name: asdict(reason)}
-    return {**fields, name: _with_parts(words)} if isinstance(words, dict) else fields
+    if not isinstance(words, dict):
+        return fields
+    if kind == "OperatorAction":
+        old = words.get("kind", "")
+        return {**fields, name: {**words, "kind": old_reasons.OUTCOME_KINDS.get(old, old)}}
+    return {**fields, name: _with_parts(words)}
 
 
 def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
@@ -201,10 +206,12 @@ def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a
 
 
 def with_kind(row: dict[str, Any]) -> dict[str, Any]:
-    """A row of one of the views, with the kind of its outcome where the record has a sentence."""
-    if "outcome_kind" not in row or row["outcome_kind"] is not None:
+    """A row of one of the views, with the kind of its outcome as it is today."""
+    if "outcome_kind" not in row:
         return row
-    return row | {"outcome_kind": old_reasons.result(row["outcome"] or "").kind}
+    old = row["outcome_kind"]
+    kind = old_reasons.result(row["outcome"] or "").kind if old is None else old
+    return row | {"outcome_kind": old_reasons.OUTCOME_KINDS.get(kind, kind)}
 
 
 def in_columns(row: dict[str, Any], ids: Ids) -> dict[str, Any]:

@@ -6,6 +6,8 @@ refused. What is not recognised is told as it was. Figures are those that the se
 """
 
 import re
+import types
+from collections.abc import Mapping
 
 from rsoconsole.reasons import (
     ACCEPTED,
@@ -23,6 +25,7 @@ from rsoconsole.reasons import (
     NotAStreakKind,
     NotTaken,
     NotTakenKind,
+    ResultKind,
     RuledKind,
     SlewRefusal,
     SlewRefusalKind,
@@ -175,6 +178,8 @@ _MEASURED: tuple[tuple[re.Pattern[str], NotAStreakKind, float], ...] = tuple(
     (re.compile(pattern.replace("{value}", _VALUE).replace("{limit}", _LIMIT)), kind, unit)
     for pattern, kind, unit in _WITH_FIGURES
 )
+OUTCOME_KINDS: Mapping[str, ResultKind] = types.MappingProxyType({"stopped": "answered"})
+"""What came of a command, as its kind was first -> as it is: the mount's word was a STOP's end."""
 _STOPPED = re.compile(r"stopped in (?P<ms>\d+) ms by (?P<path>.*)")
 _RESULT = re.compile(
     r"frame (?P<frame_id>\d+): (?P<ruled>rejected|taken by the operator's hand|taken)"
