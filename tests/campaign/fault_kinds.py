@@ -169,13 +169,13 @@ def _mount(night: FaultNight, **faults: float) -> None:
 
 
 def mount_silent(night: FaultNight, row: Row) -> None:
-    """The driver hangs for some seconds: STOP cannot be confirmed, and that is said."""
+    """The driver hangs for some seconds: STOP cannot be answered, and that is said."""
     _mount(night, IS_SILENT=1)
     night.look(row)
     if night.random.random() < 0.5:
         outcome = night.ask("stop")
-        if outcome.data.get("stopped") is True:
-            row.wrong.append("STOP confirmed by a mount that says nothing")
+        if outcome.data.get("is_answered") is True or outcome.data.get("outcome") is not None:
+            row.wrong.append("STOP answered by a mount that says nothing")
     time.sleep(night.random.uniform(0.5, _LONG_STOP_S))
     _mount(night, IS_SILENT=0)
 
@@ -189,6 +189,7 @@ def abort_ignored(night: FaultNight, row: Row) -> None:
     """The mount passes over an abort: STOP sends another."""
     _mount(night, IGNORED_ABORTS=1)
     night.stop(row, is_delayed=True)
+    night.measure(row)
     _mount(night, IGNORED_ABORTS=0)
 
 
@@ -196,6 +197,7 @@ def tracking_returns(night: FaultNight, row: Row) -> None:
     """A driver that turns tracking off with every abort."""
     _mount(night, ABORT_ENDS_TRACKING=1)
     night.stop(row, is_delayed=True)
+    night.measure(row)
     _mount(night, ABORT_ENDS_TRACKING=0)
 
 
@@ -312,6 +314,7 @@ def half_open(night: FaultNight, row: Row) -> None:
     """As many connections as there may be, which say nothing: STOP has a place."""
     with _connections(night, 32):
         night.stop(row)
+    night.measure(row)
 
 
 def socket_garbage(night: FaultNight, row: Row) -> None:
@@ -337,6 +340,7 @@ def busy_machine(night: FaultNight, row: Row) -> None:
     try:
         time.sleep(0.5)
         night.stop(row)
+        night.measure(row)
     finally:
         for each in hogs:
             each.kill()
@@ -400,6 +404,7 @@ def stop_at_once(night: FaultNight, row: Row) -> None:
     """STOP while it moves, twice."""
     night.stop(row)
     night.stop(row)
+    night.measure(row)
 
 
 KINDS: dict[str, Kind] = {

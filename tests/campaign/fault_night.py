@@ -35,7 +35,9 @@ NEAR = {
 }
 VERB_S, RECOVERED_S, DELAYED_S = 10.0, 60.0, 2.5
 """A verb that takes longer hangs; so long after a fault frames may stay away; and so late a STOP is
-confirmed where the mount obeys its second order only."""
+answered where the mount obeys its second order only."""
+MEASURED_S = 12.0
+"""So long after a STOP it is waited for how the mount is measured to move."""
 _SAMPLE_FRAMES = 3
 
 
@@ -51,8 +53,8 @@ class Row:
     """Autonomy had let go of the mount, and was asked again."""
     slowest_verb_s: float = 0.0
     stop_ordered_ms: float | None = None
-    stop_confirmed_ms: float | None = None
-    """Until the answer that the mount stands; None: no STOP was given, or the mount did not say."""
+    stop_answered_ms: float | None = None
+    """Until the answer that the mount has taken it; None: no STOP was given, or it did not say."""
     wrong: list[str] = field(default_factory=list)
     """What should not have happened, in words."""
 
@@ -184,7 +186,7 @@ class FaultNight:
     def stop(self, row: Row, *, is_delayed: bool = False) -> None:
         """STOP by the wire while the mount moves, measured: the worst of a row is kept.
 
-        ``is_delayed``: the mount obeys late, so that it is asked only to be confirmed at all.
+        ``is_delayed``: the mount obeys late, so that it is asked only to answer at all.
         """
         with suppress(AssertionError):
             self.ear.slew()
@@ -201,14 +203,25 @@ class FaultNight:
             row.stop_ordered_ms = max(ordered_ms, row.stop_ordered_ms or 0.0)
         else:
             row.wrong.append("STOP ordered nothing")
-        if outcome.data.get("stopped") is not True:
-            row.wrong.append(f"STOP not confirmed: {outcome.message}")
+        if outcome.data.get("is_answered") is not True:
+            row.wrong.append(f"STOP not answered: {outcome.message}")
         elif not is_delayed:
-            row.stop_confirmed_ms = max(answered_s * 1e3, row.stop_confirmed_ms or 0.0)
+            row.stop_answered_ms = max(answered_s * 1e3, row.stop_answered_ms or 0.0)
         elif answered_s > DELAYED_S:
-            row.wrong.append(f"STOP confirmed after {answered_s:.1f} s")
+            row.wrong.append(f"STOP answered after {answered_s:.1f} s")
         if len(self.wire.orders.slews) > slews:
             row.wrong.append("a slew after STOP was answered")
+
+    def measure(self, row: Row) -> None:
+        """What the last STOP has come to, as the engine measures it."""
+        last: dict[str, Any] = {}
+        ends_s = time.monotonic() + MEASURED_S
+        while time.monotonic() < ends_s:
+            last = self.ask("status").data.get("last_stop") or {}
+            if last.get("outcome") in ("stands", "tracks"):
+                return
+            time.sleep(0.1)
+        row.wrong.append(f"after STOP the mount is measured: {last.get('outcome')}")
 
     def recover(self, row: Row) -> None:
         """Wait for frames again, arming where the fault has cost autonomy the mount."""

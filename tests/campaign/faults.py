@@ -39,7 +39,7 @@ BETWEEN_S = 20.0
 """So long frames are waited for that go on anyhow."""
 LEAST_ALT_DEG = 15.0
 """Below which this engine's configuration sends no mount."""
-ORDERED_MS, CONFIRMED_MS = 200.0, 500.0
+ORDERED_MS, ANSWERED_MS = 200.0, 500.0
 Answer = dict[str, Any]
 
 
@@ -139,7 +139,7 @@ def table(answers: Sequence[Mapping[str, Any]]) -> str:
     """Markdown: the whole, and each kind."""
     rows = [row for answer in answers for row in answer["rows"]]
     ordered = [r["stop_ordered_ms"] for r in rows if r["stop_ordered_ms"] is not None]
-    confirmed = [r["stop_confirmed_ms"] for r in rows if r["stop_confirmed_ms"] is not None]
+    answered = [r["stop_answered_ms"] for r in rows if r["stop_answered_ms"] is not None]
     lines = [
         f"Seeds {', '.join(str(a['seed']) for a in answers)}: {len(rows)} faults of "
         f"{len({r['kind'] for r in rows})} kinds in {sum(a['frames'] for a in answers)} frames.",
@@ -157,7 +157,7 @@ def table(answers: Sequence[Mapping[str, Any]]) -> str:
     ]
     for words, values, bar in (
         ("ordered", ordered, ORDERED_MS),
-        ("confirmed", confirmed, CONFIRMED_MS),
+        ("answered", answered, ANSWERED_MS),
     ):
         if values:
             late = sum(value > bar for value in values)

@@ -225,9 +225,11 @@ def take_over(house: House) -> None:
 
 def end(house: House) -> None:
     said = house.run("rsoconsole stop").stdout
-    assert said.startswith("STOP motion ended, confirmed in ")
+    answered, measured = said.splitlines()
+    assert answered.startswith("STOP ABORT answered in ")
+    assert measured.startswith("STOP the mount tracks, measured in ")
     status = until(house, lambda s: s["holder"] == "nobody", "a stopped engine")
-    assert status["last_stop"]["is_confirmed"]
+    assert status["last_stop"]["outcome"] == "tracks"
     house.run("rsoconsole park")
     until(house, lambda s: s["is_parked"], "a parked mount")
     house.run("rsoconsole unpark")

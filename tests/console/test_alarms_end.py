@@ -1,6 +1,8 @@
 """An alarm is said once, names the state, and ends with its cause."""
 
+import dataclasses
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,8 @@ from rsoconsole.control.commands import Seek
 from rsoconsole.control.mount_text import mount_words
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import MountReport, StopResult
+from rsoconsole.instruments.motion import Motion
+from rsoconsole.instruments.ports import MountReport, StopResult, unheard
 from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
 from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writing.writer import SessionWriter
@@ -105,8 +108,10 @@ def tell(r: Rig, verb: str) -> Outcome:
 def test_a_stop_that_is_not_answered_is_a_fault_until_the_mount_is_measured_to_stand(tracking: Rig):
     abort = tracking.mount.abort
 
-    def unsure(*_: Any, **__: Any) -> StopResult:
-        return StopResult(is_answered=False, ms=800.0, path="mount", detail="the mount is silent")
+    def unsure(*_: Any, on_news: Callable[[StopResult], None] = unheard, **__: Any) -> StopResult:
+        silent = StopResult(is_answered=False, ms=800.0, path="mount", detail="the mount is silent")
+        on_news(dataclasses.replace(silent, motion=Motion(), measured_ms=10_000.0))
+        return silent
 
     tracking.mount.abort = unsure  # type: ignore[method-assign]
     command_handler = command_handler_of(tracking)

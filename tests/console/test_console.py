@@ -30,11 +30,13 @@ from rsoconsole.console.night.night import Night
 from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
-from rsoconsole.console.panes.panes import FramePane
+from rsoconsole.console.panes.panes import FramePane, StopBanner
 from rsoconsole.console.watches import watch
+from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import wrapped
 from rsoconsole.control import ControlClient, ControlServer, Found, Outcome, Request, Sender
+from rsoconsole.control.stop import StopNews
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.reasons import Cause, Missed, NotTaken, Unclassified, done
@@ -53,8 +55,10 @@ from rsoconsole.session.writing.writer import SessionWriter
 from tests.makers import NS, geo_measurement
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
+    ANSWERED,
     FRAMES,
     FULL,
+    PATIENCE_S,
     FakeWire,
     can_answer,
     has_outlook,
@@ -395,6 +399,83 @@ def test_stop_is_sent_at_once_and_its_end_is_said_loudly(wire: FakeWire) -> None
     play(wire, scene)
 
 
+def measuring(wire: FakeWire) -> None:
+    """The mount's driver takes the next STOP; how the mount moves is yet to be measured."""
+    wire.outcomes["stop"] = Outcome(ok=True, data=ANSWERED | {"ordered_ms": 4.0})
+    wire.status |= {"last_stop": {"number": 1, "outcome": None}}
+
+
+@pytest.mark.parametrize(
+    ("measured", "words", "is_good"),
+    [
+        ({"outcome": "tracks"}, "STOP the mount tracks, measured in", True),
+        ({"outcome": "stands"}, "STOP the mount stands, measured in", True),
+        (
+            {"outcome": "moves", "rate_deg_s": 3.96},
+            "STOP the mount STILL MOVES at 4.0 deg/s: cut the mount's power",
+            False,
+        ),
+        (
+            {"outcome": "unknown", "detail": "nothing was heard of it"},
+            "STOP NOT KNOWN whether the mount moves (nothing was heard of it): run 'rsoconsole"
+            " stop' in another terminal; cut the mount's power if it moves",
+            False,
+        ),
+    ],
+)
+def test_a_stop_is_answered_and_then_measured(
+    wire: FakeWire, measured: dict[str, Any], words: str, is_good: bool
+) -> None:
+    measuring(wire)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        banner = app.live.query_one("#stop", StopBanner)
+        await pilot.press("x")
+        await until(pilot, lambda: "ABORT answered" in stop_text(app))
+        assert re.fullmatch(
+            r"STOP ABORT answered in \d+ ms by the mount's own process; ordered in \d+ ms:"
+            r" measuring \(counted from the key\)",
+            stop_text(app),
+        )
+        await pilot.press("escape")
+        assert "measuring" in stop_text(app)  # only what has ended is put away
+        assert not banner.has_class("-stopped")
+        wire.status |= {"last_stop": {"number": 1, **measured}}
+        await until(pilot, lambda: stop_text(app).startswith(words))
+        assert banner.has_class("-stopped") is is_good
+
+    play(wire, scene)
+
+
+def test_another_order_ends_a_stop_that_is_being_measured_and_is_no_alarm(wire: FakeWire) -> None:
+    measuring(wire)
+    superseded = {"number": 1, "outcome": "unknown", "is_over": True, "is_superseded": True}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("x")
+        await until(pilot, lambda: "measuring" in stop_text(app))
+        wire.status |= {"last_stop": superseded}
+        await until(pilot, lambda: "another order came before STOP" in pane(app, "keys"))
+        assert stop_text(app) == ""
+
+    play(wire, scene)
+
+
+def test_what_an_earlier_press_came_to_is_not_told_of_the_last_one(wire: FakeWire) -> None:
+    measuring(wire)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("x", "x")
+        await until(pilot, lambda: "measuring" in stop_text(app))
+        news = StopNews(phase="failed", text="NOT KNOWN")
+        app.live.on_stop_news_came(StopNewsCame(news, 1))
+        assert "measuring" in stop_text(app)
+        app.live.on_stop_news_came(StopNewsCame(news, 2))
+        assert "NOT KNOWN" in stop_text(app)
+
+    play(wire, scene)
+
+
 @pytest.mark.parametrize(
     ("dialog", "key"),
     [("f1", "x"), ("q", "ctrl+x"), ("a", "x"), ("p", "x"), ("ctrl+p", "ctrl+x"), ("g", "alt+x")],
@@ -462,14 +543,23 @@ def test_a_stop_that_is_not_answered_is_never_called_a_stop(wire: FakeWire) -> N
 def test_stop_goes_past_an_engine_that_hangs(wire: FakeWire) -> None:
     wire.hangs["stop"] = threading.Event()
     asked: list[Any] = []
+    is_measured = threading.Event()
 
     def directly(on_found: Callable[[Found], None], indi: Any) -> None:
         asked.append(indi)
-        on_found({"is_answered": True, "path": "indi", "outcome": "tracks"})
+        found = {"is_answered": True, "path": "indi"}
+        on_found(found)
+        is_measured.wait(PATIENCE_S)
+        on_found(found | {"outcome": "tracks"})
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
         await until(pilot, lambda: "past the engine" in stop_text(app) and asked != [])
+        await until(pilot, lambda: "ABORT answered in" in stop_text(app))
+        assert stop_text(app).endswith(
+            "by a connection past the engine (a second INDI connection): measuring"
+        )
+        is_measured.set()
         await until(pilot, lambda: "tracks, measured" in stop_text(app))
         assert asked[0].port == 7624
         wire.hangs["stop"].set()

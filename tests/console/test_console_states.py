@@ -114,8 +114,8 @@ def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, s
             wait_for(lambda seat=seat: seat.shows("'rsoconsole stop' stops the"), "a remedy")
         wide.press("x")
         wait_for(lambda: wide.shows("ABORT answered", "past the engine"), "a STOP past the engine")
+        # How it moves is not measured here: a simulated sky without an engine stands still.
         assert not is_slewing(mount_by_itself(sky))
-        wait_for(lambda: wide.shows("tracks, measured in"), "how the mount moves")
         known = len(narrow.text)
         engine.start("--session", str(engine.folder / "next night"))
         wait_for(lambda: narrow.shows("AUTO has the mount", since=known), "the next engine")

@@ -17,7 +17,7 @@ from rsoconsole.notebook.panel import LivePanel, link, panel
 from rsoconsole.records import Event
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights import made_up_night as night
-from tests.rigs.seat_rig import FRAMES, FakeWire
+from tests.rigs.seat_rig import ANSWERED, FRAMES, FakeWire
 
 PATIENCE_S = 20.0
 STATIC = Path(panel.__file__).parents[1] / "static"
@@ -161,7 +161,29 @@ def test_stop_goes_to_the_engine(opened: LivePanel, told: FakeWire) -> None:
     page(opened, "stop", press="a")
     until(lambda: opened.stop_news.get("phase") == "stopped")
     assert told.verbs == ["stop"]
-    assert "motion ended" in opened.stop_news["text"]
+    assert opened.stop_news["text"].startswith("the mount tracks, measured in ")
+
+
+def test_a_stop_is_answered_and_then_measured(opened: LivePanel, told: FakeWire) -> None:
+    told.outcomes["stop"] = Outcome(ok=True, data=ANSWERED)
+    told.status["last_stop"] = {"number": 1, "outcome": None}
+    page(opened, "stop", press="a")
+    until(lambda: opened.stop_news.get("phase") == "answered")
+    assert opened.stop_news["text"].endswith("ms by the mount's own process: measuring")
+    told.status["last_stop"] = {"number": 1, "outcome": "moves", "rate_deg_s": 0.5}
+    until(lambda: opened.stop_news.get("phase") == "failed")
+    assert opened.stop_news["text"].startswith("the mount STILL MOVES at 0.5 deg/s")
+
+
+def test_another_order_ends_a_stop_that_is_being_measured_and_is_no_alarm(
+    opened: LivePanel, told: FakeWire
+) -> None:
+    told.outcomes["stop"] = Outcome(ok=True, data=ANSWERED)
+    superseded = {"number": 1, "outcome": "unknown", "is_over": True, "is_superseded": True}
+    told.status["last_stop"] = superseded
+    page(opened, "stop", press="a")
+    until(lambda: "another order came" in opened.said.get("text", ""))
+    assert opened.stop_news == {}
 
 
 def test_a_stop_that_the_page_repeats_is_one_stop(opened: LivePanel, told: FakeWire) -> None:

@@ -136,11 +136,12 @@ def test_stop_acts_at_once_though_a_cell_runs(user: NotebookUser) -> None:
     user.page.run_cell(BUSY)
     user.moving()
     user.press("STOP")
-    user.page.wait(lambda: "motion ended" in user.page.text(".rso-banner"), "its end", 5.0)
+    user.page.wait(lambda: "ABORT answered" in user.page.text(".rso-banner"), "its answer", 5.0)
     assert not is_slewing(mount_by_itself(user.sky))
     wait_for(lambda: user.engine.status()["holder"] == "nobody", "a disarmed engine", 3.0)
     busy = user.page.all(".jp-CodeCell .jp-InputPrompt")[BUSY]
     assert busy.text.strip() == "[*]:"
+    user.page.wait(lambda: "measured in" in user.page.text(".rso-banner"), "how it moves", 20.0)
 
 
 def test_arming_asks_which_failed_checks_are_overridden(user: NotebookUser) -> None:

@@ -52,7 +52,7 @@ def test_the_table_counts_what_was_wrong():
         "armed_again": False,
         "slowest_verb_s": 0.1,
         "stop_ordered_ms": 250.0,
-        "stop_confirmed_ms": None,
+        "stop_answered_ms": None,
         "wrong": ["a verb hung"],
     }
     answer = {

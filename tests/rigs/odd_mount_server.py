@@ -130,7 +130,7 @@ class OddMountServer:
 
     def _send(self, data: bytes) -> None:
         for client in self._clients:
-            if client.has_asked:
+            if client.has_asked and not client.transport.is_closing():
                 client.transport.write(data)
 
     def _plan(self) -> None:

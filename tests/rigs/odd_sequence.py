@@ -258,8 +258,10 @@ class OddNight:
         self.now_s += STEP_S
         self.model.advance()
         self.deliver()
-        for due_s, act in [each for each in self._later if each[0] <= self.now_s]:
-            self._later.remove((due_s, act))
+        # What is done may itself let time pass.
+        due = [each for each in self._later if each[0] <= self.now_s]
+        self._later = [each for each in self._later if each not in due]
+        for _, act in due:
             act()
         if self._is_due("ask", ASK_EVERY_S) and self.child._motion.wants_word():
             question = ET.Element("getProperties", version="1.7", device=DEVICE, name=COORDINATES)
@@ -463,8 +465,11 @@ def way_to_stop_deg(odd: Oddities) -> float:
 
 
 def park_room_deg(model: OddMount) -> float:
-    """A mount that was told to park may go a little below the horizon."""
-    return PARK_ROOM_DEG if any(name == PARK for _, name, _ in model.received) else 0.0
+    """The way to a park position is its owner's affair down to a little below the horizon, where it
+    is looked at once a second."""
+    has_parked = any(name == PARK for _, name, _ in model.received)
+    look_s = LIMITS_EVERY_S + known_within_s(model.oddities)
+    return PARK_ROOM_DEG + model.oddities.speed_deg_s * look_s if has_parked else 0.0
 
 
 def disobeys(odd: Oddities) -> bool:

@@ -76,8 +76,10 @@ def _act(seat: OddEngine, draw: random.Random, found: WireNight, is_held_up: lis
 
     def stop() -> None:
         begun_s = time.monotonic()
+        model = seat.server.model
+        hears = not model.deaf and model.is_driver_there
         seat.ask("stop")
-        if seat.server.model.oddities.noabort or seat.server.model.deaf:
+        if model.oddities.noabort or model.deaf or not (hears and model.is_driver_there):
             return
         sent = [at_s - begun_s for at_s, _ in seat.received(ABORT) if at_s >= begun_s]
         found.stops_s.append(sent[0] if sent else float("inf"))

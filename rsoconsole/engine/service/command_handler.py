@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import logging
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -59,6 +60,8 @@ from rsoconsole.reason_text import text
 from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky import icrs_to_altaz
+
+log = logging.getLogger(__name__)
 
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
@@ -236,6 +239,7 @@ class CommandHandler:
 
         def measured(result: StopResult) -> None:
             known(result)
+            log.info("STOP: %s", text(stop_outcome(result)))
             if not (result.is_at_rest or result.is_superseded):
                 words = text(stop_outcome(result))
                 self._queue.interrupt(Stopped(by=sender.words, is_obeyed=False, words=words))

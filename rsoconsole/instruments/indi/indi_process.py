@@ -149,12 +149,15 @@ class IndiProcess:
         """Have the child do something and return its answer.
 
         Starts the child first where it has died since the last request. Raises InstrumentError
-        when the child refuses, dies or does not answer in time.
+        when the child refuses, dies, is still being started or does not answer in time.
         """
         if self.pid is None:
             self.start()
-        elif verb not in AT_ONCE and self._starting.acquire(timeout=timeout_s):
-            self._starting.release()  # somebody else had it started: it is connected now
+        elif verb not in AT_ONCE:
+            # Somebody else may have it started at this moment.
+            if not self._starting.acquire(timeout=timeout_s):
+                raise InstrumentError(f"the {self.name} is being connected: {self._awaits}")
+            self._starting.release()
         process = self._process
         assert process is not None
         try:

@@ -84,7 +84,7 @@ class MountChild:
             )
         elif order.get("stops_first"):
             self._writer.say({"event": "message", "text": CAME_BACK})
-            self._stop("track", had_tracking=True)
+            self._stop("track")
         if client.has_connected_device and not self._is_simulated:
             # What it tells before its first look is no place of the mount.
             client.wait(COORDINATES, lambda vector: not vector.is_definition, _FIRST_LOOK_S)

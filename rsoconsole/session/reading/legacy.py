@@ -119,10 +119,13 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, name: asdict(reason)}
     if not isinstance(words, dict):
         return fields
-    if kind == "OperatorAction":
-        old = words.get("kind", "")
-        return {**fields, name: {**words, "kind": old_reasons.OUTCOME_KINDS.get(old, old)}}
-    return {**fields, name: _with_parts(words)}
+    return {**fields, name: _outcome(words) if kind == "OperatorAction" else _with_parts(words)}
+
+
+def _outcome(result: dict[str, Any]) -> dict[str, Any]:
+    """What came of a command, by the kind that it has today."""
+    kind = result.get("kind", "")
+    return {**result, "kind": old_reasons.OUTCOME_KINDS.get(kind, kind)}
 
 
 def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
