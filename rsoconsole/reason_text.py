@@ -192,12 +192,12 @@ def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
 
 
 def measured_text(
-    outcome: StopOutcome, rate_deg_s: float | None = None, seconds: float | None = None
+    motion: StopOutcome, rate_deg_s: float | None = None, seconds: float | None = None
 ) -> str:
     """What a STOP has come to, where that is known, and after how long it was."""
-    if outcome == "moves":
+    if motion == "moves":
         return f"the mount STILL MOVES at {rate_text(rate_deg_s or 0.0)}: {CUT_POWER}"
-    return f"the mount {outcome}, measured" + ("" if seconds is None else f" in {seconds:.1f} s")
+    return f"the mount {motion}, measured" + ("" if seconds is None else f" in {seconds:.1f} s")
 
 
 def unmeasured_text(why: str, remedy: str) -> str:

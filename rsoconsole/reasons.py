@@ -372,7 +372,6 @@ FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
 )
 """What leads from one state of a search or track to another without a frame's doing."""
 
-
 ResultKind: TypeAlias = Literal[
     "accepted", "done", "ruled", "answered", "measured", "refused", "dropped", "failed"
 ]
@@ -402,8 +401,7 @@ class CommandResult:
     """"accepted": it waits, and what comes of it is on record too; of a STOP: "answered" by the
     mount's driver, or "failed" to be, then "measured"."""
     detail: str = ""
-    """Of "done": how, where that is worth saying; of "refused", "failed" and what is not known:
-    why."""
+    """How it was done, where that is worth saying; or why it was not, or is not known."""
     dropped_by: DroppedBy | None = None
     """What undid it while it waited."""
     stop_ms: float | None = None

@@ -78,7 +78,7 @@ class LastStop:
     """Until the driver had taken it; None: not yet, or never."""
     measured_ms: float | None = None
     """Until it was known how the mount moves; None: not yet."""
-    outcome: StopOutcome | None = None
+    motion: StopOutcome | None = None
     """How it moves since, as measured: stands, tracks, moves, unknown; None: not yet."""
     rate_deg_s: float | None = None
     """Of the faster axis, where it moves."""
@@ -93,7 +93,7 @@ class LastStop:
     @property
     def is_at_rest(self) -> bool:
         """Whether the mount was measured to stand or to track."""
-        return self.outcome in ("stands", "tracks")
+        return self.motion in ("stands", "tracks")
 
     @property
     def text(self) -> str:
@@ -108,11 +108,11 @@ class LastStop:
 
     @property
     def _measured_text(self) -> str:
-        if self.outcome is None:
+        if self.motion is None:
             return "measuring"
-        if self.outcome == "unknown":
+        if self.motion == "unknown":
             return unmeasured_text(self.detail, f"{CUT_POWER} if it does")
-        return measured_text(self.outcome, self.rate_deg_s, (self.measured_ms or 0.0) / 1e3)
+        return measured_text(self.motion, self.rate_deg_s, (self.measured_ms or 0.0) / 1e3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

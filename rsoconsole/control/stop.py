@@ -39,7 +39,7 @@ FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 
 Found = Mapping[str, Any]
 """What came of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
-outcome and rate_deg_s once it is measured."""
+motion and rate_deg_s once it is measured."""
 DirectStop = Callable[[Callable[[Found], None]], None]
 """Stops the mount without the engine; tells what it finds, each time that there is more, and
 returns when nothing more comes. Raises what it will."""
@@ -64,7 +64,7 @@ class StopNews:
     """Until ABORT was on its way to the mount; None: not yet, or nobody has told."""
     answered_ms: float | None = None
     """Until the driver had taken it; None: not yet, or nobody has told."""
-    outcome: StopOutcome | None = None
+    motion: StopOutcome | None = None
     """As measured; None: not yet."""
     rate_deg_s: float | None = None
     """Of the faster axis, where it moves."""
@@ -151,7 +151,7 @@ class Stopping:
         else:
             self._go_past()
             self._note_reason(outcome.message or "the engine gave no reason")
-        if not self._take_outcome(found, path):
+        if not self._take_motion(found, path):
             self._follow_engine(found.get("number"), path)
 
     def _follow_engine(self, number: Any, path: str) -> None:
@@ -168,7 +168,7 @@ class Stopping:
             if not isinstance(last, Mapping):
                 continue
             is_ours = not isinstance(number, int) or last.get("number", number) >= number
-            if is_ours and self._take_outcome(last, path):
+            if is_ours and self._take_motion(last, path):
                 return
         self._failed(reason)
 
@@ -198,9 +198,9 @@ class Stopping:
         has_ended: list[bool] = []
         reasons: list[str] = []
 
-        def hear(found: Found) -> None:
+        def take(found: Found) -> None:
             path = str(found.get("path") or "indi")
-            if self._take_outcome(found, path):
+            if self._take_motion(found, path):
                 has_ended.append(True)
             elif found.get("is_answered") is True:
                 way = f"a connection past the engine ({STOP_PATHS.get(path, path)})"
@@ -209,7 +209,7 @@ class Stopping:
                 reasons.append(str(found["detail"]))
 
         try:
-            self._directly(hear)
+            self._directly(take)
         except Exception as error:  # as above
             log.exception("stop past the engine")
             reasons.append(str(error) or type(error).__name__)
@@ -233,25 +233,25 @@ class Stopping:
         text = counted(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
         self._say(self._news("answered", text, path))
 
-    def _take_outcome(self, found: Found, path: str) -> bool:
+    def _take_motion(self, found: Found, path: str) -> bool:
         """Whether it says how the mount was measured to move, or that nobody will."""
-        outcome, rate = found.get("outcome"), found.get("rate_deg_s")
-        if outcome is None or outcome not in get_args(StopOutcome):
+        motion, rate = found.get("motion"), found.get("rate_deg_s")
+        if motion is None or motion not in get_args(StopOutcome):
             if found.get("is_over") is True:
                 self._failed(str(found.get("detail") or "another order came"))
                 return True
             return False
         rate_deg_s = float(rate) if isinstance(rate, int | float) else None
         detail = str(found.get("detail") or "")
-        if outcome == "unknown":
+        if motion == "unknown":
             text = unmeasured_text(detail, REMEDY)
         else:
-            text = measured_text(outcome, rate_deg_s, self._ms() / 1e3)
-        phase: Phase = "stopped" if outcome in ("stands", "tracks") else "failed"
+            text = measured_text(motion, rate_deg_s, self._ms() / 1e3)
+        phase: Phase = "stopped" if motion in ("stands", "tracks") else "failed"
         news = self._news(phase, text, path)
         reason = "" if phase == "stopped" else detail or text
         is_superseded = found.get("is_superseded") is True
-        news = replace(news, outcome=outcome, rate_deg_s=rate_deg_s, reason=reason)
+        news = replace(news, motion=motion, rate_deg_s=rate_deg_s, reason=reason)
         self._say(replace(news, is_superseded=is_superseded))
         return True
 
@@ -272,7 +272,7 @@ class Stopping:
             ordered = "" if self._ordered_ms is None else f"ordered in {self._ordered_ms:.0f} ms, "
             state = "answered, but " if self._is_answered else "NOT ANSWERED: "
             news = self._news("failed", f"{ordered}{state}{unmeasured_text(reasons, REMEDY)}", path)
-            self._say(replace(news, outcome="unknown", reason=reasons))
+            self._say(replace(news, motion="unknown", reason=reasons))
 
     def _ms(self) -> float:
         return (time.monotonic() - self._began_s) * 1e3

@@ -25,7 +25,7 @@ _SEND_TIMEOUT_S = 2.0
 
 
 class Course:
-    """How far a request has come; the loop says so, whoever waits for its answer looks."""
+    """How far a request has come; the loop says so, who waits for its answer looks."""
 
     def __init__(self) -> None:
         self.is_begun = False
@@ -84,7 +84,7 @@ class Later:
     until_s: float
     """Monotonic; at that instant it is what is known by then."""
     wait: Callable[[float], Outcome]
-    """Gives it, after so many seconds at most."""
+    """Gives it, after that many seconds at most."""
 
     def outcome(self, deadline: float = math.inf) -> Outcome:
         """Waits for it, not beyond the monotonic ``deadline``."""

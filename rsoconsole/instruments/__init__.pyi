@@ -6,7 +6,6 @@ from .clock_watch import ClockWatch as ClockWatch
 from .motion import SIDEREAL_ARCSEC_S as SIDEREAL_ARCSEC_S
 from .motion import DirectionReport as DirectionReport
 from .motion import Motion as Motion
-from .motion import MotionKind as MotionKind
 from .motion import MotionMeter as MotionMeter
 from .ports import CameraPort as CameraPort
 from .ports import Clock as Clock
@@ -26,5 +25,4 @@ from .process_memory import forget_contents as forget_contents
 from .process_memory import return_free_pages as return_free_pages
 from .process_memory import return_what_is_freed as return_what_is_freed
 from .stop_measure import REPEATS_FOR_S as REPEATS_FOR_S
-from .stop_measure import UNKNOWN_AFTER_S as UNKNOWN_AFTER_S
 from .stop_measure import StopMeasure as StopMeasure

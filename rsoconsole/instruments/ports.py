@@ -84,9 +84,9 @@ class MountAbilities:
     can_park: bool = True
     can_set_tracking: bool = True
     """Without it tracking cannot be ended at a limit, and nobody tells whether it is on."""
-    tells_pier_side: bool = True
-    tells_site: bool = True
-    tells_time: bool = True
+    has_pier_side: bool = True
+    has_site: bool = True
+    has_time: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

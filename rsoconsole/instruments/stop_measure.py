@@ -29,7 +29,7 @@ class StopMeasure:
     def __init__(self, began_s: float) -> None:
         self.began_s = began_s
         self._aborted_s = began_s
-        self._told: Motion | None = None
+        self._last: Motion | None = None
         self.is_over = False
 
     def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
@@ -37,7 +37,7 @@ class StopMeasure:
         since_s = now_s - self.began_s
         news = self._news(since_s, motion)
         if news is not None:
-            self._told = news
+            self._last = news
         self.is_over = motion.is_at_rest or since_s >= REPEATS_FOR_S
         must_repeat = motion.kind == "moves" or (motion.kind == "unknown" and not is_answered)
         sends = must_repeat and not self.is_over and now_s - self._aborted_s >= REPEAT_S
@@ -46,12 +46,12 @@ class StopMeasure:
         return StopStep(sends_abort=sends, news=news, is_over=self.is_over)
 
     def _news(self, since_s: float, motion: Motion) -> Motion | None:
-        told = None if self._told is None else self._told.kind
-        if motion.kind == told:
+        last = None if self._last is None else self._last.kind
+        if motion.kind == last:
             return None
         if motion.kind == "moves" and since_s < MOVES_AFTER_S:
             return None
         # Once it was seen to move, a moment of doubt is no news.
-        if motion.kind == "unknown" and (since_s < UNKNOWN_AFTER_S or told is not None):
+        if motion.kind == "unknown" and (since_s < UNKNOWN_AFTER_S or last is not None):
             return None
         return motion

@@ -30,7 +30,7 @@ from rsoconsole.session.writing.writer import SessionWriter
 from tests.rigs.stub_stage import SITE
 
 UNMEASURED = {"is_answered": True, "path": "mount", "ms": 12.5, "detail": "", "number": 1}
-STOPPED = {**UNMEASURED, "outcome": "tracks"}
+STOPPED = {**UNMEASURED, "motion": "tracks"}
 
 
 @pytest.fixture(autouse=True)
@@ -299,7 +299,7 @@ def test_a_stop_that_nobody_answers_is_a_failure_that_says_why(monkeypatch):
     stand_in_for_the_wire(monkeypatch, result)
     run = rsoconsole("stop", "--json")
     answer = json.loads(run.stdout)
-    assert (run.exit_code, answer["stopped"], answer["outcome"]) == (4, False, "unknown")
+    assert (run.exit_code, answer["stopped"], answer["motion"]) == (4, False, "unknown")
     assert "start indiserver" in answer["reason"]
     said = rsoconsole("stop").stdout
     assert "NOT ANSWERED: NOT KNOWN whether the mount moves" in said

@@ -229,7 +229,7 @@ def end(house: House) -> None:
     assert answered.startswith("STOP ABORT answered in ")
     assert measured.startswith("STOP the mount tracks, measured in ")
     status = until(house, lambda s: s["holder"] == "nobody", "a stopped engine")
-    assert status["last_stop"]["outcome"] == "tracks"
+    assert status["last_stop"]["motion"] == "tracks"
     house.run("rsoconsole park")
     until(house, lambda s: s["is_parked"], "a parked mount")
     house.run("rsoconsole unpark")

@@ -91,7 +91,7 @@ def test_every_key_of_a_status_says_its_unit_beside_the_first_name():
 
 
 def test_status_and_stop_print_the_keys_of_the_page(place: Path):
-    stopped = {"is_answered": True, "outcome": "tracks", "ms": 12.0, "path": "mount"}
+    stopped = {"is_answered": True, "motion": "tracks", "ms": 12.0, "path": "mount"}
 
     def handle(request: object) -> Outcome:
         is_stop = "Stop" in str(request)

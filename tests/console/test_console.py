@@ -402,21 +402,21 @@ def test_stop_is_sent_at_once_and_its_end_is_said_loudly(wire: FakeWire) -> None
 def measuring(wire: FakeWire) -> None:
     """The mount's driver takes the next STOP; how the mount moves is yet to be measured."""
     wire.outcomes["stop"] = Outcome(ok=True, data=ANSWERED | {"ordered_ms": 4.0})
-    wire.status |= {"last_stop": {"number": 1, "outcome": None}}
+    wire.status |= {"last_stop": {"number": 1, "motion": None}}
 
 
 @pytest.mark.parametrize(
     ("measured", "words", "is_good"),
     [
-        ({"outcome": "tracks"}, "STOP the mount tracks, measured in", True),
-        ({"outcome": "stands"}, "STOP the mount stands, measured in", True),
+        ({"motion": "tracks"}, "STOP the mount tracks, measured in", True),
+        ({"motion": "stands"}, "STOP the mount stands, measured in", True),
         (
-            {"outcome": "moves", "rate_deg_s": 3.96},
+            {"motion": "moves", "rate_deg_s": 3.96},
             "STOP the mount STILL MOVES at 4.0 deg/s: cut the mount's power",
             False,
         ),
         (
-            {"outcome": "unknown", "detail": "nothing was heard of it"},
+            {"motion": "unknown", "detail": "nothing was heard of it"},
             "STOP NOT KNOWN whether the mount moves (nothing was heard of it): run 'rsoconsole"
             " stop' in another terminal; cut the mount's power if it moves",
             False,
@@ -449,7 +449,7 @@ def test_a_stop_is_answered_and_then_measured(
 
 def test_another_order_ends_a_stop_that_is_being_measured_and_is_no_alarm(wire: FakeWire) -> None:
     measuring(wire)
-    superseded = {"number": 1, "outcome": "unknown", "is_over": True, "is_superseded": True}
+    superseded = {"number": 1, "motion": "unknown", "is_over": True, "is_superseded": True}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
@@ -550,7 +550,7 @@ def test_stop_goes_past_an_engine_that_hangs(wire: FakeWire) -> None:
         found = {"is_answered": True, "path": "indi"}
         on_found(found)
         is_measured.wait(PATIENCE_S)
-        on_found(found | {"outcome": "tracks"})
+        on_found(found | {"motion": "tracks"})
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")

@@ -133,7 +133,7 @@ class Idler:
         data |= {"ra": None, "dec": None, "alt": None, "az": None}
         if request.command.verb == "stop":
             outcome = "stands" if self.stops else "moves"
-            data = ANSWERED | {"outcome": outcome, "rate_deg_s": 0.0 if self.stops else 4.0}
+            data = ANSWERED | {"motion": outcome, "rate_deg_s": 0.0 if self.stops else 4.0}
         return Outcome(ok=True, message="so be it", data=data)
 
 

@@ -298,7 +298,7 @@ def test_a_stop_that_is_measured_is_not_told_by_a_word_from_before_it(wire: Fake
 
 def test_a_stop_that_the_engine_knows_is_over_only_once_nobody_has_the_mount(wire: FakeWire):
     """Its command handler answers at once, its loop ends the track with its next turn."""
-    known = {"last_stop": {"t_utc_ns": NOW, "outcome": "stands", "is_over": True}}
+    known = {"last_stop": {"t_utc_ns": NOW, "motion": "stands", "is_over": True}}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))

@@ -220,12 +220,12 @@ def ended(*said: dict[str, Any]) -> tuple[StopNews, list[StopNews]]:
 
 
 def test_the_seat_tells_order_answer_and_what_was_measured():
-    measuring = {"number": 3, "outcome": None}
+    measuring = {"number": 3, "motion": None}
     end, (answered, stopped) = ended(
-        ANSWERED, measuring, {**measuring, "outcome": "tracks", "measured_ms": 3100.0}
+        ANSWERED, measuring, {**measuring, "motion": "tracks", "measured_ms": 3100.0}
     )
     assert end is stopped
-    assert (answered.phase, stopped.phase, stopped.outcome) == ("answered", "stopped", "tracks")
+    assert (answered.phase, stopped.phase, stopped.motion) == ("answered", "stopped", "tracks")
     assert answered.ordered_ms is not None
     assert answered.answered_ms is not None
     assert answered.ordered_ms <= answered.answered_ms
@@ -238,24 +238,24 @@ def test_the_seat_tells_order_answer_and_what_was_measured():
 @pytest.mark.parametrize(
     ("last", "outcome", "words"),
     [
-        ({"outcome": "stands"}, "stands", "the mount stands, measured in "),
+        ({"motion": "stands"}, "stands", "the mount stands, measured in "),
         (
-            {"outcome": "moves", "rate_deg_s": 3.96},
+            {"motion": "moves", "rate_deg_s": 3.96},
             "moves",
             "the mount STILL MOVES at 4.0 deg/s: cut the mount's power",
         ),
         (
-            {"outcome": "moves", "rate_deg_s": 0.005},
+            {"motion": "moves", "rate_deg_s": 0.005},
             "moves",
             "the mount STILL MOVES at 18 arcsec/s: cut the mount's power",
         ),
         (
-            {"outcome": "unknown", "detail": "nothing was heard of it"},
+            {"motion": "unknown", "detail": "nothing was heard of it"},
             "unknown",
             "NOT KNOWN whether the mount moves (nothing was heard of it): run 'rsoconsole stop'",
         ),
         (
-            {"outcome": None, "is_over": True, "detail": "another order came"},
+            {"motion": None, "is_over": True, "detail": "another order came"},
             "unknown",
             "ordered in 0 ms, answered, but NOT KNOWN whether the mount moves (another order came)",
         ),
@@ -263,20 +263,20 @@ def test_the_seat_tells_order_answer_and_what_was_measured():
 )
 def test_a_stop_has_four_outcomes(last: dict[str, Any], outcome: str, words: str):
     end, _ = ended(ANSWERED, {"number": 3, **last})
-    assert end.outcome == outcome
+    assert end.motion == outcome
     assert end.phase == ("stopped" if outcome == "stands" else "failed")
     assert end.text.startswith(words.replace("0 ms", f"{end.ordered_ms:.0f} ms"))
 
 
 def test_what_a_stop_before_it_came_to_is_not_told_of_this_one():
-    earlier = {"number": 2, "outcome": "stands"}
-    end, _ = ended(ANSWERED, earlier, {"number": 3, "outcome": "tracks"})
-    assert end.outcome == "tracks"
+    earlier = {"number": 2, "motion": "stands"}
+    end, _ = ended(ANSWERED, earlier, {"number": 3, "motion": "tracks"})
+    assert end.motion == "tracks"
 
 
 def test_a_stop_that_nobody_answered_may_still_be_measured_to_have_stopped():
     unanswered = {**ANSWERED, "is_answered": False}
-    end, news = ended(unanswered, {"number": 3, "outcome": "stands"})
+    end, news = ended(unanswered, {"number": 3, "motion": "stands"})
     assert [each.phase for each in news] == ["stopped"]
     assert end.answered_ms is None
 

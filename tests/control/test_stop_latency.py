@@ -44,7 +44,7 @@ def test_the_command_stops_past_an_engine_that_hangs(stage):
     finally:
         os.kill(engine.process.pid, signal.SIGCONT)
     assert found["answered_ms"] is not None
-    assert (found["outcome"], found["path"]) == ("unknown", "indi")
+    assert (found["motion"], found["path"]) == ("unknown", "indi")
     assert not is_slewing(mount_by_itself(engine.observatory))
 
 

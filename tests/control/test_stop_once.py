@@ -16,8 +16,8 @@ from rsoconsole.control.stop import Found, StopNews, Stopping
 from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.panel.panel_orders import PanelOrders
 
-STOPPED = {"is_answered": True, "ms": 12.0, "path": "mount", "outcome": "tracks"}
-PAST = {"is_answered": True, "ms": 12.0, "path": "indi", "outcome": "stands"}
+STOPPED = {"is_answered": True, "ms": 12.0, "path": "mount", "motion": "tracks"}
+PAST = {"is_answered": True, "ms": 12.0, "path": "indi", "motion": "stands"}
 PATIENCE_S = 20.0
 
 

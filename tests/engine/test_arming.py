@@ -189,7 +189,7 @@ def test_what_a_mount_need_not_tell_is_not_asked_of_it() -> None:
     [
         (MountAbilities(can_set_tracking=False), "tracking", "it parks there"),
         (MountAbilities(can_park=False), "unparked", "dawn only stops it"),
-        (MountAbilities(tells_pier_side=False), "unparked", "from the hour angle"),
+        (MountAbilities(has_pier_side=False), "unparked", "from the hour angle"),
     ],
 )
 def test_what_a_mount_cannot_is_told_where_the_night_can_do_without(

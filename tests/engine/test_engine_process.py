@@ -82,7 +82,7 @@ def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path,
     wait_for(lambda: verb(environment, "status")["frame"] >= 1)
     assert verb(environment, "status")["holder"] == "autonomy"
     stopped = verb(environment, "stop")
-    assert (stopped["stopped"], stopped["outcome"]) == (True, "tracks")
+    assert (stopped["stopped"], stopped["motion"]) == (True, "tracks")
     assert stopped["answered_ms"] < 2000
     wait_for(lambda: verb(environment, "status")["state"] == "IDLE")
     engine.send_signal(signal.SIGTERM)
@@ -98,7 +98,7 @@ def test_stop_works_when_the_engine_was_killed(engine, environment):
     engine.wait()
     answer = verb(environment, "stop", status=4)
     # Nobody is left to let the simulated sky's time pass, in which motion could be measured.
-    assert (answer["outcome"], answer["path"]) == ("unknown", "indi")
+    assert (answer["motion"], answer["path"]) == ("unknown", "indi")
     assert answer["answered_ms"] < 2000
 
 

@@ -174,7 +174,7 @@ def test_another_client_s_slew_below_the_horizon_ends_above_it(at, to, is_measur
     assert mount.aborts == 1
     assert not mount.is_moving
     [words] = alarms_of(r)
-    assert "not ordered here" in words
+    assert "off any way ordered here" in words
     assert "below the horizon" in words
     assert "ABORT sent" in words
     assert r.engine.authority.state == "IDLE"

@@ -24,9 +24,9 @@ BARE = MountAbilities(
     can_abort=False,
     can_park=False,
     can_set_tracking=False,
-    tells_pier_side=False,
-    tells_site=False,
-    tells_time=False,
+    has_pier_side=False,
+    has_site=False,
+    has_time=False,
 )
 UNTOLD = SiteCheck(is_consistent=True, distance_km=None, reported=None, detail="not told")
 Serve = Callable[[set[str]], int]
@@ -81,8 +81,8 @@ def test_a_mount_that_parks_at_a_limit_may_be_armed_without_a_tracking_switch():
 
 def test_a_fork_has_no_side_of_the_pier_to_tell():
     fork = MountConfig.model_validate({"type": "fork"})
-    assert names(MountAbilities(tells_pier_side=False)) == ["pier side"]
-    assert names(MountAbilities(tells_pier_side=False), fork) == []
+    assert names(MountAbilities(has_pier_side=False)) == ["pier side"]
+    assert names(MountAbilities(has_pier_side=False), fork) == []
 
 
 # ---- the doctor ---------------------------------------------------------------------------------
@@ -153,7 +153,7 @@ class BareMount:
 
 def test_an_engine_starts_with_a_mount_that_has_no_site():
     """It waited for 15 s for an answer to a property that is not there, and ended."""
-    mount: Any = BareMount(MountAbilities(tells_site=False))
+    mount: Any = BareMount(MountAbilities(has_site=False))
     assert service._site_fault(mount, Config()) is None
     assert mount.sites == []
 
@@ -192,7 +192,7 @@ def test_status_and_health_tell_what_the_mount_cannot(tmp_path):
 
 
 def test_what_a_mount_only_does_not_tell_is_no_matter_of_health():
-    lacks = lacks_of(MountAbilities(tells_time=False, tells_site=False), MountConfig())
+    lacks = lacks_of(MountAbilities(has_time=False, has_site=False), MountConfig())
     assert len(lacks) == 2
     assert driver_health(lacks) == ()
     assert driver_health(()) == ()

@@ -48,12 +48,12 @@ def slewing(seat: OddEngine) -> OddEngine:
 def test_a_mount_that_obeys_is_told_to_track_because_it_was_measured(make: Make):
     seat = slewing(make())
     last = seat.stop()
-    assert (last.outcome, seat.moves()) == ("tracks", False)
+    assert (last.motion, seat.moves()) == ("tracks", False)
     assert last.answered_ms is not None
     assert last.measured_ms is not None
     assert last.answered_ms < 800 < last.measured_ms < 6000
     answer = dict(seat.orders)["stop"]
-    assert (answer.ok, answer.data["outcome"]) == (True, None)
+    assert (answer.ok, answer.data["motion"]) == (True, None)
     assert seat.alarms == [each for each in seat.alarms if each.startswith("STOP: ABORT sent")]
     assert seat.status().state == "IDLE"
 
@@ -67,10 +67,8 @@ def test_a_driver_that_says_idle_and_moves_on_is_not_believed(make: Make):
     seat = slewing(make("lieabort"))
     answer = seat.ask("stop")
     assert answer.ok  # the driver has taken it
-    last = seat.until(
-        lambda: (each := seat.status().last_stop) and each.outcome and each, "verdict"
-    )
-    assert (last.outcome, seat.moves()) == ("moves", True)
+    last = seat.until(lambda: (each := seat.status().last_stop) and each.motion and each, "verdict")
+    assert (last.motion, seat.moves()) == ("moves", True)
     assert last.rate_deg_s == pytest.approx(4.0, abs=1.0)
     assert "STILL MOVES at 4." in last.text
     assert "cut the mount's power" in last.text
@@ -85,10 +83,8 @@ def test_a_mount_that_does_not_obey_is_said_to_move_until_it_rests(make: Make, o
     answer = seat.ask("stop")
     assert not answer.ok
     assert "not answered in 0.8 s" in answer.message
-    last = seat.until(
-        lambda: (each := seat.status().last_stop) and each.outcome and each, "verdict"
-    )
-    assert (last.outcome, last.answered_ms, seat.moves()) == ("moves", None, True)
+    last = seat.until(lambda: (each := seat.status().last_stop) and each.motion and each, "verdict")
+    assert (last.motion, last.answered_ms, seat.moves()) == ("moves", None, True)
     reasons = {
         "abortalert": "answers ABORT with Alert: [ERROR] Abort failed: serial timeout",
         "abortignored": "says that it still moves after 4 aborts",
@@ -114,7 +110,7 @@ def test_a_driver_that_is_never_busy_is_seen_to_slew_and_to_stop(make: Make):
 def test_a_driver_that_stays_busy_is_seen_to_rest(make: Make):
     seat = slewing(make("busyforever"))
     last = seat.stop()
-    assert last.outcome in ("stands", "tracks")
+    assert last.motion in ("stands", "tracks")
     assert last.answered_ms is None
     seat.until(lambda: seat.status().is_slewing is False, "the end of the slew", 30.0)
 
@@ -122,7 +118,7 @@ def test_a_driver_that_stays_busy_is_seen_to_rest(make: Make):
 def test_a_slow_driver_is_not_known_until_it_has_told_enough(make: Make):
     seat = slewing(make("slowreport=5 nopollingperiod"))
     last = seat.stop()
-    assert last.outcome == "unknown"
+    assert last.motion == "unknown"
     assert last.measured_ms == pytest.approx(10_000.0, abs=1500.0)
     assert "NOT KNOWN whether the mount moves" in last.text
 
@@ -142,7 +138,7 @@ def test_a_second_stop_acts_at_once(make: Make):
         begun_s <= at_s < begun_s + 0.2 for at_s, _ in seat.received("TELESCOPE_ABORT_MOTION")
     )
     assert seat.aborts > before
-    seat.until(lambda: (each := seat.status().last_stop) and each.outcome == "tracks", "rest")
+    seat.until(lambda: (each := seat.status().last_stop) and each.motion == "tracks", "rest")
 
 
 def test_a_driver_that_dies_in_a_slew_is_told_to_stop_when_it_is_back(make: Make):
@@ -233,9 +229,9 @@ def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make
         ("noabort", "can_abort"),
         ("nopark", "can_park"),
         ("notrackstate", "can_set_tracking"),
-        ("noside", "tells_pier_side"),
-        ("nogeo", "tells_site"),
-        ("notime", "tells_time"),
+        ("noside", "has_pier_side"),
+        ("nogeo", "has_site"),
+        ("notime", "has_time"),
     ],
 )
 def test_what_a_mount_lacks_is_found_when_it_connects(make: Make, oddity: str, lacks: str):
@@ -246,7 +242,7 @@ def test_what_a_mount_lacks_is_found_when_it_connects(make: Make, oddity: str, l
 def test_a_mount_without_tracking_state_is_measured_all_the_same(make: Make):
     seat = slewing(make("notrackstate"))
     last = seat.stop()
-    assert last.outcome == "stands"  # what its ABORT leaves, whatever is configured
+    assert last.motion == "stands"  # what its ABORT leaves, whatever is configured
 
 
 def test_a_refusal_to_slew_is_told_with_its_own_reason(make: Make):

@@ -177,7 +177,7 @@ class Wire:
     def tell(
         self, name: str, values: dict[str, str], *, state: str = "Ok", asked: bool = False
     ) -> None:
-        self.motion.hear(
+        self.motion.take(
             IndiVector(
                 device="Mount",
                 name=name,

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("anywidget", reason="needs rsoconsole[notebook]: anywidget is missing")
 
-from rsoconsole.control import Outcome
+from rsoconsole.control import Found, Outcome
 from rsoconsole.notebook.panel import LivePanel, link, panel
 from rsoconsole.records import Event
 from rsoconsole.session.writing.writer import SessionWriter
@@ -62,9 +62,11 @@ def shown(
     """A panel whose page has spoken; past the engine there is a mount that stands."""
     past: list[Any] = []
 
-    def stop_past_engine(indi: Any) -> tuple[bool, str]:
+    def stop_past_engine(on_found: Callable[[Found], None], indi: Any) -> None:
         past.append(indi)
-        return True, "indi"
+        found = {"is_answered": True, "path": "indi"}
+        on_found(found)
+        on_found(found | {"motion": "stands"})
 
     monkeypatch.setattr(panel, "stop_past_engine", stop_past_engine)
     made = LivePanel(wire=wire, read_only=read_only)
@@ -166,11 +168,11 @@ def test_stop_goes_to_the_engine(opened: LivePanel, told: FakeWire) -> None:
 
 def test_a_stop_is_answered_and_then_measured(opened: LivePanel, told: FakeWire) -> None:
     told.outcomes["stop"] = Outcome(ok=True, data=ANSWERED)
-    told.status["last_stop"] = {"number": 1, "outcome": None}
+    told.status["last_stop"] = {"number": 1, "motion": None}
     page(opened, "stop", press="a")
     until(lambda: opened.stop_news.get("phase") == "answered")
     assert opened.stop_news["text"].endswith("ms by the mount's own process: measuring")
-    told.status["last_stop"] = {"number": 1, "outcome": "moves", "rate_deg_s": 0.5}
+    told.status["last_stop"] = {"number": 1, "motion": "moves", "rate_deg_s": 0.5}
     until(lambda: opened.stop_news.get("phase") == "failed")
     assert opened.stop_news["text"].startswith("the mount STILL MOVES at 0.5 deg/s")
 
@@ -179,7 +181,7 @@ def test_another_order_ends_a_stop_that_is_being_measured_and_is_no_alarm(
     opened: LivePanel, told: FakeWire
 ) -> None:
     told.outcomes["stop"] = Outcome(ok=True, data=ANSWERED)
-    superseded = {"number": 1, "outcome": "unknown", "is_over": True, "is_superseded": True}
+    superseded = {"number": 1, "motion": "unknown", "is_over": True, "is_superseded": True}
     told.status["last_stop"] = superseded
     page(opened, "stop", press="a")
     until(lambda: "another order came" in opened.said.get("text", ""))
@@ -200,10 +202,13 @@ def test_stop_goes_past_an_engine_that_does_not_answer(
     told.is_gone = trouble == "gone"
     if trouble == "hangs":
         told.hangs["stop"] = threading.Event()
+    texts: list[str] = []
+    opened.observe(lambda change: texts.append(change["new"].get("text", "")), "stop_news")
     begun_s = time.monotonic()
     opened.stop()
     until(lambda: opened.stop_news.get("phase") == "stopped")
-    assert "past the engine" in opened.stop_news["text"]
+    assert "by a connection past the engine" in texts[-2]
+    assert texts[-1].startswith("the mount stands, measured in ")
     # As the session says how its instruments are reached; half a second is what lateness costs.
     assert [indi.mount for indi in opened.past] == ["Telescope Simulator"]
     assert time.monotonic() - begun_s < 2.0

@@ -32,6 +32,7 @@ from rsoconsole.reasons import (
     NotTaken,
     SlewRefusal,
     SlewRefusalKind,
+    StopOutcome,
     TrackLost,
     Unclassified,
 )
@@ -616,6 +617,8 @@ REASONS = {
     "blocked",
     "refused",
 }
+STOP_OUTCOMES = get_args(StopOutcome)
+"""Kinds themselves: what a STOP has come to is called its outcome."""
 BY_WORDS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "find", "index"}
 
 
@@ -661,7 +664,8 @@ def _is_words(node: ast.expr) -> bool:
     if isinstance(node, ast.Tuple | ast.List | ast.Set):
         return any(map(_is_words, node.elts))
     return isinstance(node, ast.Constant | ast.JoinedStr) and not (
-        isinstance(node, ast.Constant) and (not isinstance(node.value, str) or not node.value)
+        isinstance(node, ast.Constant)
+        and (not isinstance(node.value, str) or node.value in ("", *STOP_OUTCOMES))
     )
 
 
@@ -679,3 +683,4 @@ def _is_words(node: ast.expr) -> bool:
 def test_the_search_for_sentences_finds_one(source: str) -> None:
     assert sentences_read(source)
     assert not sentences_read('record.outcome.kind == "refused" and not record.detail == ""')
+    assert not sentences_read('news.outcome in ("stands", "tracks")')

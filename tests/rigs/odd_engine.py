@@ -76,7 +76,7 @@ class OddEngine:
 
         def measured() -> LastStop | None:
             last = self.status().last_stop
-            return last if last is not None and last.outcome is not None else None
+            return last if last is not None and last.motion is not None else None
 
         found = self.until(measured, "verdict", timeout_s)
         assert isinstance(found, LastStop)

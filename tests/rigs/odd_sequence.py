@@ -296,7 +296,7 @@ class OddNight:
             name = element.get("name", "")
             if element.tag.startswith("def") and name in (COORDINATES, "POLLING_PERIOD"):
                 values = {each.get("name", ""): (each.text or "").strip() for each in element}
-                self.child._motion.hear(
+                self.child._motion.take(
                     IndiVector(
                         device=DEVICE,
                         name=name,

@@ -24,7 +24,7 @@ PATIENCE_S = 30.0
 FULL = (80, 24)
 ANSWERED = {"is_answered": True, "number": 1, "path": "mount", "ms": 12.0}
 """The mount's driver has taken ABORT; how the mount moves is being measured."""
-STOPPED = ANSWERED | {"outcome": "tracks"}
+STOPPED = ANSWERED | {"motion": "tracks"}
 
 Play = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
 

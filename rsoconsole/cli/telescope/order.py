@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from rsoconsole.cli.telescope.waiting import WISHES, Follower, WaitOption
+from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
 from rsoconsole.cli.words import JsonOption, SocketOption, completion, output
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
@@ -47,7 +47,7 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         _parameter(name, each, hints[each.name], _COMPLETED.get((command.verb, each.name)))
         for name, each in shown.items()
     ]
-    if command.verb in WISHES:
+    if command.verb in GOALS:
         parameters.append(_keyword("wait", WaitOption, default=False))
     for name, hint, default in (("socket", SocketOption, None), ("json_", JsonOption, False)):
         parameters.append(_keyword(name, hint, default))
@@ -83,7 +83,7 @@ def send(
     if follower is not None and outcome.ok:
         if not json_:
             output.say(outcome.message)
-        outcome = follower.outcome(WISHES[command.verb])
+        outcome = follower.outcome(GOALS[command.verb])
     if json_:
         output.emit_json({"verb": verb, "ok": outcome.ok, "message": outcome.message})
     if not outcome.ok:

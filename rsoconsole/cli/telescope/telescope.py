@@ -236,7 +236,7 @@ def stop(
     if json_:
         answer = {
             "stopped": ended.phase == "stopped",
-            "outcome": ended.outcome,
+            "motion": ended.motion,
             "rate_deg_s": ended.rate_deg_s,
             "path": ended.path,
             "ordered_ms": ended.ordered_ms,
@@ -246,7 +246,7 @@ def stop(
         }
         output.emit_json(answer)
     if ended.phase != "stopped":
-        raise typer.Exit(STILL_MOVES_EXIT if ended.outcome == "moves" else NOT_KNOWN_EXIT)
+        raise typer.Exit(STILL_MOVES_EXIT if ended.motion == "moves" else NOT_KNOWN_EXIT)
 
 
 def _say_fault(words: str) -> None:

@@ -32,12 +32,12 @@ BY_WORD_S = 10.0
 """So long a motion is waited for that nobody has measured yet."""
 AT_REST_S = 12.0
 """Some pause for seconds between two axes, and are sent again where they stopped short."""
-TOLD_AGAIN_S = 45.0
+REPEATED_S = 45.0
 """A mount that shall park is told again every 30 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class Goal:
     """What an order is to lead to."""
 
     done: str
@@ -52,19 +52,19 @@ class Wish:
     """States of the engine that another order brings about."""
 
 
-WISHES = {
-    "park": Wish(
+GOALS = {
+    "park": Goal(
         done="parked",
         is_there=lambda status: bool(status.is_parked),
         ends=("stands",),
-        at_rest_s=TOLD_AGAIN_S,
+        at_rest_s=REPEATED_S,
     ),
-    "unpark": Wish(done="released", is_there=lambda status: status.is_parked is False),
+    "unpark": Goal(done="released", is_there=lambda status: status.is_parked is False),
 }
 """Of verbs that are nothing but a command."""
 
 
-def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Wish:
+def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
     """The mount is there, by its own coordinates."""
 
     def is_there(status: Status) -> bool:
@@ -73,7 +73,7 @@ def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Wish
             return False
         return 60.0 * separation_deg(ra, dec, ra_icrs_deg, dec_icrs_deg) <= near_arcmin
 
-    return Wish(done="arrived", is_there=is_there, others=())
+    return Goal(done="arrived", is_there=is_there, others=())
 
 
 def config_of(session: Path | None) -> Config:
@@ -89,7 +89,7 @@ def config_of(session: Path | None) -> Config:
 
 
 class Follower:
-    """Looks at the engine once a second until a wish has come true, or cannot any more."""
+    """Looks at the engine once a second until a goal has come true, or cannot any more."""
 
     def __init__(self, wire: "Wire") -> None:
         """Before the order is sent: what was before it ends no waiting."""
@@ -98,7 +98,7 @@ class Follower:
         self._case: Case = "on its way"
         self._case_since_s = 0.0
 
-    def follow(self, wish: Wish) -> str:
+    def follow(self, goal: Goal) -> str:
         """How it was done, in words. Raises ControlError where it is not."""
         sent = self._last = self._look()
         bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
@@ -107,36 +107,36 @@ class Follower:
             while True:
                 time.sleep(LOOK_S)
                 status = self._look()
-                self._expect_no_other(status, wish)
+                self._expect_no_other(status, goal)
                 waited_s = _engine_s(status) - _engine_s(sent)
                 # What was reported before the order has been taken tells nothing of it.
                 if (status.mount_t_utc_ns or 0) > (sent.now_utc_ns or 0):
-                    words = self._ended(status, wish)
+                    words = self._ended(status, goal)
                     if words:
                         return words
                     show(f"{motion_words(status)}, {waited_s:.0f} s")
                 if max(waited_s, time.monotonic() - began_s) > bound_s:
-                    raise ControlError(f"not {wish.done} in {bound_s:.0f} s: {_how(status)}")
+                    raise ControlError(f"not {goal.done} in {bound_s:.0f} s: {_how(status)}")
 
-    def outcome(self, wish: Wish) -> Outcome:
+    def outcome(self, goal: Goal) -> Outcome:
         """The same as an outcome: also that it is not done."""
         try:
-            return Outcome(ok=True, message=self.follow(wish))
+            return Outcome(ok=True, message=self.follow(goal))
         except ControlError as error:
             return Outcome(ok=False, message=str(error))
 
-    def _ended(self, status: Status, wish: Wish) -> str:
+    def _ended(self, status: Status, goal: Goal) -> str:
         """How it ended well; empty: not yet. Raises ControlError where it ended otherwise."""
-        case, now_s = _case_of(status, wish), _engine_s(status)
+        case, now_s = _case_of(status, goal), _engine_s(status)
         if case != self._case:
             self._case, self._case_since_s = case, now_s
         lasts_s = now_s - self._case_since_s
         if case == "done":
-            return f"{wish.done}: it {status.mount_motion}, measured"
+            return f"{goal.done}: it {status.mount_motion}, measured"
         if case == "not measured" and lasts_s > BY_WORD_S:
-            return f"{wish.done}, by its driver's word: how it moves is not known"
-        if case in ("moves there", "elsewhere") and lasts_s > wish.at_rest_s:
-            raise ControlError(f"not {wish.done}: {_how(status)}")
+            return f"{goal.done}, by its driver's word: how it moves is not known"
+        if case in ("moves there", "elsewhere") and lasts_s > goal.at_rest_s:
+            raise ControlError(f"not {goal.done}: {_how(status)}")
         return ""
 
     def _look(self) -> Status:
@@ -147,34 +147,34 @@ class Follower:
             raise ControlError(outcome.message)
         return read_status(outcome.data)
 
-    def _expect_no_other(self, status: Status, wish: Wish) -> None:
+    def _expect_no_other(self, status: Status, goal: Goal) -> None:
         """Raises ControlError where something else has the mount now."""
         last, self._last = self._last, status
         stop, before = status.last_stop, self._before.last_stop
         is_new = status.state != last.state
         if stop is not None and (before is None or stop.t_utc_ns != before.t_utc_ns):
-            raise ControlError(f"not {wish.done}: STOP by {stop.by}; {_how(status)}")
+            raise ControlError(f"not {goal.done}: STOP by {stop.by}; {_how(status)}")
         if status.pid != self._before.pid:
-            raise ControlError(f"not {wish.done}: another engine runs now; {_how(status)}")
+            raise ControlError(f"not {goal.done}: another engine runs now; {_how(status)}")
         if is_new and status.state == "FAULT":
             why = "; ".join(status.faults)
-            raise ControlError(f"not {wish.done}: FAULT {why}".rstrip())
+            raise ControlError(f"not {goal.done}: FAULT {why}".rstrip())
         is_taken = status.holder == "autonomy" != last.holder
-        if is_taken or (is_new and status.state in wish.others):
+        if is_taken or (is_new and status.state in goal.others):
             raise ControlError(
-                f"not {wish.done}: another order came ({status.state}); {_how(status)}"
+                f"not {goal.done}: another order came ({status.state}); {_how(status)}"
             )
 
 
 Case = Literal["done", "not measured", "moves there", "elsewhere", "on its way"]
 
 
-def _case_of(status: Status, wish: Wish) -> Case:
-    """How things stand with a wish."""
+def _case_of(status: Status, goal: Goal) -> Case:
+    """How things stand with a goal."""
     motion, claims_motion = status.mount_motion, status.is_slewing or status.is_parking
     is_known = motion not in (None, "unknown")
-    if wish.is_there(status):
-        if motion in wish.ends:
+    if goal.is_there(status):
+        if motion in goal.ends:
             return "done"
         if is_known:
             return "moves there"

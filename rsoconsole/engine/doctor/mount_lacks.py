@@ -57,13 +57,13 @@ def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
         )
     if not abilities.can_park:
         found.append(Lack(name="park", what="no park position", follows="dawn only stops it"))
-    if not abilities.tells_pier_side and mount.type == "german":
+    if not abilities.has_pier_side and mount.type == "german":
         follows = "it is computed from the hour angle"
         found.append(Lack(name="pier side", what="no side of the pier", follows=follows))
-    if not abilities.tells_site:
+    if not abilities.has_site:
         follows = "compare it with yours by hand"
         found.append(Lack(name="site", what="no site", follows=follows))
-    if not abilities.tells_time:
+    if not abilities.has_time:
         follows = "compare its clock by hand"
         found.append(Lack(name="time", what="no time", follows=follows))
     return tuple(found)
@@ -75,7 +75,7 @@ def abilities_by(properties: Collection[str]) -> MountAbilities:
         can_abort=PROPERTIES["abort"] in properties,
         can_park=PROPERTIES["park"] in properties,
         can_set_tracking=PROPERTIES["tracking"] in properties,
-        tells_pier_side=PROPERTIES["pier side"] in properties,
-        tells_site=PROPERTIES["site"] in properties,
-        tells_time=PROPERTIES["time"] in properties,
+        has_pier_side=PROPERTIES["pier side"] in properties,
+        has_site=PROPERTIES["site"] in properties,
+        has_time=PROPERTIES["time"] in properties,
     )

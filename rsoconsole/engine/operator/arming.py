@@ -274,8 +274,8 @@ def _unparked(facts: ArmingFacts, config: Config) -> ArmingCheck:
         )
     is_parking = facts.report.is_parking
     detail = "the mount parks: arming ends that" if is_parking else "the mount is not parked"
-    told = [_lack(name, facts, config) for name in ("park", "pier side")]
-    lacks = [f"{lack.what}, {lack.follows}" for lack in told if lack is not None]
+    found = [_lack(name, facts, config) for name in ("park", "pier side")]
+    lacks = [f"{lack.what}, {lack.follows}" for lack in found if lack is not None]
     return ArmingCheck(name="unparked", ok=True, detail="; ".join([detail, *lacks]))
 
 

@@ -100,9 +100,12 @@ class ByHand:
 
     def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._possible(command)
-        told = self._command(direction)
+        commanded = self._command(direction)
         data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
-        data |= {"command_ra_icrs_deg": float(told[0]), "command_dec_icrs_deg": float(told[1])}
+        data |= {
+            "command_ra_icrs_deg": float(commanded[0]),
+            "command_dec_icrs_deg": float(commanded[1]),
+        }
         return Accepted(message="on its way; you have the mount", data=data)
 
     def _expect_unparked(self, _command: Command, _by: str) -> None:

@@ -295,7 +295,7 @@ class CommandHandler:
         last = self._last_stop
         if last is None or last.is_at_rest:
             return last
-        if last.is_over or last.outcome is None:
+        if last.is_over or last.motion is None:
             return last
         is_open = self._engine.authority.is_stopped or self._queue.is_stopping
         return dataclasses.replace(last, is_over=not is_open)

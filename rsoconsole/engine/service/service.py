@@ -270,7 +270,7 @@ def _site_fault(mount: MountPort, config: Config) -> str | None:
     site = config.site.to_site()
     check = mount.check_site(site)
     if check.reported is None:
-        if mount.abilities().tells_site:
+        if mount.abilities().has_site:
             try:
                 mount.set_site(site)
             except InstrumentError as error:

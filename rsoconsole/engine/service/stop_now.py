@@ -88,7 +88,7 @@ def stop_status(given: LastStop, result: StopResult) -> LastStop:
         ordered_ms=result.ordered_ms,
         answered_ms=result.ms if result.is_answered else None,
         measured_ms=result.measured_ms,
-        outcome=None if result.motion is None else result.motion.kind,
+        motion=None if result.motion is None else result.motion.kind,
         rate_deg_s=result.rate_deg_s,
         is_over=result.is_superseded,
         path=result.path,

@@ -339,7 +339,7 @@ class Watch:
                 end()
             return
         self._said["limit"] = refusal.limit
-        whose = "a slew that was not ordered here: " if how == "slews" and own is None else ""
+        whose = "a slew off any way ordered here: " if how == "slews" and own is None else ""
         words = f"{whose}{refusal.text}; {self._stop.words(how, parks=parks)}"
         self._queue.stop(LimitMet(words=words), end)
 

@@ -29,7 +29,7 @@ _INTERVAL_S = (0.2, 10.0)
 _NS = 1e9
 
 
-class Told(Protocol):
+class AnyVector(Protocol):
     """A property's vector, from whichever client."""
 
     @property
@@ -60,7 +60,7 @@ class ReportedMotion:
         self._meter = MotionMeter()
         self._lock = threading.Lock()
         self._sim_s: float | None = None
-        self._heard_s = self._asked_s = self._told_s = self._changed_s = -math.inf
+        self._spoke_s = self._asked_s = self._reported_s = self._changed_s = -math.inf
         self._apart_s: deque[float] = deque(maxlen=_INTERVALS)
         """Between changes that the driver told by itself."""
         self._is_base_defined = False
@@ -74,16 +74,16 @@ class ReportedMotion:
         self.polling_ms: float | None = None
         """What the driver says of its looks; None where it says nothing."""
 
-    def hear(self, vector: Told) -> None:
+    def take(self, vector: AnyVector) -> None:
         """One more word of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
-                self._hear_polling(vector.values)
+                self._take_polling(vector.values)
             elif vector.name == SIM_TIME:
-                self._hear_sim_time(vector.values)
+                self._take_sim_time(vector.values)
             elif vector.name == COORDINATES:
-                self._hear_coordinates(vector, now_s)
+                self._take_coordinates(vector, now_s)
 
     def begin(self) -> None:
         """An order goes out: reports before it tell nothing."""
@@ -103,35 +103,35 @@ class ReportedMotion:
             return self._meter.motion(self._now_s() if self._sim_s is None else self._sim_s)
 
     @property
-    def is_told_lately(self) -> bool:
+    def is_fresh(self) -> bool:
         """Whether the driver has told coordinates by itself within the span that is measured."""
         with self._lock:
-            return self._now_s() - self._told_s <= self._meter.span_s + self._meter.period_s
+            return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
     def wants_word(self) -> bool:
         """Whether the driver is to be asked now, because it is silent; counts as asked."""
         with self._lock:
             now_s = self._now_s()
-            if self._sim_s is not None or now_s - max(self._heard_s, self._asked_s) < _ASK_EVERY_S:
+            if self._sim_s is not None or now_s - max(self._spoke_s, self._asked_s) < _ASK_EVERY_S:
                 return False
             self._asked_s = now_s
             if self._unanswered_s is None:
                 self._unanswered_s = now_s
             return True
 
-    def _hear_sim_time(self, values: Mapping[str, Any]) -> None:
-        told = _number(values.get("UTC_NS", ""))
-        if told is None:
+    def _take_sim_time(self, values: Mapping[str, Any]) -> None:
+        value = _number(values.get("UTC_NS", ""))
+        if value is None:
             return
         if self._sim_s is None:
             self._meter = MotionMeter(0.0)
-        self._sim_s = told / _NS
+        self._sim_s = value / _NS
 
-    def _hear_polling(self, values: Mapping[str, Any]) -> None:
-        told = _number(values.get("PERIOD_MS", ""))
-        if told is not None and told > 0.0 and self._sim_s is None:
-            self.polling_ms, self._knows_period = told, True
-            self._meter.period_s = min(max(told / 1e3, _PERIODS_S[0]), _PERIODS_S[1])
+    def _take_polling(self, values: Mapping[str, Any]) -> None:
+        value = _number(values.get("PERIOD_MS", ""))
+        if value is not None and value > 0.0 and self._sim_s is None:
+            self.polling_ms, self._knows_period = value, True
+            self._meter.period_s = min(max(value / 1e3, _PERIODS_S[0]), _PERIODS_S[1])
 
     def _learn_period(self, now_s: float) -> None:
         """A driver that does not tell it shows how often it looks at a mount that moves."""
@@ -145,8 +145,8 @@ class ReportedMotion:
             self._knows_period = True
             self._meter.period_s = max(_PERIODS_S[0], statistics.median(self._apart_s))
 
-    def _hear_coordinates(self, vector: Told, now_s: float) -> None:
-        was_busy, self._heard_s = self.state == "Busy", now_s
+    def _take_coordinates(self, vector: AnyVector, now_s: float) -> None:
+        was_busy, self._spoke_s = self.state == "Busy", now_s
         if was_busy is not (vector.state == "Busy"):
             # Where it was on its way here tells nothing of how it moves from now on.
             self._meter.begin_at(now_s if self._sim_s is None else self._sim_s)
@@ -167,7 +167,7 @@ class ReportedMotion:
         ra_deg, last = hours_to_deg(ra_hours), self._meter.last
         is_same = last is not None and (last.ra_deg, last.dec_deg) == (ra_deg, dec_deg)
         if not vector.is_definition:
-            self._told_s = now_s
+            self._reported_s = now_s
             if not is_same:
                 self._learn_period(now_s)
         if is_same:

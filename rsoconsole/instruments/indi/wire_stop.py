@@ -229,7 +229,7 @@ class _WireStop:
         vector = self._wire.wait(lambda each: each.device == self._device, timeout_s)
         if vector is None:
             return
-        self._motion.hear(vector)
+        self._motion.take(vector)
         is_first = vector.name not in self._first
         self._first.setdefault(vector.name, vector)
         self.vectors[vector.name] = vector

@@ -168,7 +168,7 @@ class IndiMount:
         def act() -> StopResult:
             first: queue.SimpleQueue[StopResult] = queue.SimpleQueue()
 
-            def hear(result: StopResult) -> None:
+            def take(result: StopResult) -> None:
                 if result.motion is None:
                     first.put(result)
                 else:
@@ -187,7 +187,7 @@ class IndiMount:
                     "after_stop": self._mount.after_stop,
                     "had_tracking": had_tracking,
                     "watched": watched,
-                    "on_result": hear,
+                    "on_result": take,
                 },
                 daemon=True,
                 name="stop past the mount's process",

@@ -350,7 +350,7 @@ class MountChild:
             raise InstrumentError("STOP came before the mount had taken this order")
 
     def _on_vector(self, vector: Vector) -> None:
-        self._motion.hear(vector)
+        self._motion.take(vector)
         if vector.name not in _REPORTED or self._client is None or self._mirror is None:
             return
         # The simulated mount sends its time just before its coordinates.

@@ -50,6 +50,6 @@ class MountEar:
                 self._motion.held_up()
             looked_s = now_s
             if vector is not None and vector.is_definition:
-                self._motion.hear(vector)
+                self._motion.take(vector)
             if self._motion.wants_word():
                 wire.ask(self._device, COORDINATES)

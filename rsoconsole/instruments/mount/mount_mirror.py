@@ -60,7 +60,7 @@ class MountMirror:
         would look as if it tracked.
         """
         motion = self._reported.motion()
-        if motion.kind == "tracks" and self.says_parked and not self._reported.is_told_lately:
+        if motion.kind == "tracks" and self.says_parked and not self._reported.is_fresh:
             tracking = self._client.get(TRACKING)
             if tracking is None or not tracking.values.get("TRACK_ON"):
                 return Motion()
@@ -77,9 +77,9 @@ class MountMirror:
             can_abort=has(ABORT),
             can_park=has(PARK),
             can_set_tracking=has(TRACKING),
-            tells_pier_side=has(SIDE),
-            tells_site=has(SITE),
-            tells_time=has(TIME),
+            has_pier_side=has(SIDE),
+            has_site=has(SITE),
+            has_time=has(TIME),
         )
 
     @property

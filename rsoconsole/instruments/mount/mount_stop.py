@@ -63,8 +63,8 @@ class MountStop:
     def measured(self, path: StopPath, motion: Motion, at_s: float | None = None) -> None:
         """How the mount moves since; told where it is another kind of motion than before."""
         with self._changed:
-            told = None if self._last is None or self._last.motion is None else self._last.motion
-            if self.is_over or (told is not None and told.kind == motion.kind):
+            last = None if self._last is None or self._last.motion is None else self._last.motion
+            if self.is_over or (last is not None and last.kind == motion.kind):
                 return
             known = self._answered or self._result(is_answered=False, path=path)
             news = self._last = replace(known, motion=motion, measured_ms=self._ms(at_s))

@@ -51,7 +51,7 @@ def _as_answer(result: StopResult) -> dict[str, Any]:
         "is_answered": result.is_answered,
         "path": result.path,
         "ms": result.ms,
-        "outcome": None if result.motion is None else result.motion.kind,
+        "motion": None if result.motion is None else result.motion.kind,
         "rate_deg_s": result.rate_deg_s,
         "detail": result.detail,
     }

@@ -43,7 +43,7 @@ class StopMeasurement:
             self._client.send_switch(ABORT, "ABORT")
             self._hold_tracking()
         if step.news is not None or step.is_over:
-            self._tell(step.news, is_over=step.is_over)
+            self._report(step.news, is_over=step.is_over)
         if step.is_over:
             self.end()
 
@@ -53,7 +53,7 @@ class StopMeasurement:
             self._client.send_numbers(POLLING, {"PERIOD_MS": self._polling_ms})
         self.is_over = True
 
-    def _tell(self, motion: Motion | None, *, is_over: bool) -> None:
+    def _report(self, motion: Motion | None, *, is_over: bool) -> None:
         self._say(
             {
                 "event": "stop measured",
