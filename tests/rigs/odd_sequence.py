@@ -213,7 +213,7 @@ class OddNight:
         }
         self._in_limits = self._is_judging = False
         self._fast_since_s: float | None = None
-        self._rest_since_s = self.now_s
+        self._rest_since_s, self._rest_altitude_deg = self.now_s, 90.0
         self._heard = 0
         self._was_deaf = False
         self._connect()
@@ -386,9 +386,12 @@ class OddNight:
             self.oddities
         )
         tracks = max(abs(rates[0]), abs(rates[1])) <= shown_arcsec_s(self.oddities)
+        altitude_deg = self.model.altitude_deg
         if stands or tracks:
-            self._rest_since_s = self.now_s
-        self.verdict.lowest_deg = min(self.verdict.lowest_deg, self.model.altitude_deg)
+            self._rest_since_s, self._rest_altitude_deg = self.now_s, altitude_deg
+        # What begins beside the limit is over it before anybody has looked.
+        unseen_deg = max(0.0, unseen_way_deg(self.oddities) - max(self._rest_altitude_deg, 0.0))
+        self.verdict.lowest_deg = min(self.verdict.lowest_deg, altitude_deg + unseen_deg)
         self._judge_stops()
         motion = self.child._mirror.motion if self.child._mirror is not None else Motion()
         if motion.is_at_rest:
@@ -464,12 +467,17 @@ def way_to_stop_deg(odd: Oddities) -> float:
     return math.sqrt(2.0) * odd.speed_deg_s**2 / (2.0 * odd.acceleration_deg_s2)
 
 
+def unseen_way_deg(odd: Oddities) -> float:
+    """How far it goes before it is looked at."""
+    look_s = LIMITS_EVERY_S + known_within_s(odd)
+    return math.sqrt(2.0) * odd.speed_deg_s * look_s
+
+
 def park_room_deg(model: OddMount) -> float:
     """The way to a park position is its owner's affair down to a little below the horizon, where it
     is looked at once a second."""
     has_parked = any(name == PARK for _, name, _ in model.received)
-    look_s = LIMITS_EVERY_S + known_within_s(model.oddities)
-    return PARK_ROOM_DEG + model.oddities.speed_deg_s * look_s if has_parked else 0.0
+    return PARK_ROOM_DEG + unseen_way_deg(model.oddities) if has_parked else 0.0
 
 
 def disobeys(odd: Oddities) -> bool:

@@ -17,6 +17,7 @@ from tests.rigs.odd_sequence import (
     known_within_s,
     park_room_deg,
     shown_arcsec_s,
+    unseen_way_deg,
     way_to_stop_deg,
 )
 
@@ -116,6 +117,7 @@ def _judge(
 ) -> None:
     odd = seat.server.model.oddities
     rested_s = looked_s = time.monotonic()
+    rest_altitude_deg = 90.0
     while not is_over.wait(LOOK_S):
         now_s = time.monotonic()
         if now_s - looked_s > LATE_S / 2.0:
@@ -123,9 +125,11 @@ def _judge(
         looked_s = now_s
         with seat.server.locked() as model:
             ra, dec = model.ra_rate_arcsec_s, model.dec_rate_arcsec_s
-            found.lowest_deg = min(found.lowest_deg, model.altitude_deg)
+            altitude_deg = model.altitude_deg
+        unseen_deg = max(0.0, unseen_way_deg(odd) - max(rest_altitude_deg, 0.0))
+        found.lowest_deg = min(found.lowest_deg, altitude_deg + unseen_deg)
         if max(min(abs(ra), abs(ra - SIDEREAL_ARCSEC_S)), abs(dec)) <= shown_arcsec_s(odd):
-            rested_s = time.monotonic()
+            rested_s, rest_altitude_deg = time.monotonic(), altitude_deg
         try:
             motion = seat.mount.report(timeout_s=1.0).motion
         except RsoconsoleError:
