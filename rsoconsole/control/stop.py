@@ -297,7 +297,8 @@ class Stopping:
                 self._ended = news
         try:
             with self._reporting:
-                if is_end or self._ended is None:
+                is_old = news.phase == "late" and self._is_answered
+                if is_end or (self._ended is None and not is_old):
                     self._on_news(news)
         except Exception:  # who only hears of a STOP may not end it
             log.exception("news of a STOP")

@@ -174,7 +174,7 @@ def mount_silent(night: FaultNight, row: Row) -> None:
     night.look(row)
     if night.random.random() < 0.5:
         outcome = night.ask("stop")
-        if outcome.data.get("is_answered") is True or outcome.data.get("outcome") is not None:
+        if outcome.data.get("is_answered") is True or outcome.data.get("motion") is not None:
             row.wrong.append("STOP answered by a mount that says nothing")
     time.sleep(night.random.uniform(0.5, _LONG_STOP_S))
     _mount(night, IS_SILENT=0)

@@ -218,10 +218,10 @@ class FaultNight:
         ends_s = time.monotonic() + MEASURED_S
         while time.monotonic() < ends_s:
             last = self.ask("status").data.get("last_stop") or {}
-            if last.get("outcome") in ("stands", "tracks"):
+            if last.get("motion") in ("stands", "tracks"):
                 return
             time.sleep(0.1)
-        row.wrong.append(f"after STOP the mount is measured: {last.get('outcome')}")
+        row.wrong.append(f"after STOP the mount is measured: {last.get('motion')}")
 
     def recover(self, row: Row) -> None:
         """Wait for frames again, arming where the fault has cost autonomy the mount."""

@@ -167,3 +167,35 @@ def test_a_runtime_folder_that_is_refused_does_not_stand_in_the_way_of_a_stop():
     failing = Stopping(wire, without_server)
     failing.begin()
     assert failing.wait().reason == "/run/user/1000 belongs to another user (uid 1000); no server"
+
+
+def test_a_stop_that_is_answered_past_the_engine_at_once_is_not_called_late_behind_it():
+    """The way past the engine may be through before it is said that it is gone."""
+    news: list[StopNews] = []
+    may_answer, is_answered = threading.Event(), threading.Event()
+
+    class Hung(Answering):
+        def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
+            may_answer.wait(PATIENCE_S)
+            return super().send(command)
+
+    stopping = Stopping(lambda: Hung(STOPPED), None, news.append)
+
+    def directly(on_found: Callable[[Found], None]) -> None:
+        on_found({key: value for key, value in PAST.items() if key != "motion"})
+        is_answered.set()
+        may_answer.wait(PATIENCE_S)
+
+    stopping._directly = directly
+    go_past = stopping._go_past
+
+    def go_past_and_wait() -> None:
+        go_past()
+        is_answered.wait(PATIENCE_S)
+
+    stopping._go_past = go_past_and_wait  # type: ignore[method-assign]
+    stopping.begin()
+    assert is_answered.wait(PATIENCE_S)
+    may_answer.set()
+    assert stopping.wait().phase == "stopped"
+    assert [each.phase for each in news] == ["answered", "stopped"]

@@ -91,6 +91,7 @@ def stop_status(given: LastStop, result: StopResult) -> LastStop:
         motion=None if result.motion is None else result.motion.kind,
         rate_deg_s=result.rate_deg_s,
         is_over=result.is_superseded,
+        is_superseded=result.is_superseded,
         path=result.path,
         detail=result.detail,
     )
