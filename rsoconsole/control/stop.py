@@ -234,12 +234,9 @@ class Stopping:
         self._say(self._news("answered", text, path))
 
     def _take_motion(self, found: Found, path: str) -> bool:
-        """Whether it says how the mount was measured to move, or that nobody will."""
+        """Whether it says how the mount was measured to move, or that this is not known."""
         motion, rate = found.get("motion"), found.get("rate_deg_s")
         if motion is None or motion not in get_args(StopOutcome):
-            if found.get("is_over") is True:
-                self._failed(str(found.get("detail") or "another order came"))
-                return True
             return False
         rate_deg_s = float(rate) if isinstance(rate, int | float) else None
         detail = str(found.get("detail") or "")

@@ -255,9 +255,9 @@ def test_the_seat_tells_order_answer_and_what_was_measured():
             "NOT KNOWN whether the mount moves (nothing was heard of it): run 'rsoconsole stop'",
         ),
         (
-            {"motion": None, "is_over": True, "detail": "another order came"},
+            {"motion": "unknown", "is_superseded": True, "detail": "another order came"},
             "unknown",
-            "ordered in 0 ms, answered, but NOT KNOWN whether the mount moves (another order came)",
+            "NOT KNOWN whether the mount moves (another order came)",
         ),
     ],
 )

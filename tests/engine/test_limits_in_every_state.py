@@ -1,4 +1,4 @@
-"""Limits hold whoever moves the mount, and whatever its driver says of it: measured, and ahead.
+"""Limits hold for every motion of the mount, whatever its driver says of it: measured, and ahead.
 
 The mount of these tests has two axes that speed up and slow down; the watch looks once a second.
 """

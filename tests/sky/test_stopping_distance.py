@@ -2,7 +2,7 @@
 
 import pytest
 
-from rsoconsole.sky.limits.stopping import LEAST_DEG, MOST_DEG, UNLEARNED_DEG, StoppingDistance
+from rsoconsole.sky.limits.stopping import MAX_DEG, MIN_DEG, UNLEARNED_DEG, StoppingDistance
 
 
 def learned(*stops: tuple[float, float]) -> StoppingDistance:
@@ -27,7 +27,7 @@ def test_the_largest_is_kept():
 
 @pytest.mark.parametrize(
     ("rate_deg_s", "way_deg"),
-    [(4.0, 4.0), (2.0, 2.0), (1.0, 1.0), (0.1, LEAST_DEG), (6.0, 9.0), (8.0, MOST_DEG)],
+    [(4.0, 4.0), (2.0, 2.0), (1.0, 1.0), (0.1, MIN_DEG), (6.0, 9.0), (8.0, MAX_DEG)],
 )
 def test_a_slower_motion_needs_less_and_a_faster_one_more(rate_deg_s, way_deg):
     assert learned((4.0, 4.0)).at(rate_deg_s) == pytest.approx(way_deg)
@@ -38,7 +38,7 @@ def test_a_slow_stop_teaches_nothing_of_a_fast_one():
     assert not learned((0.3, 0.004)).is_learned
 
 
-@pytest.mark.parametrize(("way_deg", "kept_deg"), [(0.0, LEAST_DEG), (28.0, MOST_DEG)])
+@pytest.mark.parametrize(("way_deg", "kept_deg"), [(0.0, MIN_DEG), (28.0, MAX_DEG)])
 def test_it_is_never_taken_for_nothing_nor_for_the_whole_sky(way_deg, kept_deg):
     """One that moved on for 28 deg had not heard of ABORT."""
     assert learned((way_deg, 4.0)).at(4.0) == kept_deg

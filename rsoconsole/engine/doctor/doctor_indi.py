@@ -11,9 +11,10 @@ import time
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check
 from rsoconsole.engine.doctor.doctor_imports import import_faults
-from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, abilities_by
+from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
 from rsoconsole.instruments import MountAbilities
 from rsoconsole.instruments.indi import IndiWire, meant_libraries
+from rsoconsole.instruments.mount import abilities_by
 from rsoconsole.records import Site
 
 _COORDINATES = "EQUATORIAL_EOD_COORD"

@@ -1,6 +1,5 @@
 """What a mount's driver does not offer, and what follows from that for a night. Pure."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -67,15 +66,3 @@ def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
         follows = "compare its clock by hand"
         found.append(Lack(name="time", what="no time", follows=follows))
     return tuple(found)
-
-
-def abilities_by(properties: Collection[str]) -> MountAbilities:
-    """What an INDI driver offers that has defined these properties."""
-    return MountAbilities(
-        can_abort=PROPERTIES["abort"] in properties,
-        can_park=PROPERTIES["park"] in properties,
-        can_set_tracking=PROPERTIES["tracking"] in properties,
-        has_pier_side=PROPERTIES["pier side"] in properties,
-        has_site=PROPERTIES["site"] in properties,
-        has_time=PROPERTIES["time"] in properties,
-    )

@@ -6,7 +6,7 @@ A driver's state is a claim. Where the reported directions tell how the mount mo
 import dataclasses
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
@@ -21,6 +21,8 @@ SIDE = "TELESCOPE_PIER_SIDE"
 TIME = "TIME_UTC"
 SITE = "GEOGRAPHIC_COORD"
 ABORT = "TELESCOPE_ABORT_MOTION"
+OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
+"""Properties that not every driver has."""
 SILENT_SLEW_S = 10.0
 """A driver that slews speaks several times a second."""
 BUSY_AT_REST_S = 10.0
@@ -70,17 +72,7 @@ class MountMirror:
     def abilities(self) -> MountAbilities:
         """What the driver offers."""
 
-        def has(name: str) -> bool:
-            return self._client.get(name) is not None
-
-        return MountAbilities(
-            can_abort=has(ABORT),
-            can_park=has(PARK),
-            can_set_tracking=has(TRACKING),
-            has_pier_side=has(SIDE),
-            has_site=has(SITE),
-            has_time=has(TIME),
-        )
+        return abilities_by({name for name in OFFERED if self._client.get(name) is not None})
 
     @property
     def says_parked(self) -> bool:
@@ -216,6 +208,18 @@ class MountMirror:
             "longitude_deg": wrap_180(vector.values["LONG"]),
             "elevation_m": vector.values.get("ELEV", 0.0),
         }
+
+
+def abilities_by(properties: Collection[str]) -> MountAbilities:
+    """What an INDI driver offers that has defined these properties."""
+    return MountAbilities(
+        can_abort=ABORT in properties,
+        can_park=PARK in properties,
+        can_set_tracking=TRACKING in properties,
+        has_pier_side=SIDE in properties,
+        has_site=SITE in properties,
+        has_time=TIME in properties,
+    )
 
 
 def _utc_ns(text: str) -> int | None:

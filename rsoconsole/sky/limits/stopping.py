@@ -3,7 +3,7 @@
 UNLEARNED_DEG = 5.0
 UNLEARNED_S = 5.0
 """A mount of which nothing is known takes no longer to stop than this, nor farther than that."""
-LEAST_DEG, MOST_DEG = 0.5, 15.0
+MIN_DEG, MAX_DEG = 0.5, 15.0
 SLOW_DEG_S = 0.02
 """At a lower rate than this nothing is learned."""
 FASTER = 2.0
@@ -19,7 +19,7 @@ class StoppingDistance:
     def learn(self, way_deg: float, rate_deg_s: float) -> None:
         """It was told to stop at this rate, and rested so far on."""
         if rate_deg_s > SLOW_DEG_S:
-            self._seen.append((rate_deg_s, min(max(way_deg, LEAST_DEG), MOST_DEG)))
+            self._seen.append((rate_deg_s, min(max(way_deg, MIN_DEG), MAX_DEG)))
 
     @property
     def is_learned(self) -> bool:
@@ -39,4 +39,4 @@ class StoppingDistance:
         ]
         if not known:
             return min(UNLEARNED_DEG, UNLEARNED_S * rate_deg_s)
-        return min(max(LEAST_DEG, *known), MOST_DEG)
+        return min(max(MIN_DEG, *known), MAX_DEG)

@@ -36,7 +36,7 @@ motion, some come from beyond."""
 PAUSE_DEG_S = 0.05
 """An axis at a lower rate than this goes nowhere."""
 _STEP_DEG = 0.5
-_MOST_DEG = 90.0
+_MAX_DEG = 90.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def way_ahead(
     """Straight on from a place, in steps of at most half a degree of either axis."""
     fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
     if fastest_deg_s > 0.0:
-        ahead_s = min(ahead_s, _MOST_DEG / fastest_deg_s)
+        ahead_s = min(ahead_s, _MAX_DEG / fastest_deg_s)
     steps = max(1, int(np.ceil(fastest_deg_s * ahead_s / _STEP_DEG)))
     later_s = np.linspace(0.0, max(ahead_s, 0.0), steps + 1)
     start_deg = float(hour_angle_deg(site, track, np.array([t_utc_ns]))[0])
