@@ -8,7 +8,7 @@ both, one that stands gains 15.04 arcsec of right ascension a second, at the pol
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 MotionKind = Literal["stands", "tracks", "moves", "unknown"]
@@ -47,6 +47,8 @@ class Motion:
     ra_rate_arcsec_s: float = 0.0
     """Of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
     dec_rate_arcsec_s: float = 0.0
+    host_since_s: float = field(default=math.inf, compare=False)
+    """Of "moves": the host's time of the first report that shows it."""
 
     @property
     def is_at_rest(self) -> bool:
@@ -176,8 +178,8 @@ class MotionMeter:
             return lasting if lasting is not None and lasting.kind == "moves" else Motion()
         wandering = path.last(self.span_s).wandering(self._step_arcsec)
         # It may have come to rest since.
-        late = path.last(self.span_s / 2.0, MIN_HOST_SPAN_S / 2.0)
-        return wandering if late.wandering(self._step_arcsec).kind == "moves" else Motion()
+        late = path.last(self.span_s / 2.0, MIN_HOST_SPAN_S / 2.0).wandering(self._step_arcsec)
+        return wandering if late.kind == "moves" else Motion()
 
 
 class _Path:
@@ -210,7 +212,10 @@ class _Path:
             ra = self._ra[last] - self._ra[index]
             dec = self._dec[last] - self._dec[index]
             motion = Motion(
-                kind="moves", ra_rate_arcsec_s=ra / span_s, dec_rate_arcsec_s=dec / span_s
+                kind="moves",
+                ra_rate_arcsec_s=ra / span_s,
+                dec_rate_arcsec_s=dec / span_s,
+                host_since_s=self._reports[index].host_s,
             )
             slack = step_arcsec + HELD_UP_S * SIDEREAL_ARCSEC_S
             off = max(min(abs(ra), abs(ra - SIDEREAL_ARCSEC_S * span_s)), abs(dec))
@@ -250,6 +255,7 @@ class _Path:
             kind="moves",
             ra_rate_arcsec_s=(self._ra[-1] - self._ra[0]) / span_s,
             dec_rate_arcsec_s=(self._dec[-1] - self._dec[0]) / span_s,
+            host_since_s=self._reports[0].host_s,
         )
 
 

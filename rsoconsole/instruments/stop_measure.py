@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 from rsoconsole.instruments.motion import Motion
 
-MOVES_AFTER_S = 4.0
+MOVES_AFTER_S = 4.5
 """Before that a motion that goes on may be the way that a mount needs to stop."""
+BRAKES_FOR_S = 2.5
+"""A mount slows down for so long: reports of then show no motion of now."""
 UNKNOWN_AFTER_S = 10.0
 REPEAT_S = 1.0
 REPEATS_FOR_S = 30.0
@@ -35,7 +37,8 @@ class StopMeasure:
     def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
         """One look; ``is_answered``: the driver has taken ABORT."""
         since_s = now_s - self.began_s
-        news = self._news(since_s, motion)
+        is_braking = motion.kind == "moves" and motion.host_since_s < self.began_s + BRAKES_FOR_S
+        news = self._news(since_s, Motion() if is_braking else motion)
         if news is not None:
             self._last = news
         self.is_over = motion.is_at_rest or since_s >= REPEATS_FOR_S

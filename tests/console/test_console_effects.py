@@ -20,7 +20,7 @@ from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.angles import separation_deg
 from tests.pipeline.test_rulings import night
-from tests.rigs.engine_rig import Memory, Rig
+from tests.rigs.engine_rig import Memory, Rig, heed_alarms
 from tests.rigs.seat_rig import can_answer, until
 
 FRAMES = 8
@@ -54,7 +54,7 @@ class DeskWire:
         verb = command.verb
         outcome = self.command_handler.begin(Request(command=command, sender=Sender.console("a@b")))
         if verb == "stop":
-            self._rig.engine.commands.heed_alarms()
+            heed_alarms(self._rig)
         elif verb not in {"status", "preview"}:
             self._rig.engine.commands.execute_waiting()
             self._rig.engine._parking.see_to_it()

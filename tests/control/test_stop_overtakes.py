@@ -17,7 +17,7 @@ from rsoconsole.instruments.ports import MountReport
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import OperatorAction
-from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, rig
+from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, heed_alarms, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}
 SLOW_DISK_S = 0.05
@@ -33,7 +33,7 @@ def armed() -> Rig:
 
 
 def heed(r: Rig) -> None:
-    r.engine.commands.heed_alarms()
+    heed_alarms(r)
     r.engine.commands.execute_waiting()
 
 

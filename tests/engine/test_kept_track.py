@@ -13,7 +13,7 @@ from rsoconsole.pipeline.replay.refold import Walk, replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.log.codec import decode, encode
-from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
+from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, heed_alarms, rig
 
 FRAMES = set(range(1, 60))
 
@@ -90,7 +90,7 @@ def test_what_is_kept_is_too_old_after_a_while(tracking: Rig):
 
 def test_after_a_stop_the_checklist_comes_first(tracking: Rig):
     tell(tracking, "stop")
-    tracking.engine.commands.heed_alarms()
+    heed_alarms(tracking)
     assert tracking.engine.status().kept == "track 1"
     assert tell(tracking, "resume") == (
         False,
@@ -121,7 +121,7 @@ def test_a_first_look_under_a_cap_or_clouds_leaves_what_was_kept(
     tracking: Rig, is_resumed_at_once: bool
 ):
     tell(tracking, "stop")
-    tracking.engine.commands.heed_alarms()
+    heed_alarms(tracking)
     plain = tracking.reducer.reduce
 
     def capped(frame: Frame) -> Reduction:
@@ -182,7 +182,7 @@ def test_a_night_with_tracks_followed_again_is_replayed_bit_for_bit(tracking: Ri
 def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: Rig):
     """As the console's one key asks it: both wait for the loop, and the first frame is no slew."""
     tell(tracking, "stop")
-    tracking.engine.commands.heed_alarms()
+    heed_alarms(tracking)
     command_handler = command_handler_of(tracking)
     for verb in ("arm", "resume"):
         answer = command_handler.handle(

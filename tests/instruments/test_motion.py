@@ -1,5 +1,6 @@
 """A mount's motion is measured from its reports: what they can tell, and what they cannot."""
 
+import dataclasses
 import random
 from dataclasses import dataclass
 
@@ -280,6 +281,15 @@ def test_rest_that_is_measured_ends_it_whatever_the_driver_says():
 
 
 def test_a_mount_that_is_still_on_its_way_to_rest_is_no_news():
-    assert steps(MOVES, seconds=3.8, is_answered=True)[1] == []
-    assert steps(MOVES, seconds=4.2, is_answered=True)[1] == ["moves"]
+    assert steps(MOVES, seconds=4.4, is_answered=True)[1] == []
+    assert steps(MOVES, seconds=4.8, is_answered=True)[1] == ["moves"]
     assert steps(UNKNOWN, seconds=9.8, is_answered=True)[1] == []
+
+
+def test_a_slow_driver_s_motion_across_the_stop_is_not_known_and_abort_is_repeated():
+    """Its two reports lie on both sides of the way that the mount needs to stop."""
+    braking = dataclasses.replace(MOVES, host_since_s=0.4)
+    assert steps(braking, seconds=9.8, is_answered=True)[:2] == (9, [])
+    assert steps(braking, seconds=10.2, is_answered=True)[1] == ["unknown"]
+    later = dataclasses.replace(MOVES, host_since_s=2.6)
+    assert steps(later, seconds=4.8, is_answered=True)[1] == ["moves"]

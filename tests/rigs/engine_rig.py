@@ -1,6 +1,7 @@
 """An engine among instruments that live in the test: no process, no INDI, no disk."""
 
 import dataclasses
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome, Request, command_of, sender_of
-from rsoconsole.engine.aim.instrument_controller import InstrumentController
+from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
 from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
@@ -332,6 +333,19 @@ def told(
         return command_handler.handle(asked(verb, arguments, by))
     except ValueError as error:
         return Outcome(ok=False, message=str(error))
+
+
+def heed_alarms(r: Rig) -> None:
+    """What has cut in, as the loop heeds it: once the thread that stops the mount has left it.
+
+    A STOP is answered before that thread has ended.
+    """
+    ends_s = time.monotonic() + 20.0
+    while True:
+        try:
+            return r.engine.commands.heed_alarms()
+        except Interrupted:
+            assert time.monotonic() < ends_s, "a STOP is still under way"
 
 
 def end_when_idle(r: Rig) -> None:

@@ -129,7 +129,9 @@ def odd_engine(oddities: Oddities, folder: Path, **settings: Any) -> Iterator[Od
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(OddMountServer(oddities))
         indi = {"port": server.port, "mount": DEVICE}
-        config = Config.model_validate({"site": SITE, "indi": indi, **settings})
+        # It is in real time: where the Sun stands may not decide which orders are obeyed.
+        limits = {"sun_cone_deg": 0.0, "twilight_deg": 90.0, **settings.pop("limits", {})}
+        config = Config.model_validate({"site": SITE, "indi": indi, "limits": limits, **settings})
         mount = IndiMount(config.indi, folder / "mount.log", config.mount, config.waits)
         stack.callback(mount.close)
         mount.start()

@@ -31,6 +31,8 @@ class MountStop:
         self._ordered_ms: float | None = None
         self._answered: StopResult | None = None
         self._ends: list[StopResult] = []
+        self._failed: StopResult | None = None
+        """Of a way that has failed, what tells most."""
         self._ways = 0
         self._is_settled = False
         self._last: StopResult | None = None
@@ -93,13 +95,18 @@ class MountStop:
         def go() -> None:
             try:
                 result = act()
+                is_broken = False
             except Exception as error:  # whatever is wrong with one way, there is the other
                 log.warning("STOP does not get through by %s: %s", WAYS[path], error)
                 result = self._result(is_answered=False, path=path, detail=str(error))
+                is_broken = True
             if result.is_answered:
                 self.answered(path)
             with self._changed:
                 self._ends.append(result)
+                # The mount's process knows best why its driver has not obeyed.
+                if self._failed is None or (path == "mount" and not is_broken):
+                    self._failed = result
                 self._changed.notify_all()
 
         with self._changed:
@@ -125,11 +132,11 @@ class MountStop:
             if self._answered is not None:
                 is_tracking = None if good is None else good.is_tracking
                 return replace(self._answered, is_tracking=is_tracking)
-            last = self._ends[-1] if self._ends else None
+            failed = self._failed
             return self._result(
                 is_answered=False,
-                path="indi" if last is None else last.path,
-                detail="the mount does not answer" if last is None else last.detail,
+                path="indi" if failed is None else failed.path,
+                detail="the mount does not answer" if failed is None else failed.detail,
             )
 
     def _is_decided(self) -> bool:
