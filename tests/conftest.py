@@ -1,6 +1,7 @@
 """What several files of tests ask for."""
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -10,7 +11,7 @@ from hypothesis import settings
 
 from rsoconsole.console.watches import watch
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.fast_tier import is_slow, slow_tests
+from tests import durations
 from tests.nights.record_differences import differences
 from tests.rigs.seat_rig import FakeWire, written
 
@@ -18,27 +19,59 @@ from tests.rigs.seat_rig import FakeWire, written
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
 
+TOOK = durations.read()
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--fast``."""
-    parser.addoption("--fast", action="store_true", help="leave out what tests/slow.txt names")
+    """The tiers."""
+    parser.addoption("--fast", action="store_true", help="only the files with the quickest tests")
+    parser.addoption("--all", action="store_true", help="also what is marked nightly")
+    parser.addoption(
+        "--write-durations", action="store_true", help="put on record what each file takes"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With ``--write-durations`` the process that hears of all tests notes them."""
+    if config.getoption("--write-durations") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(_Durations())
+
+
+class _Durations:
+    """Notes what each test takes, with what is set up for it."""
+
+    def __init__(self) -> None:
+        self._seconds: Counter[str] = Counter()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self._seconds[report.nodeid] += report.duration  # type: ignore[assignment]
+
+    def pytest_sessionfinish(self) -> None:
+        durations.write(self._seconds)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """A file that is left out whole is not even read."""
-    if not config.getoption("--fast") or collection_path.suffix != ".py":
+    """The fast tier does not even read the other files."""
+    if not config.getoption("--fast") or not collection_path.name.startswith("test_"):
         return None
-    name = collection_path.relative_to(Path(__file__).parent).as_posix()
-    return True if name in slow_tests() else None
+    name = collection_path.relative_to(durations.HERE).as_posix()
+    return True if name in TOOK and name not in durations.fast_files(TOOK) else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The fast tier."""
-    if config.getoption("--fast"):
-        slow = slow_tests()
-        left = [item for item in items if is_slow(item.nodeid, slow)]
-        config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if not is_slow(item.nodeid, slow)]
+    """The slowest files first; what is nightly waits for ``--all``, or for its file's name."""
+    items.sort(key=lambda item: -_seconds_of(item.path))
+    if config.getoption("--all"):
+        return
+    named = {Path(each.partition("::")[0]).resolve() for each in config.args if ".py" in each}
+    left = [item for item in items if item.get_closest_marker("nightly") and item.path not in named]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in left]
+
+
+def _seconds_of(path: Path) -> float:
+    each = TOOK.get(path.relative_to(durations.HERE).as_posix())
+    return each.seconds if each else 0.0
 
 
 def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
@@ -65,11 +98,38 @@ def forget_handed_on() -> None:
                     module.__dict__.pop(each, None)
 
 
+HOMES = {
+    "HOME": "home",
+    "XDG_CONFIG_HOME": "home/.config",
+    "XDG_DATA_HOME": "home/.local/share",
+    "XDG_STATE_HOME": "home/.local/state",
+    "XDG_CACHE_HOME": "home/.cache",
+    "XDG_RUNTIME_DIR": "run",
+}
+
+
+def set_homes(patch: pytest.MonkeyPatch, folder: Path) -> None:
+    """A user's folders of one's own: empty, whatever this machine's user has installed."""
+    for name, place in HOMES.items():
+        (folder / place).mkdir(mode=0o700, parents=True, exist_ok=True)
+        patch.setenv(name, str(folder / place))
+
+
 @pytest.fixture(scope="session", autouse=True)
-def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Rescue sessions, locks of mounts and logs outlive a night: they stay out of the home."""
+def files_homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """For what files of tests set up once."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        # matplotlib reads all fonts of the machine where it finds no list of them.
+        patch.setenv("MPLCONFIGDIR", str(durations.HERE.parent / ".cache" / "matplotlib"))
+        set_homes(patch, tmp_path_factory.mktemp("user"))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def own_homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """For each test."""
+    with pytest.MonkeyPatch.context() as patch:
+        set_homes(patch, tmp_path_factory.mktemp("u"))
         yield
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pwd
 import shutil
 import sqlite3
 import subprocess
@@ -396,4 +397,4 @@ def test_no_empty_folder_stays_where_a_rescue_could_not_be_or_is_needed_no_more(
 
 def test_tests_leave_nothing_in_the_state_folder_of_who_runs_them():
     places = list(rescue_places())
-    assert not places[0].is_relative_to(Path.home())
+    assert not places[0].is_relative_to(pwd.getpwuid(os.getuid()).pw_dir)

@@ -1,0 +1,97 @@
+"""How long each test file takes, on record in ``durations.txt``; what the tiers are made of.
+
+    .venv/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder --all --write-durations
+
+writes it on a machine that does nothing else; a run of some files writes the lines of those alone,
+an ordinary run nothing. The slowest files are started first. ``--fast`` takes the files whose tests
+are the quickest, until they fill its time; a file without a line is quick: new ones are run.
+"""
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HERE = Path(__file__).parent
+RECORD = Path(__file__).with_name("durations.txt")
+FAST_CORE_S = 50.0
+"""Of all files of the fast tier together, beside what reading them takes."""
+SLOW_S = 5.0
+"""A test that takes longer says why."""
+_HEAD = "# Seconds and tests of each file; a test over 5 s below its file. See durations.py.\n"
+
+
+@dataclass(slots=True)
+class Took:
+    """Of one file."""
+
+    seconds: float = 0.0
+    tests: int = 0
+    slow: dict[str, float] = field(default_factory=dict)
+    """Each test over ``SLOW_S``, the slowest of its parameters."""
+
+
+def read(record: Path = RECORD) -> dict[str, Took]:
+    """Files, as ``console/test_console.py``, in order of names."""
+    took: dict[str, Took] = {}
+    for line in record.read_text(encoding="utf-8").splitlines() if record.exists() else []:
+        match line.split():
+            case ["#", *_]:
+                pass
+            case [seconds, tests, name]:
+                took[name] = Took(float(seconds), int(tests))
+            case [seconds, name]:
+                path, _, test = name.partition("::")
+                took[path].slow[test] = float(seconds)
+    return took
+
+
+def write(node_seconds: Mapping[str, float], record: Path = RECORD) -> None:
+    """Put down a run: seconds of each test by its node's name; other files stay as they are."""
+    new: dict[str, Took] = defaultdict(Took)
+    for node, seconds in node_seconds.items():
+        path, _, test = node.removeprefix("tests/").partition("::")
+        each = new[path]
+        each.seconds, each.tests = each.seconds + seconds, each.tests + 1
+        name = test.partition("[")[0]
+        if seconds > max(SLOW_S, each.slow.get(name, 0.0)):
+            each.slow[name] = seconds
+    merged = {name: each for name, each in read(record).items() if (HERE / name).exists()} | new
+    lines = [_HEAD]
+    for path, each in sorted(merged.items()):
+        lines.append(f"{each.seconds:8.1f} {each.tests:5} {path}\n")
+        lines += [f"{seconds:8.1f}       {path}::{n}\n" for n, seconds in sorted(each.slow.items())]
+    record.write_text("".join(lines), encoding="utf-8")
+
+
+def fast_files(took: Mapping[str, Took], core_s: float = FAST_CORE_S) -> frozenset[str]:
+    """Files on record that the fast tier runs: most tests in that time."""
+    chosen: set[str] = set()
+    for name, each in sorted(took.items(), key=lambda item: item[1].seconds / item[1].tests):
+        core_s -= each.seconds
+        if core_s < 0.0:
+            break
+        chosen.add(name)
+    return frozenset(chosen)
+
+
+def reasons(path: Path) -> dict[str, str]:
+    """Why tests of a file are slow or nightly: by function, "" for the whole file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found: dict[str, str] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found[node.name] = next((w for d in node.decorator_list for w in _marked(d)), "")
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
+            found[""] = next(_marked(node.value), "")
+    return found
+
+
+def _marked(node: ast.AST) -> Iterator[str]:
+    for call in ast.walk(node):
+        if isinstance(call, ast.Call) and ast.unparse(call.func) in (
+            "pytest.mark.slow",
+            "pytest.mark.nightly",
+        ):
+            yield str(ast.literal_eval(call.args[0]))
