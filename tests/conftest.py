@@ -26,6 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """The tiers."""
     parser.addoption("--fast", action="store_true", help="only the files with the quickest tests")
     parser.addoption("--all", action="store_true", help="also what is marked nightly")
+    parser.addoption("--part", metavar="K/N", help="of what is nightly alone, the K-th of N parts")
     parser.addoption(
         "--write-durations", action="store_true", help="put on record what each file takes"
     )
@@ -61,12 +62,17 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The slowest files first; what is nightly waits for ``--all``, or for its file's name."""
     items.sort(key=lambda item: -_seconds_of(item.path))
-    if config.getoption("--all"):
+    nightly = {item for item in items if item.get_closest_marker("nightly")}
+    if part := config.getoption("--part"):
+        files = durations.part(part, {item.path for item in nightly}, _seconds_of)
+        run = {item for item in nightly if item.path in files}
+    elif config.getoption("--all"):
         return
-    named = {Path(each.partition("::")[0]).resolve() for each in config.args if ".py" in each}
-    left = [item for item in items if item.get_closest_marker("nightly") and item.path not in named]
-    config.hook.pytest_deselected(items=left)
-    items[:] = [item for item in items if item not in left]
+    else:
+        named = {Path(each.partition("::")[0]).resolve() for each in config.args if ".py" in each}
+        run = {item for item in items if item not in nightly or item.path in named}
+    config.hook.pytest_deselected(items=[item for item in items if item not in run])
+    items[:] = [item for item in items if item in run]
 
 
 def _seconds_of(path: Path) -> float:

@@ -9,7 +9,7 @@ are the quickest, until they fill its time; a file without a line is quick: new 
 
 import ast
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -74,6 +74,20 @@ def fast_files(took: Mapping[str, Took], core_s: float = FAST_CORE_S) -> frozens
             break
         chosen.add(name)
     return frozenset(chosen)
+
+
+def part(which: str, files: Iterable[Path], seconds_of: Callable[[Path], float]) -> set[Path]:
+    """Files of the K-th of N parts that last about as long as each other; ``which``: "K/N"."""
+    k, n = map(int, which.split("/"))
+    if not 1 <= k <= n:
+        raise ValueError(f"part {which}: K/N with K from 1 to N")
+    parts: list[set[Path]] = [set() for _ in range(n)]
+    loads = [0.0] * n
+    for path in sorted(files, key=lambda path: (-seconds_of(path), path)):
+        least = loads.index(min(loads))
+        parts[least].add(path)
+        loads[least] += max(seconds_of(path), 0.1)
+    return parts[k - 1]
 
 
 def reasons(path: Path) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """The program's files, and which of them needs which: read from the source, nothing is run."""
 
 import ast
-from collections.abc import Iterator
+import functools
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -34,6 +34,7 @@ def package_of(module: str, known: dict[str, Path]) -> str:
     return module if known[module].name == "__init__.py" else module.rpartition(".")[0]
 
 
+@functools.cache
 def door(package: Path) -> dict[str, str]:
     """What a package's front door hands on: each name with the file it comes from.
 
@@ -50,15 +51,22 @@ def door(package: Path) -> dict[str, str]:
     }
 
 
-def imports(module: str, path: Path) -> Iterator[Import]:
+def imports(module: str, path: Path) -> list[Import]:
     """Every one, also for types alone or within a function."""
-    is_package = path.name == "__init__.py"
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    return list(_imports(module, text, is_package=path.name == "__init__.py"))
+
+
+@functools.cache
+def _imports(module: str, text: str, *, is_package: bool) -> tuple[Import, ...]:
+    found: list[Import] = []
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom):
             source = _source(node, module, is_package=is_package)
-            yield from (Import(module, source, alias.name) for alias in node.names)
+            found += [Import(module, source, alias.name) for alias in node.names]
         elif isinstance(node, ast.Import):
-            yield from (Import(module, alias.name, "") for alias in node.names)
+            found += [Import(module, alias.name, "") for alias in node.names]
+    return tuple(found)
 
 
 def _source(node: ast.ImportFrom, module: str, *, is_package: bool) -> str:

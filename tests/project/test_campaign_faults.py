@@ -36,6 +36,7 @@ def test_orders_are_read_from_the_wire_in_whatever_pieces_they_come():
     assert len(orders.aborts_s) == 1
 
 
+@pytest.mark.nightly("a night of the whole program")
 def test_a_short_night_loses_nothing_and_goes_on(tmp_path):
     answer = faults.night(1, 20, tmp_path / "night", SHORT)
     assert {row["kind"] for row in answer["rows"]} == set(SHORT)

@@ -14,6 +14,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.nightly("alters a frame of each family twice")
 @pytest.mark.parametrize("name", ["plain", "blur", "drift", "wind", "stripes", "binned"])
 def test_the_satellite_s_light_lies_between_its_ends(name):
     frame, streaks, severity = drawn(name, 0)

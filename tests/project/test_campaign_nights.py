@@ -16,6 +16,7 @@ autonomy does not start."""
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.nightly("whole nights through the whole program")
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_a_random_world_comes_to_its_end_and_is_judged(seed):
     [case] = worlds((seed,), WORLD_FRAMES)
@@ -33,6 +34,7 @@ def test_a_random_world_comes_to_its_end_and_is_judged(seed):
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.nightly("whole nights through the whole program")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_shutter_scattered_by_a_twentieth_of_a_second_costs_no_detection(seed):
     [case] = shutter((seed,), scatters_s=(0.05,), frames=SHUTTER_FRAMES)

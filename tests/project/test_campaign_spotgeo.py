@@ -11,6 +11,7 @@ SEQUENCES = range(0, 400, 8)
 
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SPOTGEO.exists(), reason=f"{SPOTGEO} is not here")
+@pytest.mark.nightly("statistics over many sequences")
 def test_links_after_frame_5_of_every_eighth_sequence() -> None:
     rows = [spotgeo.row_of(11, number) for number in SEQUENCES]
     value, _, high = spotgeo.f1(rows)

@@ -10,6 +10,7 @@ from tests.campaign import rows_kept, streaks
 from tests.makers import straight_detection
 
 
+@pytest.mark.nightly("draws a frame of each family three times")
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_frame_is_drawn_again_and_its_streak_is_where_the_truth_says(name):
     frame, truth, _ = draw(name, 1)

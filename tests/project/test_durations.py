@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from tests.durations import HERE, SLOW_S, fast_files, read, reasons, write
+import pytest
+
+from tests.durations import HERE, SLOW_S, fast_files, part, read, reasons, write
 
 
 def test_a_run_is_put_on_record_and_leaves_other_files_lines(tmp_path: Path) -> None:
@@ -15,6 +17,15 @@ def test_a_run_is_put_on_record_and_leaves_other_files_lines(tmp_path: Path) -> 
     assert took["project/test_words.py"].seconds == 0.5
     assert fast_files(took, 1.0) == {"project/test_words.py"}
     assert fast_files(took, 17.0) == set(took)
+
+
+def test_each_file_is_in_one_of_the_parts() -> None:
+    seconds = {Path(f"test_{name}.py"): float(name) for name in range(12)}
+    parts = [part(f"{k}/4", seconds, seconds.__getitem__) for k in (1, 2, 3, 4)]
+    assert sorted(path for each in parts for path in each) == sorted(seconds)
+    assert max(sum(map(seconds.__getitem__, each)) for each in parts) < 20.0
+    with pytest.raises(ValueError, match="K from 1 to N"):
+        part("5/4", seconds, seconds.__getitem__)
 
 
 def test_a_slow_test_says_why() -> None:

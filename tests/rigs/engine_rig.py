@@ -169,7 +169,7 @@ class PlainCamera:
         self.shares: list[float] = []
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
-        self.taken = (frame_id, self.clock.t_utc_ns, exposure_s)
+        self.taken = (frame_id, self.clock.now_utc_ns(), exposure_s)
 
     def set_binning(self, binning: int) -> int:
         self.binned.append(binning)

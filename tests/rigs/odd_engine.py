@@ -18,7 +18,8 @@ from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.observatory.clock import SystemClock
 from rsoconsole.instruments.ports import Instruments
-from rsoconsole.records import Event
+from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.records import Detections, Event, Frame, NotSolved
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_jnow
 from tests.rigs.engine_rig import Memory, PlainCamera, ScriptedReducer, told
 from tests.rigs.odd_mount import ABORT, DEVICE, Oddities
@@ -123,6 +124,22 @@ class OddEngine:
         )
 
 
+class Overcast(ScriptedReducer):
+    """No star in any frame."""
+
+    def reduce(self, frame: Frame) -> Reduction:
+        return Reduction(
+            detections=Detections(
+                frame_id=frame.frame_id, width_px=64, height_px=64, detections=()
+            ),
+            solution=NotSolved(frame_id=frame.frame_id, reason="0 stars, 8 needed", ms=1.0),
+            measurements=(),
+            star_count=0,
+            fwhm_px=2.5,
+            absence="no detection",
+        )
+
+
 @contextlib.contextmanager
 def odd_engine(oddities: Oddities, folder: Path, **settings: Any) -> Iterator[OddEngine]:
     """An idle engine, connected; it looks at its mount once a second."""
@@ -152,7 +169,7 @@ def odd_engine(oddities: Oddities, folder: Path, **settings: Any) -> Iterator[Od
             instrument_controller=InstrumentController(
                 instruments, config, lambda: queue.is_wanted
             ),
-            reducer=ScriptedReducer(set(), mount),  # type: ignore[arg-type]
+            reducer=Overcast(set(), mount),  # type: ignore[arg-type]
             record=memory,
             queue=queue,
         )

@@ -82,8 +82,13 @@ def _act(seat: OddEngine, draw: random.Random, found: WireNight, is_held_up: lis
         seat.ask("stop")
         if model.oddities.noabort or model.deaf or not (hears and model.is_driver_there):
             return
-        sent = [at_s - begun_s for at_s, _ in seat.received(ABORT) if at_s >= begun_s]
-        found.stops_s.append(sent[0] if sent else float("inf"))
+        # It is answered by words that were on their way, too: this ABORT may still be.
+        ends_s = begun_s + 2.0 * ABORT_S
+        while not (sent := [at_s for at_s, _ in seat.received(ABORT) if at_s >= begun_s]):
+            if time.monotonic() > ends_s:
+                break
+            time.sleep(0.01)
+        found.stops_s.append(sent[0] - begun_s if sent else float("inf"))
 
     def freeze() -> None:
         is_held_up.append(time.monotonic())
