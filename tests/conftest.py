@@ -1,5 +1,6 @@
 """What several files of tests ask for."""
 
+import os
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -104,6 +105,7 @@ def forget_handed_on() -> None:
                     module.__dict__.pop(each, None)
 
 
+SETTINGS = [name for name in os.environ if name.startswith("RSOCONSOLE_") and "WRITE" not in name]
 HOMES = {
     "HOME": "home",
     "XDG_CONFIG_HOME": "home/.config",
@@ -133,9 +135,11 @@ def files_homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def own_homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """For each test."""
+    """For each test, and none of the settings of who runs it."""
     with pytest.MonkeyPatch.context() as patch:
         set_homes(patch, tmp_path_factory.mktemp("u"))
+        for name in SETTINGS:
+            patch.delenv(name, raising=False)
         yield
 
 

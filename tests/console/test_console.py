@@ -62,6 +62,7 @@ from tests.rigs.seat_rig import (
     FakeWire,
     can_answer,
     has_outlook,
+    opened,
     pane,
     play,
     screen_text,
@@ -935,7 +936,7 @@ def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(
 
     async def run() -> None:
         app = ConsoleApp(lambda: ControlClient(socket, sender=Sender(name="console")))
-        async with app.run_test(size=FULL) as pilot:
+        async with opened(app, FULL) as pilot:
             await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
             hangs.set()
             await until(pilot, lambda: "ENGINE SILENT" in pane(app, "top"))

@@ -69,6 +69,7 @@ def frames_without_a_gap(session: Path) -> int:
     return len(frames)
 
 
+@pytest.mark.slow("starts an engine and kills its console")
 def test_frames_go_on_when_a_console_is_killed_and_the_next_shows_the_whole_past(engine):
     with console(engine) as first:
         wait_for(lambda: first.shows("AUTO has the mount"), "a console at work")
@@ -83,6 +84,7 @@ def test_frames_go_on_when_a_console_is_killed_and_the_next_shows_the_whole_past
     assert engine.status()["holder"] == "autonomy"
 
 
+@pytest.mark.nightly("starts an observatory, an engine and a console")
 @pytest.mark.parametrize("before", [(), DEAF], ids=["as it is", "under nohup"])
 def test_frames_go_on_when_the_line_to_a_console_is_lost(engine, before):
     with console(engine, before) as first:

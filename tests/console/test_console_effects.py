@@ -21,9 +21,9 @@ from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.angles import separation_deg
 from tests.pipeline.test_rulings import night
 from tests.rigs.engine_rig import Memory, Rig, heed_alarms
-from tests.rigs.seat_rig import can_answer, until
+from tests.rigs.seat_rig import can_answer, opened, until
 
-FRAMES = 8
+FRAMES = 5
 SIZE = (120, 40)
 
 
@@ -160,7 +160,7 @@ def test_a_key_does_in_the_engine_what_it_says(tmp_path: Path, command: str):
         await until(pilot, lambda: has_effect_yet(has_effect, r))
 
     async def run() -> None:
-        async with app.run_test(size=SIZE) as pilot:
+        async with opened(app, SIZE) as pilot:
             await scene(pilot)
 
     asyncio.run(run())

@@ -31,6 +31,7 @@ from tests.rigs.seat_rig import (
     PATIENCE_S,
     FakeWire,
     can_answer,
+    opened,
     pane,
     play,
     screen_text,
@@ -175,7 +176,7 @@ def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
 
     async def scene() -> None:
         app = ConsoleApp(lambda: wire)
-        async with app.run_test(size=LARGE) as pilot:
+        async with opened(app, LARGE) as pilot:
             await until(pilot, lambda: app.live.engine.is_attached)
             await until(pilot, lambda: "reading the night so far" in screen_text(app))
             assert "nothing has happened yet" not in screen_text(app)

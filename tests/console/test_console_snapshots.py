@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Awaitable, Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -107,16 +108,30 @@ STATES: dict[str, tuple[int, str, dict, Act]] = {
 TELLERS = {"orbit": orbit_told, "tracks": eight_told}
 
 
+@pytest.fixture(scope="module")
+def night_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The night of a state, written once for all sizes, and once for states that share it."""
+
+    @cache
+    def written(tell: Callable[..., Path], frames: int, after: str) -> Path:
+        return tell(tmp_path_factory.mktemp("snapshots") / "night", frames, after=after)
+
+    def of(state: str) -> Path:
+        frames, after, _, _ = STATES[state]
+        return written(TELLERS.get(state, told), frames, after)
+
+    return of
+
+
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("state", STATES)
 def test_the_screen_looks_as_it_was_agreed(
-    tmp_path: Path, impatient_seat: None, state: str, size: tuple[int, int]
+    night_of: Callable[[str], Path], impatient_seat: None, state: str, size: tuple[int, int]
 ):
     if state == "tracks" and size != SIZES[0]:
         pytest.skip("the list is held where there is the least room")
-    frames, after, status, act = STATES[state]
-    tell = TELLERS.get(state, told)
-    wire = FakeWire(tell(tmp_path / "night", frames, after=after))
+    frames, _, status, act = STATES[state]
+    wire = FakeWire(night_of(state))
     wire.status |= {**status, "frame": frames, "now_utc_ns": night.t_of(frames) + 7 * 10**9}
     wire.status["exposing_until_utc_ns"] = night.t_of(frames) + 9 * 10**9
     wire.outcomes["arm"] = Outcome(ok=False, message="not yet", data={"checks": [FAILED]})

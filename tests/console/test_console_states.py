@@ -6,6 +6,7 @@ screen lies, under a pilot.
 
 import contextlib
 import dataclasses
+import io
 import json
 import os
 import re
@@ -23,9 +24,11 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.app import ConsoleApp, action_of
+from rsoconsole.console.app import ConsoleApp, action_of, is_utf8
 from rsoconsole.console.commands.commands import COMMANDS, commands_in
+from rsoconsole.console.run import run_console
 from rsoconsole.control import ControlServer, Outcome, Request
+from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Event
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.simulator.launch import Observatory, start_observatory
@@ -33,7 +36,16 @@ from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
 from tests.makers import NS
 from tests.nights import made_up_night as night
-from tests.rigs.seat_rig import FRAMES, STOPPED, FakeWire, pane, play, screen_text, until
+from tests.rigs.seat_rig import (
+    FRAMES,
+    STOPPED,
+    FakeWire,
+    has_outlook,
+    pane,
+    play,
+    screen_text,
+    until,
+)
 from tests.rigs.stop_situations import full_disk
 from tests.rigs.stub_stage import open_plain
 from tests.rigs.terminal import EVERY_S, Terminal
@@ -49,6 +61,7 @@ from tests.rigs.whole_engine import (
 EXPOSURE = {"exposure_s": 4.0, "cadence_s": 8.0}
 SPEED = 10.0
 FULL, LARGE, SMALL, TINY = (80, 24), (120, 40), (40, 12), (20, 5)
+DRIVES = pytest.mark.nightly("drives a terminal")
 STYLE = re.compile(r"\x1b\[([\d;]*)m")
 TRUE_COLOUR = re.compile(r"\b[34]8;2;(\d+);(\d+);(\d+)")
 PALETTE = re.compile(r"\b(?:[34]8;5;\d+|[349][0-7]|10[0-7])\b")
@@ -101,6 +114,7 @@ def engine(tmp_path: Path, sky: Observatory) -> Iterator[WholeEngine]:
         yield running
 
 
+@pytest.mark.slow("starts an engine twice, with two consoles")
 def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, sky):
     with (
         console(engine.environment) as wide,
@@ -121,6 +135,7 @@ def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, s
         wait_for(lambda: narrow.shows("AUTO has the mount", since=known), "the next engine")
 
 
+@pytest.mark.nightly("starts an observatory, an engine and consoles")
 def test_a_simulated_night_whose_observatory_dies_ends_and_says_why(engine, sky):
     with console(engine.environment) as seat:
         wait_for(lambda: seat.shows("AUTO has the mount"), "a console at work")
@@ -135,6 +150,7 @@ def open_near_the_pole(settings: ObservatorySettings) -> Stage:
     return dataclasses.replace(open_plain(settings), start_dec_icrs_deg=85.0)
 
 
+@pytest.mark.nightly("starts an observatory, an engine and consoles")
 def test_an_indi_server_that_dies_is_a_fault_on_the_screen_with_its_remedy(tmp_path):
     # By the machine's own clock, as on a real telescope: no demo, which ends with its sky.
     limits = {"twilight_deg": 90.0, "max_hour_angle_deg": 180.0, "past_meridian_deg": 90.0}
@@ -163,6 +179,7 @@ def test_an_indi_server_that_dies_is_a_fault_on_the_screen_with_its_remedy(tmp_p
             assert engine.status()["holder"] == "nobody"
 
 
+@pytest.mark.nightly("starts an observatory, an engine and consoles")
 def test_a_full_disk_is_a_fault_on_the_screen_until_it_has_room_again(engine):
     with (
         console(engine.environment, size=LARGE) as wide,
@@ -239,7 +256,9 @@ def test_a_clock_that_is_set_harms_no_figure_and_the_first_line_has_the_new_time
 def test_a_clock_that_is_not_synchronised_is_in_sight(wire, size):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         wire.status["health"] = [{"name": "clock", "ok": False, "text": "not synchronised"}]
-        await until(pilot, lambda: "clock not synchronised" in screen_text(app))
+        await until(pilot, lambda: has_outlook(app) and len(app.live.engine.health) == 1)
+        await pilot.pause()
+        assert "clock not synchronised" in screen_text(app)
 
     play(wire, scene, size)
 
@@ -330,6 +349,25 @@ def home(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("which", SHOWN_IN_FULL)
+def test_a_session_of_another_version_is_shown_as_one_of_this(told_night, tmp_path, wire, which):
+    folder = changed(told_night, tmp_path / "night", SHOWN_IN_FULL[which])
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        seen = screen_text(app)
+        for words in ("RECORDED: TRACK", f"frame {FRAMES:04d} · 10 s", "ideal 2", "NIS", "x STOP"):
+            assert words in seen
+        await pilot.press("q")
+
+    assert play(wire, scene, session=folder) == "quit"
+
+
+IN_A_TERMINAL = "with a setting from a later one"
+
+
+@pytest.mark.parametrize(
+    "which",
+    [each if each == IN_A_TERMINAL else pytest.param(each, marks=DRIVES) for each in SHOWN_IN_FULL],
+)
 def test_a_session_of_another_version_is_shown_to_its_last_frame(told_night, tmp_path, home, which):
     folder = changed(told_night, tmp_path / "night", SHOWN_IN_FULL[which])
     with console(home, "--session", str(folder)) as seat:
@@ -341,6 +379,16 @@ def test_a_session_of_another_version_is_shown_to_its_last_frame(told_night, tmp
 
 
 @pytest.mark.parametrize("which", SAID_INSTEAD)
+def test_a_session_that_cannot_be_shown_is_refused(told_night, tmp_path, which):
+    change, words = SAID_INSTEAD[which]
+    folder = changed(told_night, tmp_path / "night", change)
+    with pytest.raises(SessionError, match=words):
+        run_console(session=folder)
+
+
+@pytest.mark.parametrize(
+    "which", ["of a later schema", pytest.param("of another program", marks=DRIVES)]
+)
 def test_a_session_that_cannot_be_shown_is_refused_in_one_sentence(
     told_night, tmp_path, home, which
 ):
@@ -353,23 +401,31 @@ def test_a_session_that_cannot_be_shown_is_refused_in_one_sentence(
 
 
 def test_what_is_known_of_a_later_configuration_is_heard_or_its_loss_is_said(
-    told_night, tmp_path, home
+    told_night, tmp_path, wire
 ):
     def later(c: dict[str, Any]) -> dict[str, Any]:
         return {**c, "guider": {"rate": 0.5}, "detector": {**c["detector"], "tau": 0.37}}
 
     folder = changed(told_night, tmp_path / "night", config(later))
-    with console(home, "--session", str(folder), size=LARGE) as seat:
-        wait_for(lambda: seat.shows("RECORDED: TRACK", f"{FRAMES} frames"), "the night")
-        assert seat.shows("τ .37") or seat.shows("the configuration of")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        seen = screen_text(app)
+        assert "RECORDED: TRACK" in seen
+        assert f"{FRAMES} frames" in seen
+        assert "τ .37" in seen or "the configuration of" in seen
+
+    play(wire, scene, LARGE, session=folder)
 
 
-def test_one_damaged_record_is_said_and_hides_no_other(told_night, tmp_path, home):
+def test_one_damaged_record_is_said_and_hides_no_other(told_night, tmp_path, wire):
     damage = sql("UPDATE log SET body = '{}' WHERE kind = 'Miss'")
     folder = changed(told_night, tmp_path / "night", damage)
-    with console(home, "--session", str(folder)) as seat:
-        wait_for(lambda: seat.shows("a Miss of this session is damaged"), "the damage in words")
-        wait_for(lambda: seat.shows(f"frame {FRAMES:04d}"), "the frames after it", 3.0)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "a Miss of this session is damaged" in screen_text(app))
+        await until(pilot, lambda: f"frame {FRAMES:04d}" in screen_text(app))
+
+    play(wire, scene, session=folder)
 
 
 # -- terminals -------------------------------------------------------------------------------
@@ -463,13 +519,45 @@ def colours(raw: str) -> tuple[set[tuple[str, ...]], set[str]]:
     return true, {found for style in rest for found in PALETTE.findall(style)}
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_the_colours_that_no_color_takes_away_are_there_without_it(told, home):
     with console(home) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} · 10 s"), "a screen")
         wait_for(lambda: any(len(set(c)) > 1 for c in colours(seat.raw)[0]), "a colour")
 
 
-@pytest.mark.parametrize("settings", ["LC_ALL=C", "LC_ALL=POSIX", "PYTHONIOENCODING=ascii"])
+@pytest.mark.parametrize(
+    ("given", "is_taken"),
+    [
+        ({"LC_ALL": "C"}, False),
+        ({"LC_ALL": "POSIX"}, False),
+        ({"LC_ALL": "C", "LANG": "C.UTF-8"}, False),
+        ({"LC_CTYPE": "POSIX", "LANG": "C.UTF-8"}, False),
+        ({"LANG": "C"}, False),
+        ({"LANG": "C.UTF-8"}, True),
+        ({}, True),
+    ],
+)
+def test_signs_beyond_ascii_are_for_a_locale_that_has_them(monkeypatch, given, is_taken):
+    """The first of three settings that is made counts."""
+    for name in ("LC_ALL", "LC_CTYPE", "LANG"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "__stderr__", io.TextIOWrapper(io.BytesIO(), "utf-8"))
+    assert is_utf8() is is_taken
+    monkeypatch.setattr(sys, "__stderr__", io.TextIOWrapper(io.BytesIO(), "ascii"))
+    assert not is_utf8()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        "LC_ALL=C",
+        pytest.param("LC_ALL=POSIX", marks=DRIVES),
+        pytest.param("PYTHONIOENCODING=ascii", marks=DRIVES),
+    ],
+)
 def test_without_unicode_the_terminal_gets_ascii_alone(told, home, settings):
     with console(home, settings) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d}"), "a screen")
@@ -477,6 +565,7 @@ def test_without_unicode_the_terminal_gets_ascii_alone(told, home, settings):
         assert seat.raw.isascii()
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_a_language_of_c_is_one_of_ascii_whatever_python_makes_of_it(told, home):
     """Python puts LC_CTYPE=C.UTF-8 into its own environment then (PEP 538)."""
     with console(home, "-u", "LC_ALL", "-u", "LC_CTYPE", "LANG=C") as seat:
@@ -484,6 +573,7 @@ def test_a_language_of_c_is_one_of_ascii_whatever_python_makes_of_it(told, home)
         assert seat.raw.isascii()
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_where_the_configuration_wants_ascii_the_terminal_gets_ascii_alone(told, home):
     Path(home["RSOCONSOLE_CONFIG"]).write_text("[console]\nascii = true\n", encoding="utf-8")
     with console(home) as seat:
@@ -499,7 +589,27 @@ def test_a_terminal_that_can_do_nothing_is_told_so_in_one_line(told, home):
     assert "terminal" in lines[0]
 
 
-@pytest.mark.parametrize("what", ["stdin", "stdout"])
+@pytest.mark.parametrize("what", ["stdin", "stdout", "stderr", "TERM"])
+def test_what_is_no_terminal_is_refused_before_anything_is_drawn(told_night, monkeypatch, what):
+    for name in ("stdin", "stdout", "stderr"):
+        monkeypatch.setattr(sys, name, Stream(is_terminal=name != what))
+    monkeypatch.setenv("TERM", "dumb" if what == "TERM" else "xterm")
+    with pytest.raises(RsoconsoleError, match="terminal"):
+        run_console(session=told_night)
+
+
+class Stream(io.StringIO):
+    """One of the three, as a terminal or as a file."""
+
+    def __init__(self, *, is_terminal: bool) -> None:
+        super().__init__()
+        self._is_terminal = is_terminal
+
+    def isatty(self) -> bool:
+        return self._is_terminal
+
+
+@pytest.mark.parametrize("what", ["stdin", pytest.param("stdout", marks=DRIVES)])
 def test_without_a_terminal_one_line_says_so(told, home, what):
     done = into_a_pipe(home, what)
     assert done.returncode == 1
@@ -584,6 +694,7 @@ def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
     play(wire, scene, size, read_only=True)
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_a_seat_that_only_looks_says_so_before_anything_is_pressed(told, home):
     with console(home, "--read-only", size=LARGE) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"{FRAMES} frames"), "a screen")
@@ -593,7 +704,9 @@ def test_a_seat_that_only_looks_says_so_before_anything_is_pressed(told, home):
 # -- ends that nobody wanted ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=DRIVES)], ids=["TERM", "INT"]
+)
 def test_a_console_that_is_told_to_end_leaves_the_terminal_as_it_was(told, home, number):
     with console(home) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP"), "a screen")

@@ -31,13 +31,13 @@ from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.replay import reprocess
-from rsoconsole.pipeline.replay.reprocess import Reprocessor, recorded_frame
+from rsoconsole.pipeline.replay.reprocess import Reprocessed, Reprocessor, recorded_frame
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.detector.network import Network
 from tests.console.test_graphics import kitty_pictures
 from tests.nights.samples import SCHEMA_1
 from tests.rigs.screen_text import expect_as_agreed, screen_text
-from tests.rigs.seat_rig import PATIENCE_S, FakeWire, until
+from tests.rigs.seat_rig import PATIENCE_S, FakeWire, opened, until
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import wait_for
 
@@ -62,11 +62,25 @@ def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(reprocess, "read_frame", read)
     monkeypatch.setattr(reprocess, "Network", SimpleNamespace(load=load))
+    monkeypatch.setattr(Reprocessor, "run", _once)
 
 
 @cache
 def _read(path: Path, frame_id: int):
     return read_frame(path, frame_id)
+
+
+_run = Reprocessor.run
+_SEEN: dict[tuple[object, ...], Reprocessed] = {}
+
+
+def _once(self: Reprocessor, *settings: object, **named: object) -> Reprocessed:
+    """A frame with the same settings is the same for all tests."""
+    recorded = self._recorded
+    key = (repr(recorded), settings, *sorted(named.items()))
+    if key not in _SEEN:
+        _SEEN[key] = _run(self, *settings, **named)  # type: ignore[arg-type]
+    return replace(_SEEN[key], stage_ms=dict(_SEEN[key].stage_ms))
 
 
 @cache
@@ -91,7 +105,7 @@ def look(
         the_wire = wire or FakeWire(folder)
         session = None if wire is not None else folder
         app = ConsoleApp(lambda: the_wire, session=session, **of_app)
-        async with app.run_test(size=size) as pilot:
+        async with opened(app, size) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             sheet = FrameSheet(
                 folder,
@@ -397,7 +411,7 @@ def test_what_cannot_be_read_is_one_clear_line(tmp_path: Path, impatient_seat: N
 
     async def run() -> None:
         app = ConsoleApp(lambda: FakeWire(folder), session=folder)
-        async with app.run_test(size=(80, 24)) as pilot:
+        async with opened(app, (80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             sheet = FrameSheet(asked, 777 if harm == "no frame" else KEPT)
             app.push_screen(sheet)
@@ -428,7 +442,7 @@ def test_a_missing_network_is_said_and_the_pixels_are_shown(tmp_path: Path, impa
 def test_enter_opens_the_frame_that_is_shown_and_escape_goes_back(impatient_seat: None):
     async def run() -> None:
         app = ConsoleApp(lambda: FakeWire(SCHEMA_1), session=SCHEMA_1)
-        async with app.run_test(size=(80, 24)) as pilot:
+        async with opened(app, (80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await pilot.press("enter")
             sheet = app.screen
@@ -567,6 +581,7 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(tmp_path: Path, im
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await press(pilot, sheet, "d", "plus", "f")
         view, stretch = sheet.sheet.view, sheet.sheet.stretch
+        assert view is not None, sheet.sheet.fault
         await pilot.press("pageup")
         assert f"frame {KEPT} is the oldest" in words(sheet, "keys")
         await pilot.press("pagedown")
@@ -618,7 +633,7 @@ def test_a_frame_whose_pixels_were_not_kept_offers_no_mark(impatient_seat: None)
 def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):
     async def run() -> None:
         app = ConsoleApp(lambda: wire)
-        async with app.run_test(size=(120, 40)) as pilot:
+        async with opened(app, (120, 40)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await until(pilot, lambda: app.live.engine.is_attached)
             await pilot.press("m", "enter", "right", "right")
@@ -649,7 +664,7 @@ def test_a_frame_opened_after_a_stop_does_not_hide_what_came_of_it(wire: FakeWir
 
     async def run() -> None:
         app = ConsoleApp(lambda: wire)
-        async with app.run_test(size=(80, 24)) as pilot:
+        async with opened(app, (80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await pilot.press("x", "enter")
             sheet = app.screen
@@ -672,7 +687,7 @@ def test_leaving_leaves_from_here_too(impatient_seat: None):
 def test_the_telescopes_state_stands_above_and_changes_by_itself(wire: FakeWire):
     async def run() -> None:
         app = ConsoleApp(lambda: wire)
-        async with app.run_test(size=(80, 24)) as pilot:
+        async with opened(app, (80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await until(pilot, lambda: app.live.engine.is_attached)
             await pilot.press("enter")
@@ -752,6 +767,7 @@ def test_a_click_puts_the_cross_there(impatient_seat: None):
     look(act)
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_kitty_is_sent_the_frame_with_what_is_seen_now(tmp_path: Path):
     folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
     # The newest frame, which the console shows, gets the pixels and records of the kept one.

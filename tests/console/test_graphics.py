@@ -67,6 +67,7 @@ def test_sixels_are_sent_where_they_are_asked_for(session: Path):
         wait_for(lambda: re.search(rb"\x1bP[0-9;]*q", terminal.written), "sixels")
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_a_terminal_that_offers_none_gets_quadrants(session: Path):
     command = [*COMMAND, "--session", str(session)]
     with Terminal(command, os.environ, (120, 40)) as terminal:

@@ -8,7 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
+from rsoconsole.console.run import run_review
+from rsoconsole.errors import SessionError
 from tests.nights.samples import SCHEMA_1
 from tests.rigs.terminal import EVERY_S, Terminal
 
@@ -56,6 +60,7 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
         assert seat.process.returncode == 0
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_it_begins_where_it_is_told_to(home: dict[str, str]):
     with Terminal([*COMMAND, str(SCHEMA_1), "--at", "05:36"], home, (80, 24)) as seat:
         wait_for(lambda: seat.shows("frame 12 of 22"), "the frame of that time")
@@ -88,11 +93,14 @@ def run(home: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[st
     ("arguments", "code", "words"),
     [
         ([str(SCHEMA_1)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
-        (["no-such-night"], 1, "does not exist"),
-        ([str(SCHEMA_1), "--at", "soon"], 2, "no frame and no UTC"),
-        (["--help"], 0, "Example: rsoconsole review"),
+        pytest.param(
+            ["no-such-night"],
+            1,
+            "does not exist",
+            marks=pytest.mark.nightly("starts the whole program"),
+        ),
     ],
-    ids=["no terminal", "no session", "no moment", "help"],
+    ids=["no terminal", "no session"],
 )
 def test_what_cannot_be_is_said_in_one_line(
     home: dict[str, str], arguments: list[str], code: int, words: str
@@ -102,5 +110,23 @@ def test_what_cannot_be_is_said_in_one_line(
     said = " ".join((ended.stdout + ended.stderr).replace("│", " ").split())
     assert words in said
     assert "Traceback" not in said
-    if code == 1:
-        assert len(ended.stderr.strip().splitlines()) == 1
+    assert len(ended.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ([str(SCHEMA_1), "--at", "soon"], 2, "no frame and no UTC"),
+        (["--help"], 0, "Example: rsoconsole review"),
+    ],
+    ids=["no moment", "help"],
+)
+def test_how_a_review_is_asked_for_is_said(arguments: list[str], code: int, words: str):
+    ended = CliRunner().invoke(app, ["review", *arguments])
+    assert ended.exit_code == code
+    assert words in " ".join(ended.output.replace("│", " ").split())
+
+
+def test_a_night_that_is_not_there_is_refused(tmp_path: Path):
+    with pytest.raises(SessionError, match="does not exist"):
+        run_review(tmp_path / "no-such-night")

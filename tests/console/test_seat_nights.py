@@ -46,6 +46,7 @@ def changes(engine: WholeEngine) -> list[StateChange]:
     return [r for _, _, r in engine.reader.records(kinds=(StateChange,))]
 
 
+@pytest.mark.nightly("starts an observatory, an engine and a console")
 def test_stray_keys_in_a_track_end_nothing_and_two_presses_can_be_undone(
     tmp_path: Path, sky: Observatory
 ):
@@ -106,6 +107,7 @@ def open_near_the_pole(settings: ObservatorySettings) -> Stage:
     return dataclasses.replace(open_plain(settings), start_dec_icrs_deg=85.0)
 
 
+@pytest.mark.nightly("starts an observatory, an engine and a console")
 def test_a_server_that_dies_is_said_once_and_is_over_when_it_is_back(tmp_path: Path):
     # By the machine's own clock, as on a real telescope.
     limits = {"twilight_deg": 90.0, "max_hour_angle_deg": 180.0, "past_meridian_deg": 90.0}

@@ -9,7 +9,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.screens.review import ReviewScreen
-from tests.rigs.seat_rig import FULL, FakeWire, until
+from tests.rigs.seat_rig import FULL, FakeWire, opened, until
 
 Play = Callable[[ReviewScreen, Pilot[str]], Awaitable[None]]
 
@@ -52,7 +52,7 @@ def play_review(
             return wire or FakeWire(Path("nowhere"))
 
         app = ConsoleApp(fake, review=(folder, start), **settings)
-        async with app.run_test(size=size) as pilot:
+        async with opened(app, size) as pilot:
             review = app.root
             assert isinstance(review, ReviewScreen)
             if is_read:

@@ -1,20 +1,30 @@
 """The seat in a test: an engine that says what it is told, a made-up night, a pilot."""
 
 import asyncio
+import atexit
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import pytest
+from textual._compositor import Compositor
+from textual.css.model import RuleSet
+from textual.css.stylesheet import Stylesheet
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.panes.panes import LinesPane, StopBanner
+from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import Command, Outcome
 from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.errors import ControlError
+from rsoconsole.pipeline.replay.what_if_figures import TrackFigures
+from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -100,7 +110,7 @@ def play(
 
     async def run() -> str | None:
         app = ConsoleApp(lambda: wire, **settings)
-        async with app.run_test(size=size) as pilot:
+        async with opened(app, size) as pilot:
             if not wire.is_gone or settings.get("session"):
                 await until(
                     pilot,
@@ -112,12 +122,74 @@ def play(
     return asyncio.run(run())
 
 
+_render_update = Compositor.render_update
+
+
+def _when_looked_at(compositor: Compositor, full: bool = False, **named: Any) -> Any:
+    """The whole screen as it is asked for; nothing for a terminal that is not there."""
+    if full:
+        return _render_update(compositor, full, **named)
+    compositor._dirty_regions.clear()
+    return None
+
+
+_parse_rules = Stylesheet._parse_rules
+_PARSED: dict[tuple[object, ...], list[RuleSet]] = {}
+
+
+def _parsed_once(sheet: Stylesheet, *arguments: Any, **named: Any) -> list[RuleSet]:
+    """The rules of a style sheet, read by the first seat for all others of the same colours."""
+    key = (arguments, *sorted(named.items()), *sorted(sheet._variables.items()))
+    if key not in _PARSED:
+        _PARSED[key] = _parse_rules(sheet, *arguments, **named)
+    return _PARSED[key]
+
+
+class _SharedTrials(WhatIfProcess):
+    """One for all seats: its libraries take a second to load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._turn = threading.Lock()
+        atexit.register(super().close)
+
+    def ask(self, question: Question) -> TrackFigures:
+        """One seat after the other."""
+        with self._turn:
+            return super().ask(question)
+
+    def close(self) -> None:
+        """It stays for the next seat."""
+
+
+_shared_trials = cache(_SharedTrials)
+
+
+@asynccontextmanager
+async def opened(app: ConsoleApp, size: tuple[int, int] = FULL) -> AsyncIterator[Pilot[str]]:
+    """The seat, drawn where a test looks at it and once at the end: drawing costs the most."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Compositor, "render_update", _when_looked_at)
+        patch.setattr(Stylesheet, "_parse_rules", _parsed_once)
+        patch.setattr(what_if_watch, "WhatIfProcess", _shared_trials)
+        async with app.run_test(size=size) as pilot:
+            yield pilot
+            if app.screen_stack and app.screen.is_running:
+                app.screen._compositor.render_update(
+                    full=True, screen_stack=app._background_screens
+                )
+
+
 async def until(pilot: Pilot[str], is_so: Callable[[], bool]) -> None:
     """Wait for what threads bring; a slow machine is given time, a broken seat is not."""
     deadline = time.monotonic() + PATIENCE_S
+    begun = time.monotonic()
     while not is_so():
+        # A look at a whole screen takes longer than one at a value.
+        took_s = time.monotonic() - begun
         assert time.monotonic() < deadline, "it never came to be"
-        await asyncio.sleep(0.01)
+        await asyncio.sleep(max(0.01, 2.0 * took_s))
+        begun = time.monotonic()
     await pilot.pause()
 
 

@@ -329,8 +329,8 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
         lent = engine.temporary.items()
         items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
         items += [(f"{each.name} {each.text}", _health_ink(each)) for each in engine.health]
-    # What has no room is left out: never an alarm before what is well.
-    return sorted(items, key=lambda item: item[1] != "alarm")
+    # What has no room is left out: what is well before what is not.
+    return sorted(items, key=lambda item: {"alarm": 0, "warn": 1}.get(item[1], 2))
 
 
 def _health_ink(each: Health) -> Ink:
