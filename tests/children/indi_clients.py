@@ -11,3 +11,12 @@ CLIENTS = [
     )
     for each in LIBRARIES
 ]
+
+OTHERS_NIGHTLY = CLIENTS[:1] + [
+    pytest.param(
+        *each.values, marks=[*each.marks, pytest.mark.nightly("another library, the same orders")]
+    )
+    for each in CLIENTS[1:]
+]
+"""The same; each day only the first. Both speak INDI in ``instruments/test_indi_clients.py``, and
+stop a mount in ``test_stop.py``, each day."""

@@ -15,6 +15,7 @@ from tests.rigs.whole_engine import is_sidereal, is_slewing, mount_by_itself, wa
 
 ACKNOWLEDGED_MS = 2000.0
 ENDED_MS = 5000.0
+pytestmark = pytest.mark.slow("STOP of a whole engine")
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from rsoconsole.config import Config
 from rsoconsole.control.commands import Seek
 from rsoconsole.engine.tasks.tunables import changed
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.reason_text import text
@@ -34,6 +35,7 @@ from tests.rigs.engine_rig import (
     asked,
     command_handler_of,
     end_when_idle,
+    heed_alarms,
     rig,
     solution_at,
     told,
@@ -140,6 +142,33 @@ def test_a_stop_that_the_driver_does_not_answer_is_an_alarm():
     end_when_idle(r)
     r.engine.run()
     assert any("STOP was not answered" in event.text for event in r.memory.of(Event))
+
+
+def test_a_stop_that_was_not_obeyed_is_a_fault_until_the_mount_is_measured_to_rest():
+    r = rig(set())
+    r.mount.abort = lambda **_: StopResult(  # type: ignore[method-assign]
+        is_answered=False, ms=2000.0, path="indi", detail="still moving"
+    )
+    r.mount.motion = Motion(kind="moves", ra_rate_arcsec_s=14_400.0)
+    command_handler_of(r).handle(asked("stop"))
+    heed_alarms(r)
+    states = []
+    wait = r.clock.wait_until
+
+    def rests_later(t_utc_ns: int) -> bool:
+        states.append(r.engine.status().state)
+        if len(states) == 5:
+            r.mount.motion = Motion(kind="tracks")
+        if len(states) == 10:
+            r.queue.request_shutdown()
+        return wait(t_utc_ns)
+
+    r.clock.wait_until = rests_later  # type: ignore[method-assign]
+    r.engine.run()
+    assert set(states[:5]) == {"FAULT"}
+    assert states[-1] == "IDLE"
+    over = [each.text for each in r.memory.of(Event) if "STOP is over" in each.text]
+    assert over == ["the mount tracks, measured: STOP is over"]
 
 
 def test_one_lost_frame_is_a_miss_and_the_loop_goes_on():

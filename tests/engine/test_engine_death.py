@@ -83,6 +83,7 @@ def records(session: Path, kind: type[Any]) -> list[Any]:
     return [record for _, _, record in SessionReader(session).records(kinds=(kind,))]
 
 
+@pytest.mark.slow("kills a whole engine")
 def test_what_was_acknowledged_outlives_the_engine(engine):
     wait_for(lambda: engine.frames() >= 2, "frames")
     operator = Operator(engine)
@@ -114,6 +115,7 @@ def pixels_of(path: Path) -> Any:
         return file[1].data
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_stop_is_on_disk_one_commit_after_its_answer(engine):
     wait_for(lambda: engine.frames() >= 1, "a frame")
     assert engine.send("stop").ok
@@ -123,6 +125,7 @@ def test_a_stop_is_on_disk_one_commit_after_its_answer(engine):
     assert is_whole(engine.session)
 
 
+@pytest.mark.slow("kills a whole engine")
 def test_the_mount_of_a_killed_engine_ends_its_slew_and_tracks(engine, observatory):
     wait_for(lambda: engine.frames() >= 1, "a frame")
     with Ear(observatory) as ear:
@@ -132,6 +135,7 @@ def test_the_mount_of_a_killed_engine_ends_its_slew_and_tracks(engine, observato
         wait_for(lambda: is_sidereal(mount_by_itself(observatory)), "tracking")
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_the_next_engine_says_what_happened_and_goes_on_in_a_new_session(engine):
     wait_for(lambda: engine.frames() >= 1, "a frame")
     first = engine.session
@@ -152,6 +156,7 @@ def test_the_next_engine_says_what_happened_and_goes_on_in_a_new_session(engine)
     assert engine.reader.about()["continues"] is None
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_slew_whose_engine_hangs_is_ended_by_the_mounts_process(engine, observatory):
     wait_for(lambda: engine.frames() >= 1, "a frame")
     assert engine.process is not None
@@ -181,6 +186,7 @@ FAR_APART = {
 LEASE = "because the engine had not renewed its lease for"
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_suspended_engine_says_what_became_of_its_slew_and_goes_on(tmp_path, observatory):
     """As by a laptop's lid or Ctrl+Z; nobody has to say 'resume'."""
     settings: dict[str, dict[str, Any]] = {

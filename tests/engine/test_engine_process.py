@@ -8,19 +8,28 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from rsoconsole.control import ControlClient, Sender
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.simulator.launch import Observatory, start_observatory
+from tests.rigs.whole_engine import OVERRIDES
 
+STAGE = "tests.rigs.stub_stage:open_plain"
+LIFTED = [word for name in OVERRIDES for word in ("--override", name)]
+"""Its frames show no sky."""
+pytestmark = pytest.mark.slow("starts a whole engine")
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()"]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def observatory() -> Iterator[Observatory]:
-    with start_observatory("intelsat-14", 1, 5.0) as running:
+    """For one engine after another."""
+    with start_observatory("intelsat-14", 1, 10.0, stage=STAGE) as running:
         yield running
 
 
@@ -45,7 +54,7 @@ def environment(tmp_path: Path, observatory: Observatory) -> dict[str, str]:
 @pytest.fixture
 def engine(tmp_path: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [*COMMAND, "engine", "--arm", "--session", str(tmp_path / "session")],
+        [*COMMAND, "engine", "--arm", *LIFTED, "--session", str(tmp_path / "session")],
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
@@ -71,6 +80,12 @@ def verb(environment: dict[str, str], *arguments: str, status: int = 0) -> dict:
     return json.loads(run.stdout)
 
 
+def status(environment: dict[str, str]) -> dict[str, Any]:
+    """As ``verb`` has it, without a process for each question."""
+    socket = Path(environment["XDG_RUNTIME_DIR"]) / "rsoconsole" / "engine.sock"
+    return dict(ControlClient(socket, sender=Sender(name="test")).send(AskStatus()).data)
+
+
 def wait_for(condition, timeout_s: float = 60.0, every_s: float = 0.2) -> None:
     ends = time.monotonic() + timeout_s
     while not condition():
@@ -79,12 +94,12 @@ def wait_for(condition, timeout_s: float = 60.0, every_s: float = 0.2) -> None:
 
 
 def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path, observatory):
-    wait_for(lambda: verb(environment, "status")["frame"] >= 1)
+    wait_for(lambda: status(environment)["frame"] >= 1)
     assert verb(environment, "status")["holder"] == "autonomy"
     stopped = verb(environment, "stop")
     assert (stopped["stopped"], stopped["motion"]) == (True, "tracks")
     assert stopped["answered_ms"] < 2000
-    wait_for(lambda: verb(environment, "status")["state"] == "IDLE")
+    wait_for(lambda: status(environment)["state"] == "IDLE")
     engine.send_signal(signal.SIGTERM)
     assert engine.wait(30) == 0
     assert SessionReader(tmp_path / "session").about()["is_closed"] is True
@@ -117,7 +132,7 @@ def test_a_second_engine_is_refused_with_words(engine, environment, tmp_path):
 
 
 def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, observatory):
-    wait_for(lambda: verb(environment, "status")["frame"] >= 1)
+    wait_for(lambda: status(environment)["frame"] >= 1)
     session = tmp_path / "session"
     engine.send_signal(signal.SIGTERM)
     # Again while it takes itself apart: the socket goes first, the session's end comes after.
@@ -135,6 +150,6 @@ def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, 
 
 def test_a_lost_terminal_is_nothing_to_the_engine(engine, environment):
     engine.send_signal(signal.SIGHUP)
-    frames = verb(environment, "status")["frame"]
-    wait_for(lambda: verb(environment, "status")["frame"] > frames)
+    frames = status(environment)["frame"]
+    wait_for(lambda: status(environment)["frame"] > frames)
     assert engine.poll() is None

@@ -57,6 +57,7 @@ def shown_after(seat: Terminal, keys: str, *words: str) -> None:
     wait_for(lambda: seat.shows(*words, since=known), f"{words} after {keys!r}", seat)
 
 
+@pytest.mark.slow("a night in a terminal")
 def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
     tmp_path: Path, house: dict[str, str]
 ):
@@ -95,6 +96,7 @@ def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
         wait_for(lambda: seat.process.poll() is not None, "the engine's end", seat)
 
 
+@pytest.mark.nightly("a morning in a terminal")
 def test_a_morning_from_the_miss_to_the_what_if_of_the_same_night(house: dict[str, str]):
     with Terminal([*COMMAND, "review", str(SAMPLE)], house, SIZE) as seat:
         wait_for(lambda: seat.shows("REVIEW", "frame 0001 · 10 s"), "a screen", seat)

@@ -2,6 +2,8 @@
 
 Each oddity was met in one of Debian's INDI drivers, or is one that a driver may have. The mount's
 own motion is the judge; nothing that is told may rest on the driver's word alone.
+
+In process, with a clock of its own, the same mounts are in ``instruments/test_odd_drivers.py``.
 """
 
 import time
@@ -45,6 +47,7 @@ def slewing(seat: OddEngine) -> OddEngine:
 # ---- STOP ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_mount_that_obeys_is_told_to_track_because_it_was_measured(make: Make):
     seat = slewing(make())
     last = seat.stop()
@@ -58,11 +61,13 @@ def test_a_mount_that_obeys_is_told_to_track_because_it_was_measured(make: Make)
     assert seat.status().state == "IDLE"
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_with_stand_still_it_is_measured_to_stand(make: Make):
     seat = slewing(make(mount={"after_stop": "stand still"}))
     assert seat.stop().motion == "stands"
 
 
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_driver_that_says_idle_and_moves_on_is_not_believed(make: Make):
     seat = slewing(make("lieabort"))
     answer = seat.ask("stop")
@@ -77,6 +82,7 @@ def test_a_driver_that_says_idle_and_moves_on_is_not_believed(make: Make):
     assert not any("stands" in words or "confirmed" in words for words in seat.said)
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 @pytest.mark.parametrize("oddity", ["abortalert", "abortignored", "noabort"])
 def test_a_mount_that_does_not_obey_is_said_to_move_until_it_rests(make: Make, oddity: str):
     seat = slewing(make(oddity))
@@ -107,6 +113,7 @@ def test_a_mount_that_does_not_obey_is_said_to_move_until_it_rests(make: Make, o
     assert any("measured: STOP is over" in words for words in seat.said)
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_driver_that_is_never_busy_is_seen_to_slew_and_to_stop(make: Make):
     seat = make("noidle")
     seat.wait_for_rest()
@@ -115,6 +122,7 @@ def test_a_driver_that_is_never_busy_is_seen_to_slew_and_to_stop(make: Make):
     assert seat.stop().motion == "tracks"
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_driver_that_stays_busy_is_seen_to_rest(make: Make):
     seat = slewing(make("busyforever"))
     last = seat.stop()
@@ -123,6 +131,7 @@ def test_a_driver_that_stays_busy_is_seen_to_rest(make: Make):
     seat.until(lambda: seat.status().is_slewing is False, "the end of the slew", 30.0)
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_slow_driver_is_not_known_until_it_has_told_enough(make: Make):
     seat = slewing(make("slowreport=5 nopollingperiod"))
     last = seat.stop()
@@ -131,11 +140,13 @@ def test_a_slow_driver_is_not_known_until_it_has_told_enough(make: Make):
     assert "NOT KNOWN whether the mount moves" in last.text
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_words_that_are_no_utf8_do_not_cut_the_line_to_a_mount(make: Make):
     seat = slewing(make("badutf8"))
     assert seat.stop().motion == "tracks"
 
 
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_second_stop_acts_at_once(make: Make):
     seat = slewing(make("aborts_ignored=2"))
     seat.ask("stop")
@@ -152,6 +163,7 @@ def test_a_second_stop_acts_at_once(make: Make):
     seat.until(lambda: (each := seat.status().last_stop) and each.motion == "tracks", "rest")
 
 
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_driver_that_dies_in_a_slew_is_told_to_stop_when_it_is_back(make: Make):
     """TheSkyX went on behind Paramount's driver, and nobody sent ABORT."""
     seat = slewing(make())
@@ -166,6 +178,7 @@ def test_a_driver_that_dies_in_a_slew_is_told_to_stop_when_it_is_back(make: Make
 # ---- parked ----------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_mount_that_says_parked_and_tracks_is_an_alarm_and_is_stopped(make: Make):
     seat = make(f"trackwhileparked {EASILY_PARKED}")
     assert seat.ask("park").ok
@@ -176,6 +189,7 @@ def test_a_mount_that_says_parked_and_tracks_is_an_alarm_and_is_stopped(make: Ma
     assert seat.received(TRACKING)[-1][1].get("TRACK_OFF") == "On"
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 @pytest.mark.parametrize("oddity", ["parklies", "parkok_instant"])
 def test_a_mount_that_says_parked_on_its_way_there_is_not_said_to_be_parked(
     make: Make, oddity: str
@@ -190,12 +204,14 @@ def test_a_mount_that_says_parked_on_its_way_there_is_not_said_to_be_parked(
     assert not seat.moves()
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_park_that_fails_is_told_with_its_own_reason(make: Make):
     answer = make("parkfails").ask("park")
     assert not answer.ok
     assert "Parking failed" in answer.message
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_park_position_that_is_not_there_is_refused_at_once(make: Make):
     seat = make("nopark")
     begun_s = time.monotonic()
@@ -206,6 +222,7 @@ def test_a_park_position_that_is_not_there_is_refused_at_once(make: Make):
     assert seat.received(PARK) == []
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_unpark_ends_the_wish_to_park(make: Make, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(parking, "RETRY_NS", 3_000_000_000)
     seat = make(EASILY_PARKED)
@@ -221,8 +238,9 @@ def test_unpark_ends_the_wish_to_park(make: Make, monkeypatch: pytest.MonkeyPatc
 # ---- limits, and what a mount lacks ----------------------------------------------------------
 
 
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make):
-    seat = make()
+    seat = make("ha_deg=0 dec_deg=-15")
     seat.goto(40.0, 180.0)
     seat.until(lambda: not seat.moves(), "arrival", 60.0)
     seat.wait_for_rest()
@@ -234,6 +252,7 @@ def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make
     assert any("limit" in words for words in seat.alarms)
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 @pytest.mark.parametrize(
     ("oddity", "lacks"),
     [
@@ -250,12 +269,14 @@ def test_what_a_mount_lacks_is_found_when_it_connects(make: Make, oddity: str, l
     assert [name for name in able.__slots__ if not getattr(able, name)] == [lacks]
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_mount_without_tracking_state_is_measured_all_the_same(make: Make):
     seat = slewing(make("notrackstate"))
     last = seat.stop()
     assert last.motion == "stands"  # what its ABORT leaves, whatever is configured
 
 
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_refusal_to_slew_is_told_with_its_own_reason(make: Make):
     seat = make("startparked")
     answer = seat.goto(50.0, 130.0)

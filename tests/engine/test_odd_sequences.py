@@ -37,6 +37,7 @@ def test_the_judge_finds_limits_that_nobody_watches(monkeypatch: pytest.MonkeyPa
     assert any("below the horizon" in words for faults in found for words in faults)
 
 
+@pytest.mark.nightly("random nights in real time")
 @pytest.mark.parametrize("seed", range(4))
 def test_over_the_wire_too(seed: int, tmp_path: Path):
     found = run_wire_night(seed, tmp_path, acts=6)

@@ -13,7 +13,7 @@ import pytest
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
 from tests.children.indi_clients import CLIENTS
 
-pytestmark = pytest.mark.indi_bin
+pytestmark = [pytest.mark.indi_bin, pytest.mark.nightly("Debian's INDI server and drivers")]
 ROOT = Path(__file__).resolve().parents[2]
 NEEDED = (
     "indiserver",

@@ -24,7 +24,7 @@ from tests.drawn.damaged_frames import WHOLE, damaged, holds, pixels, process, t
 FAULTS = Path(__file__).resolve().parents[3] / "shared" / "faults"
 MOST_S = 5.0
 MUTATIONS = 500
-RUN = 200
+RUN, RUN_BY_NIGHT = 40, 200
 """Of them through a run of the program."""
 
 
@@ -139,10 +139,14 @@ def test_a_picture_that_ends_the_decoder_is_one_frames_fault():
         decoder.close()
 
 
-def test_a_run_over_damaged_frames_gives_each_one_line_and_goes_on(tmp_path):
+@pytest.mark.slow("runs the program over damaged frames")
+@pytest.mark.parametrize(
+    "count", [RUN, pytest.param(RUN_BY_NIGHT, marks=pytest.mark.nightly("many damaged frames"))]
+)
+def test_a_run_over_damaged_frames_gives_each_one_line_and_goes_on(tmp_path, count):
     """Through the program itself; the campaign: ``python -m tests.drawn.damaged_frames 10000``."""
     (tmp_path / "frames").mkdir()
-    damages = write(range(RUN), tmp_path / "frames")
+    damages = write(range(count), tmp_path / "frames")
     (tmp_path / "frames" / "whole.fits").write_bytes(WHOLE["plain"])
     damages["whole.fits"] = "none"
     found = process([tmp_path / "frames" / name for name in damages], tmp_path)

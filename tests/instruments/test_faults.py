@@ -109,11 +109,20 @@ def endure(engine: WholeEngine, kind: str, kills: int) -> Counter[str]:
     return moments
 
 
-@pytest.mark.parametrize("kind", ["mount", "camera"])
-def test_a_killed_child_is_said_replaced_and_the_night_goes_on(engine, kind):
-    endure(engine, kind, FEW)
+@pytest.mark.slow("kills the mount's process of a whole engine")
+@pytest.mark.parametrize(
+    ("kind", "kills"),
+    [
+        ("mount", 1),
+        pytest.param("mount", FEW, marks=pytest.mark.nightly("again and again")),
+        pytest.param("camera", FEW, marks=pytest.mark.nightly("again and again")),
+    ],
+)
+def test_a_killed_child_is_said_replaced_and_the_night_goes_on(engine, kind, kills):
+    endure(engine, kind, kills)
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_killed_solver_is_said_replaced_and_the_night_goes_on(solving_engine):
     endure(solving_engine, "solver", FEW)
 
@@ -129,6 +138,7 @@ def test_twenty_killed_solvers_do_not_end_the_night(solving_engine):
     print("solver", dict(endure(solving_engine, "solver", MANY)))
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_mount_whose_process_dies_in_a_slew_arrives_all_the_same(engine):
     sky = engine.observatory
     for _ in range(2):
@@ -141,6 +151,7 @@ def test_a_mount_whose_process_dies_in_a_slew_arrives_all_the_same(engine):
     assert engine.status()["faults"] == []
 
 
+@pytest.mark.nightly("a whole engine as a process")
 def test_a_solver_that_dies_in_a_search_costs_one_frame_its_plate(solving_engine):
     # A process that has searched: one that is killed while it starts is replaced without a word.
     goal = solving_engine.frames() + 2

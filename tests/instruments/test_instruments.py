@@ -24,7 +24,7 @@ from rsoconsole.instruments.ports import Instruments
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
 from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
-from tests.children.indi_clients import CLIENTS
+from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.rigs.stub_stage import SITE, T_START_UTC_NS
 
 NS = 1_000_000_000
@@ -42,7 +42,7 @@ def config_for(observatory: Observatory, client: str = "auto") -> Config:
     )
 
 
-@pytest.fixture(scope="module", params=CLIENTS)
+@pytest.fixture(scope="module", params=OTHERS_NIGHTLY)
 def client(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

@@ -15,7 +15,9 @@ from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChang
 from rsoconsole.sky.frames import altaz_to_icrs
 from tests.makers import NS
 from tests.rigs.engine_rig import SITE, Rig, asked, command_handler_of, end_when_idle, rig
+from tests.rigs.kept_sun import kept_sun
 
+__all__ = ["kept_sun"]
 MINUTE = ClockFault(kind="stood still", seconds=60.0)
 ENDED = SlewEnd(unwatched_s=61.0, lease_s=10.0)
 

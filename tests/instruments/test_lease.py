@@ -20,7 +20,7 @@ from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.children.indi_clients import CLIENTS
+from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.rigs.stub_stage import T_START_UTC_NS
 
 NS = 1_000_000_000
@@ -150,7 +150,7 @@ def pass_s(clock: SimulatedClock, seconds: float) -> None:
     clock.wait_until(clock.now_utc_ns() + round(seconds * NS))
 
 
-@pytest.fixture(params=CLIENTS)
+@pytest.fixture(params=OTHERS_NIGHTLY)
 def mount(
     request: pytest.FixtureRequest, observatory: Observatory, tmp_path: Path
 ) -> Iterator[IndiMount]:
@@ -307,7 +307,7 @@ class Child:
             stream.close()
 
 
-@pytest.fixture(params=CLIENTS)
+@pytest.fixture(params=OTHERS_NIGHTLY)
 def client(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

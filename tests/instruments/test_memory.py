@@ -16,7 +16,7 @@ from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.process_memory import forget_contents
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.children.indi_clients import CLIENTS
+from tests.children.indi_clients import OTHERS_NIGHTLY
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 HEAVY = ("/astropy/", "/scipy/", "/cv2/", "/pydantic_core/")
@@ -30,7 +30,7 @@ def observatory():
         yield running
 
 
-@pytest.fixture(params=CLIENTS)
+@pytest.fixture(params=OTHERS_NIGHTLY)
 def camera(request: pytest.FixtureRequest, observatory: Observatory, tmp_path: Path):
     there = {"host": observatory.host, "port": observatory.port, "simulated": True}
     indi = IndiConfig.model_validate({**there, "client": request.param})
@@ -73,7 +73,7 @@ def test_frames_that_are_let_go_take_turns_in_one_slot_and_held_ones_stay(camera
     assert not np.array_equal(copies[0], copies[1])
 
 
-@pytest.mark.parametrize("client", CLIENTS)
+@pytest.mark.parametrize("client", OTHERS_NIGHTLY)
 def test_the_mirror_keeps_no_blob_and_its_memory_is_given_back(observatory, client):
     command = [sys.executable, "-m", "tests.children.blob_child", observatory.host]
     command += [str(observatory.port), observatory.camera_name, client]

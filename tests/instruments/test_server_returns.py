@@ -14,7 +14,7 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.children.indi_clients import CLIENTS
+from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.children.relay import Relay
 
 NS = 1_000_000_000
@@ -36,7 +36,7 @@ def clock(observatory: Observatory) -> Iterator[SimulatedClock]:
     clock.close()
 
 
-@pytest.fixture(params=CLIENTS)
+@pytest.fixture(params=OTHERS_NIGHTLY)
 def behind_relay(
     request: pytest.FixtureRequest,
     observatory: Observatory,
@@ -76,7 +76,7 @@ def test_a_server_that_comes_back_is_used_again_by_mount_and_camera(behind_relay
     assert mount.abort().is_answered
 
 
-@pytest.mark.parametrize("client", CLIENTS)
+@pytest.mark.parametrize("client", OTHERS_NIGHTLY)
 def test_a_server_that_accepts_and_hangs_up_at_once_is_an_error_in_words(client, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         host, port = listener.getsockname()

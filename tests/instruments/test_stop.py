@@ -149,9 +149,12 @@ def posts(
                         "client": request.param,
                     },
                     "mount": {"after_stop": after_stop, "lease_s": 600},
+                    # For a slew that is passed over; STOP has its own limits.
+                    "waits": {"answer_s": 4.0},
                 }
             )
-            mount = IndiMount(config.indi, logs / f"{after_stop}.log", config.mount)
+            log = logs / f"{after_stop}.log"
+            mount = IndiMount(config.indi, log, config.mount, config.waits)
             open_until_the_end.callback(mount.close)
             mount.start()
             made[after_stop] = Post(observatory, clock, mount, after_stop)

@@ -30,6 +30,8 @@ SETTINGS = {
     "search": {"pattern": "stay"},
     # Its frames tell nothing of how much the mount swings.
     "leap": {"enabled": True, "learns_settle": False},
+    # Leaps go by an orbit of their own; that of a track on record is as costly as all the rest.
+    "orbit": {"online": False},
 }
 SIGMA_PX = 0.3
 

@@ -312,6 +312,14 @@ class OddNight:
         """Have something done while others wait."""
         self._later.append((self.now_s + seconds, act))
 
+    def abilities(self) -> MountAbilities:
+        """What the mount's process says that its driver offers."""
+        return self.watch._instruments.mount.abilities()
+
+    def report(self) -> MountReport:
+        """What it says of the mount now."""
+        return self.watch._instruments.mount.report()
+
     # -- orders ---------------------------------------------------------------------------------
 
     def order(self, verb: str, **arguments: Any) -> dict[str, Any]:

@@ -16,6 +16,8 @@ from tests.children.bad_server import BadServer, bad_server
 from tests.children.bad_server import send as answer
 from tests.engine.test_engine_process import COMMAND, wait_for
 
+STAGE = "tests.rigs.stub_stage:open_plain"
+
 
 @pytest.fixture
 def server() -> Iterator[BadServer]:
@@ -28,7 +30,7 @@ def server() -> Iterator[BadServer]:
 def engine(tmp_path: Path, server: BadServer) -> Iterator[subprocess.Popen[str]]:
     good = server.url.replace("http://", "json://")
     services = f'services = ["json://ann:hunter2@127.0.0.1:9/", "{good}", "nosuch://x"]'
-    with start_observatory("intelsat-14", 1, 5.0) as observatory:
+    with start_observatory("intelsat-14", 1, 5.0, stage=STAGE) as observatory:
         config = tmp_path / "config.toml"
         config.write_text(
             f"[indi]\nport = {observatory.port}\nsimulated = true\n"
@@ -61,6 +63,7 @@ def titles(server: BadServer) -> list[str]:
     return [json.loads(body)["title"] for body in server.bodies if body]
 
 
+@pytest.mark.slow("a whole engine with alerts")
 def test_its_safe_end_is_told_by_the_service_that_works_and_the_session_is_whole(
     engine: subprocess.Popen[str], server: BadServer, tmp_path: Path
 ) -> None:
@@ -75,6 +78,7 @@ def test_its_safe_end_is_told_by_the_service_that_works_and_the_session_is_whole
     assert "hunter2" not in told + logs
 
 
+@pytest.mark.nightly("kills a whole engine")
 def test_an_engine_that_is_killed_is_told_and_its_heartbeat_stops(
     engine: subprocess.Popen[str], server: BadServer
 ) -> None:

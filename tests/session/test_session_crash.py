@@ -33,9 +33,16 @@ CUTS = 200
 CUTS_IN_CLOSING = 40
 TRUNCATIONS = 200
 GARBAGE = 60
+FEW = 5
+"""Times fewer in the plain tier."""
 MOST_WORDS = 6
 LONGEST_DELAY_S = 0.03
 NOW_UTC_NS = T0_UTC_NS + 10**15
+
+
+ALL = pytest.param(1, marks=pytest.mark.nightly("many random cuts"))
+EACH_DAY_FEW = pytest.mark.parametrize("share", [FEW, ALL])
+EACH_DAY_HALF = pytest.mark.parametrize("share", [2, ALL])
 
 
 class Lives:
@@ -132,22 +139,25 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     return found.state
 
 
-def test_two_hundred_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path) -> None:
-    folders = [tmp_path / str(number) for number in range(CUTS)]
+@EACH_DAY_FEW
+def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, share: int) -> None:
+    cuts = CUTS // share
+    folders = [tmp_path / str(number) for number in range(cuts)]
     records = frames = 0
     for folder, told in lives.cuts(folders, random.Random(1), most_words=MOST_WORDS):
         assert check_a_cut(folder, told) == "cut off"
         records, frames = records + told["records"], frames + told["frames"]
         shutil.rmtree(folder)
     # Had the lives been too short to write, nothing would have been tried.
-    assert records > 10 * CUTS
-    assert frames > CUTS // 2
+    assert records > 10 * cuts
+    assert frames > cuts // 2
 
 
+@EACH_DAY_HALF
 def test_a_cut_while_the_session_is_closed_loses_nothing_either(
-    lives: Lives, tmp_path: Path
+    lives: Lives, tmp_path: Path, share: int
 ) -> None:
-    folders = [tmp_path / str(number) for number in range(CUTS_IN_CLOSING)]
+    folders = [tmp_path / str(number) for number in range(CUTS_IN_CLOSING // share)]
     states = set()
     for folder, told in lives.cuts(folders, random.Random(2), most_words=None):
         states.add(check_a_cut(folder, told))
@@ -208,10 +218,11 @@ def check_prefix(folder: Path, records: int) -> None:
     assert found.is_sound, found.findings
 
 
+@EACH_DAY_FEW
 def test_a_write_ahead_log_cut_anywhere_leaves_what_was_promised_before(
-    written: Written, tmp_path: Path
+    written: Written, tmp_path: Path, share: int
 ) -> None:
-    offsets = random.Random(3).sample(range(len(written.wal) + 1), TRUNCATIONS)
+    offsets = random.Random(3).sample(range(len(written.wal) + 1), TRUNCATIONS // share)
     # The seams too: at them a promise is just kept or just not.
     seams = [size + step for size, _ in written.promises[1:8] for step in (-1, 0, 1)]
     for offset in (0, *seams, *offsets, len(written.wal)):
@@ -220,11 +231,12 @@ def test_a_write_ahead_log_cut_anywhere_leaves_what_was_promised_before(
         shutil.rmtree(folder)
 
 
+@EACH_DAY_FEW
 def test_garbage_at_the_end_of_the_write_ahead_log_is_no_record(
-    written: Written, tmp_path: Path
+    written: Written, tmp_path: Path, share: int
 ) -> None:
     chance = random.Random(4)
-    for offset in chance.sample(range(len(written.wal) + 1), GARBAGE):
+    for offset in chance.sample(range(len(written.wal) + 1), GARBAGE // share):
         garbage = chance.randbytes(chance.choice((1, 100, 4096, 30_000)))
         if written.wal[offset : offset + 1] == garbage[:1]:
             continue  # one byte in 256 is by chance what it should be

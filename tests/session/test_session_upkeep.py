@@ -24,7 +24,12 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep import archive as archive_module
 from rsoconsole.session.upkeep.archive import archive_session
 from rsoconsole.session.upkeep.pruning import Policy, Step, plan_pruning, prune
-from rsoconsole.session.upkeep.store import branches_of, list_sessions, sweep_removed
+from rsoconsole.session.upkeep.store import (
+    branches_of,
+    cut_off_session,
+    list_sessions,
+    sweep_removed,
+)
 from rsoconsole.session.upkeep.verify import verify_session
 from tests.nights.made_up_night import begin
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make
@@ -311,3 +316,24 @@ def test_the_list_says_what_a_night_was_and_what_became_of_it(nights) -> None:
     assert first.followed_share == len(tracked) / 4
     assert first.duration_s == pytest.approx(120.0, abs=35.0)
     assert (second.branches, second.is_kept) == (("wide",), False)
+
+
+def test_the_newest_session_whose_engine_did_not_close_it_is_what_the_next_one_continues(
+    night: Path, tmp_path: Path
+) -> None:
+    assert cut_off_session(tmp_path / "nowhere", is_simulated=True) is None
+    assert cut_off_session(tmp_path, is_simulated=True) is None
+    left = tmp_path / "left"
+    shutil.copytree(night, left)
+    cut_off(left)
+
+    def written_at(folder: Path, seconds: int) -> None:
+        os.utime(folder / "session.db", (seconds, seconds))
+
+    written_at(night, 1000)
+    written_at(left, 2000)
+    assert cut_off_session(tmp_path, is_simulated=True) == left
+    assert cut_off_session(tmp_path, is_simulated=False) is None
+    # A later one was closed.
+    written_at(night, 3000)
+    assert cut_off_session(tmp_path, is_simulated=True) is None
