@@ -11,6 +11,7 @@ import pytest
 from astropy.io import fits
 
 from tests.pages.json_page import expect_documented
+from tests.rigs.in_process import run_here
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 SATSIM = SHARED / "simulated" / "geo_single"
@@ -64,7 +65,7 @@ def broken_files(tmp_path: Path) -> dict[str, Path]:
 
 @pytest.mark.parametrize("verb", ["detect", "process"])
 def test_every_broken_file_gets_an_error_and_the_others_go_on(broken_files, verb):
-    run = rsoconsole(verb, "--json", *broken_files.values())
+    run = run_here(verb, "--json", *broken_files.values())
     answers = dict(zip(broken_files, objects(run), strict=True))
     assert run.returncode == 1
     assert "Traceback" not in run.stderr
@@ -84,7 +85,7 @@ def test_every_broken_file_gets_an_error_and_the_others_go_on(broken_files, verb
 
 def test_an_eight_bit_picture_is_looked_at_with_one_warning(broken_files):
     picture = broken_files["eight_bit"]
-    run = rsoconsole("solve", "--json", "--scale", "1.2", "1.3", picture, picture)
+    run = run_here("solve", "--json", "--scale", "1.2", "1.3", picture, picture)
     assert run.returncode == 0
     for answer in objects(run):
         assert answer["solved"] is False
@@ -106,7 +107,7 @@ def mosaic(tmp_path: Path) -> Path:
 
 
 def test_of_a_mosaic_the_first_chip_is_taken_and_the_others_are_named(mosaic):
-    run = rsoconsole("detect", "--json", mosaic)
+    run = run_here("detect", "--json", mosaic)
     (answer,) = objects(run)
     assert (run.returncode, answer["extension"]) == (0, "SCI,1")
     assert "SCI,2" in run.stderr
@@ -114,31 +115,46 @@ def test_of_a_mosaic_the_first_chip_is_taken_and_the_others_are_named(mosaic):
 
 
 def test_every_chip_of_a_mosaic_is_looked_at_where_that_is_asked_for(mosaic):
-    run = rsoconsole("detect", "--json", "--extension", "all", mosaic)
+    run = run_here("detect", "--json", "--extension", "all", mosaic)
     assert [answer["extension"] for answer in objects(run)] == ["SCI,1", "SCI,2"]
     assert run.stderr == ""
-    assert "mosaic.fits[SCI,2]: 0 streak" in rsoconsole("detect", "--extension", "2", mosaic).stdout
+    assert "mosaic.fits[SCI,2]: 0 streak" in run_here("detect", "--extension", "2", mosaic).stdout
 
 
 def test_a_chip_that_is_not_there_is_an_error_with_the_names_of_those_that_are(mosaic):
-    run = rsoconsole("process", "--extension", "SCI,3", mosaic)
+    run = run_here("process", "--extension", "SCI,3", mosaic)
     assert run.returncode == 1
     assert "SCI,1, SCI,2" in run.stderr
-    assert rsoconsole("process", "--extension", "all", mosaic).returncode == 2
+    assert run_here("process", "--extension", "all", mosaic).returncode == 2
+
+
+def test_a_shell_gets_the_exit_code_and_one_line(tmp_path, monkeypatch):
+    """All others here run in the process of the tests."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    for words, code, line in (
+        (("dance",), 2, "no such command 'dance'"),
+        (("status",), 1, "no engine is running"),
+    ):
+        run = rsoconsole(*words)
+        assert (run.returncode, run.stdout) == (code, "")
+        assert line in run.stderr
+        assert run.stderr.count("\n") == 1
+    assert (run := rsoconsole("--version")).returncode == 0
+    assert run.stdout.startswith("rsoconsole ")
 
 
 def test_wrong_usage_is_exit_2_and_help_teaches():
-    assert rsoconsole("detect").returncode == 2
-    assert rsoconsole("dance").returncode == 2
+    assert run_here("detect").returncode == 2
+    assert run_here("dance").returncode == 2
     for verb in ("demo", "engine", "status", "stop", "process", "detect", "solve", "doctor"):
-        run = rsoconsole(verb, "--help")
+        run = run_here(verb, "--help")
         assert run.returncode == 0
         assert "Example" in run.stdout
 
 
 def test_no_engine_is_said_plainly(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    run = rsoconsole("status", "--json")
+    run = run_here("status", "--json")
     assert run.returncode == 1
     assert "no engine is running" in run.stderr
     assert run.stdout == ""
@@ -146,10 +162,11 @@ def test_no_engine_is_said_plainly(tmp_path, monkeypatch):
 
 @needs_satsim
 @pytest.mark.shared_data
+@pytest.mark.nightly("unpacks three whole frames")
 def test_the_satellite_of_an_independent_simulator_is_measured_within_two_arcseconds():
     """SatSim's frames and truth: another renderer, another reduction of the same sky."""
     truth = json.loads((SATSIM / "truth.json").read_text())
-    run = rsoconsole("process", "--json", *sorted(SATSIM.glob("*.bz2")))
+    run = run_here("process", "--json", *sorted(SATSIM.glob("*.bz2")))
     assert run.returncode == 0, run.stderr
     answers = objects(run)
     assert [a["state"] for a in answers] == ["ACQUIRE", "TRACK", "TRACK"]
@@ -164,7 +181,7 @@ def test_the_satellite_of_an_independent_simulator_is_measured_within_two_arcsec
 @pytest.mark.shared_data
 def test_the_real_streak_of_another_observatory_is_found():
     """ASTRiDE's example: ends by eye at (22, 338) and (340, 308)."""
-    run = rsoconsole("detect", "--json", SHARED / "real" / "astride_long.fits")
+    run = run_here("detect", "--json", SHARED / "real" / "astride_long.fits")
     (answer,) = objects(run)
     best = answer["detections"][0]
     ends = sorted([(best["x_a"], best["y_a"]), (best["x_b"], best["y_b"])])

@@ -72,6 +72,12 @@ def rsoconsole(*arguments: str) -> Result:
         (["arm", "--override", "disk"], "arm", {"override": ["disk"]}),
         (["disarm"], "disarm", {}),
         (["quit"], "shutdown", {}),
+        (["hold"], "hold", {}),
+        (["resume"], "resume", {}),
+        (["keep", "3"], "keep", {"track": 3}),
+        (["drop", "3"], "drop", {"track": 3}),
+        (["park"], "park", {}),
+        (["unpark"], "unpark", {}),
         (["set", "detector.tau", "0.25"], "set", {"name": "detector.tau", "value": 0.25}),
         (
             ["set", "filter.q_arcsec2_s3", "1e-5"],

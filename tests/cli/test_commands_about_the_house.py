@@ -1,4 +1,7 @@
-"""Each command of the pages about configuration, catalogue, sessions, service: run as printed."""
+"""Each command of the pages about configuration, catalogue, sessions, service: run as printed.
+
+Each night with the installed program, else in the process of the tests.
+"""
 
 import json
 import shlex
@@ -18,7 +21,7 @@ from rsoconsole.session.upkeep.verify import verify_session
 from tests.children.bad_server import BadServer, bad_server, send
 from tests.element_sources.test_catalogue_update import GOOD
 from tests.nights.target_night import INDEX
-from tests.pages.command_house import PROGRAM, House, Recipes, a_house
+from tests.pages.command_house import PROGRAM, House, NearHouse, Recipes, a_house
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, make
 
 RECIPES = Recipes()
@@ -34,6 +37,14 @@ def house(tmp_path: Path) -> Iterator[House]:
         yield own
 
 
+@pytest.mark.parametrize("command", RECIPES)
+def test_it_runs_in_this_process(command: str, tmp_path: Path) -> None:
+    house = NearHouse(tmp_path)
+    RECIPES[command](house, command)
+    assert command in house.ran
+
+
+@pytest.mark.nightly("starts the program for each command")
 @pytest.mark.parametrize("command", RECIPES)
 def test_it_runs_as_printed(command: str, house: House) -> None:
     RECIPES[command](house, command)

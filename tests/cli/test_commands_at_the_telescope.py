@@ -1,7 +1,8 @@
 """Each command of the pages that runs a telescope, real or simulated, or shows one: run as printed.
 
 A night goes by orders alone, in one house with one engine; consoles, demos and reviews have a
-terminal of their own.
+terminal of their own. Without it, each verb is tried with an engine's stand-in
+(``test_cli_telescope.py``), a whole night in ``test_demo.py``.
 """
 
 import os
@@ -30,6 +31,7 @@ RECIPES = Recipes()
 pytestmark = [
     pytest.mark.skipif(not PROGRAM.exists(), reason="the program is not installed"),
     pytest.mark.timeout(900),
+    pytest.mark.nightly("starts engines, and consoles in terminals"),
 ]
 VEGA_RA_DEG, VEGA_DEC_DEG = 279.2347, 38.7837
 A_STARS_WAY_DEG = 0.5

@@ -1,4 +1,7 @@
-"""Each command of the pages that works on frames, nights and elements, run as it is printed."""
+"""Each command of the pages that works on frames, nights and elements, run as it is printed.
+
+Each night with the installed program; else one of each kind, in the process of the tests.
+"""
 
 import csv
 import json
@@ -16,7 +19,7 @@ from rsoconsole.session.ledgers.ledger import change_ledger, kept, read_ledger
 from rsoconsole.session.reading.reader import SessionReader
 from tests.nights.samples import SAMPLE
 from tests.nights.target_night import INDEX
-from tests.pages.command_house import PROGRAM, Done, House, Recipes, a_house
+from tests.pages.command_house import PROGRAM, Done, House, NearHouse, Recipes, a_house
 from tests.pages.command_things import (
     BELT,
     TARGET,
@@ -57,6 +60,7 @@ def house(tmp_path: Path, things: Things) -> Iterator[House]:
         yield own
 
 
+@pytest.mark.nightly("starts the program for each command")
 @pytest.mark.parametrize("command", RECIPES)
 def test_it_runs_as_printed(command: str, house: House) -> None:
     RECIPES[command](house, command)
@@ -406,3 +410,17 @@ def figures(house: House, command: str) -> None:
     for each in drawn:
         assert each.parent == session / "branches" / "figures"
         assert each.read_bytes().startswith(b"%PDF" if is_pdf else b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "command",
+    # Several nights are shared out to processes.
+    [each for each in RECIPES.one_of_each() if "nights/*" not in each],
+)
+def test_one_of_each_kind_runs_in_this_process(
+    command: str, tmp_path: Path, things: Things
+) -> None:
+    THINGS[:] = [things]
+    house = NearHouse(tmp_path)
+    RECIPES[command](house, command)
+    assert command in house.ran

@@ -12,6 +12,7 @@ import pytest
 from rsoconsole.cli.words import completion
 from rsoconsole.config import Config, walk
 from tests.nights.samples import SCHEMA_1
+from tests.rigs.in_process import run_here
 
 PROGRAM = Path(sys.executable).with_name("rsoconsole")
 pytestmark = pytest.mark.skipif(not PROGRAM.exists(), reason="the program is not installed")
@@ -29,7 +30,7 @@ CASES = {
 }
 
 FEW = {case: CASES[case] for case in ("export x --format td", "set aim.policy ", "detect --map")}
-"""Which of them the other shells are asked: each takes the program's start."""
+"""Which of them the shells are asked: each takes the program's start."""
 
 
 @pytest.fixture
@@ -77,10 +78,38 @@ done
 """
 
 
-def test_bash_completes_verbs_options_and_values(home: Path) -> None:
-    lines = "".join(f"rsoconsole {case}\n" for case in CASES)
+def completed(line: str, patch: pytest.MonkeyPatch) -> list[str]:
+    """What bash is given for it, asked in the process of the tests."""
+    words = line.split() + [""] * line.endswith(" ")
+    with patch.context() as of_bash:
+        of_bash.setenv("_RSOCONSOLE_COMPLETE", "complete_bash")
+        of_bash.setenv("COMP_WORDS", "\n".join(words))
+        of_bash.setenv("COMP_CWORD", str(len(words) - 1))
+        done = run_here()
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.split()
+
+
+def test_verbs_options_and_values_are_completed(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for case, words in CASES.items():
+        assert completed(f"rsoconsole {case}", monkeypatch) == words
+
+
+@pytest.mark.parametrize(
+    "cases",
+    [
+        pytest.param(FEW, id="few"),
+        pytest.param(
+            CASES, id="all", marks=pytest.mark.nightly("starts the program for each of them")
+        ),
+    ],
+)
+def test_bash_completes_verbs_options_and_values(cases: dict[str, list[str]], home: Path) -> None:
+    lines = "".join(f"rsoconsole {case}\n" for case in cases)
     shown = run([shell("bash"), "--norc", "-c", BASH], lines).splitlines()
-    assert [line.split(",") for line in shown] == list(CASES.values())
+    assert [line.split(",") for line in shown] == list(cases.values())
 
 
 def test_fish_completes_the_same_with_what_it_is(home: Path) -> None:
@@ -132,8 +161,8 @@ def test_a_wrong_variable_says_nothing_into_the_line_that_is_typed(
 ) -> None:
     monkeypatch.setenv("RSOCONSOLE_QUUX", "1")
     monkeypatch.setenv("RSOCONSOLE_SITE__LATITUDE_DEG", "north")
-    shown = run([shell("bash"), "--norc", "-c", BASH], "rsoconsole sess\nrsoconsole review ni\n")
-    assert shown.splitlines() == ["sessions", ""]
+    assert completed("rsoconsole sess", monkeypatch) == ["sessions"]
+    assert completed("rsoconsole review ni", monkeypatch) == []
 
 
 # What each completer finds

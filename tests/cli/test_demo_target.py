@@ -7,8 +7,7 @@ import statistics
 import pytest
 
 from rsoconsole.judge.objects import VISIBLE_SNR
-from tests.cli.test_cli_frames import rsoconsole
-from tests.cli.test_demo import night
+from tests.cli.test_demo import night, night_here
 from tests.nights.target_night import (
     INDEX,
     centre_offset_deg,
@@ -18,6 +17,7 @@ from tests.nights.target_night import (
 )
 from tests.orbits.test_places import earth
 from tests.orbits.test_target_places import HUNDREDTH_ARCSEC, TRANSCRIBED
+from tests.rigs.in_process import run_here
 from tests.simulator.test_target_plan import FIFTH_OF_THE_FIELD_DEG
 from tests.truth.regimes import EACH, REGIMES, TLES, samples
 
@@ -31,6 +31,23 @@ KEYS = {
 }
 
 
+@pytest.mark.slow("a short night of named satellites")
+def test_named_satellites_are_in_the_first_frame(tmp_path):
+    at = ("--at", "2023-06-23T05:30:00Z")
+    words = ("--target", "ses 10", "--target", "49332", *at)
+    found = night_here(tmp_path / "night", *words, frames=2, binning=2)
+    assert found["scenario"] == "SES 10, SES 17"
+    assert found["locked_after_frames"] == 2, "which needs the satellite in the first frame"
+    by_number = {each["norad"]: each for each in found["objects"]}
+    assert list(by_number)[:2] == [42432, 49332], "as they were named"
+    assert all(set(each) == KEYS for each in found["objects"])
+    for number in (42432, 49332):
+        each = by_number[number]
+        assert (each["visible_frames"], each["false_measurements"]) == (2, 0)
+        assert each["detections"] >= 1
+
+
+@pytest.mark.nightly("simulates a night at full frame size")
 def test_a_named_satellite_is_in_the_first_frame_followed_and_named(tmp_path):
     at = ("--at", "2023-06-23T05:30:00Z")
     found = night(tmp_path / "night", "--target", "ses 10", "--target", "49332", *at, frames=6)
@@ -56,7 +73,7 @@ def test_a_sky_that_is_not_there_ends_the_demo_before_it_begins(tmp_path, monkey
     path = tmp_path / "mixed.tle"
     path.write_text(TRANSCRIBED)
     folder = tmp_path / "night"
-    run = rsoconsole(
+    run = run_here(
         *("demo", "--headless", "--json", "--target", "iss", "--tle", path, "--session", folder)
     )
     if run.returncode == 0:
@@ -78,7 +95,7 @@ def test_a_sky_that_is_not_there_ends_the_demo_before_it_begins(tmp_path, monkey
     ],
 )
 def test_what_cannot_be_done_is_said_before_anything_starts(arguments, status, words):
-    run = rsoconsole("demo", "--headless", *arguments)
+    run = run_here("demo", "--headless", *arguments)
     assert run.returncode == status
     assert words in run.stderr
     assert run.stdout == ""

@@ -17,10 +17,11 @@ from rsoconsole.export import (
     read_night,
 )
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.cli.test_cli_frames import objects, rsoconsole
+from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
 from tests.nights.orbit_night import identified_of
 from tests.nights.samples import SCHEMA_1
+from tests.rigs.in_process import run_here
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_json_says_what_was_written_and_where(session: Path):
-    run = rsoconsole("export", session, "--format", "csv", "--json")
+    run = run_here("export", session, "--format", "csv", "--json")
     assert run.returncode == 0, run.stderr
     (found,) = objects(run)
     path = session / "branches" / "exports" / "verb.csv"
@@ -40,7 +41,7 @@ def test_json_says_what_was_written_and_where(session: Path):
 
 
 def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
-    run = rsoconsole(
+    run = run_here(
         *("export", SCHEMA_1, "--format", "iod", "--out", "-"),
         *("--norad", "36097", "--cospar", "2009-064A", "--station", "1234", "--sky", "E"),
     )
@@ -57,24 +58,24 @@ def test_a_message_without_a_number_says_which_the_record_would_give_it(tmp_path
     writer.close()
     night = tmp_path / "named"
     for kind in ("tdm", "iod"):
-        run = rsoconsole("export", night, "--format", kind, "--out", "-")
+        run = run_here("export", night, "--format", kind, "--out", "-")
         assert "on record it is INTELSAT 14 (36097): --norad 36097 writes that" in run.stderr
         # A comment says what it was taken for; the object's own field is the operator's word.
         own = [line for line in run.stdout.splitlines() if not line.startswith("COMMENT")]
         assert "36097" not in "".join(own)
         assert ("COMMENT Track 1 identified: INTELSAT 14" in run.stdout) == (kind == "tdm")
-    told = rsoconsole("export", night, "--format", "tdm", "--out", "-", "--norad", "36097")
+    told = run_here("export", night, "--format", "tdm", "--out", "-", "--norad", "36097")
     assert "on record it is" not in told.stderr
     assert "36097" in told.stdout
 
 
 def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
     path = tmp_path / "deep" / "night.html"
-    run = rsoconsole("export", session, "--format", "html", "--out", path, "--json")
+    run = run_here("export", session, "--format", "html", "--out", path, "--json")
     assert run.returncode == 0, run.stderr
     assert objects(run)[0]["export"] == str(path)
     assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
-    assert rsoconsole("export", session, "--format", "html", "--out", path).returncode == 1
+    assert run_here("export", session, "--format", "html", "--out", path).returncode == 1
 
 
 @pytest.mark.parametrize(
@@ -89,7 +90,7 @@ def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
     ],
 )
 def test_wrong_usage_is_told_from_what_cannot_be_done(arguments, says):
-    run = rsoconsole("export", SCHEMA_1, *arguments)
+    run = run_here("export", SCHEMA_1, *arguments)
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stdout == ""
@@ -98,12 +99,12 @@ def test_wrong_usage_is_told_from_what_cannot_be_done(arguments, says):
 def test_a_folder_that_is_made_is_named(session: Path, tmp_path: Path):
     path = tmp_path / "for" / "others" / "night.csv"
     for expected in (f"created the folder {path.parent}\n", ""):
-        run = rsoconsole("export", session, "--format", "csv", "--out", path, "--force")
+        run = run_here("export", session, "--format", "csv", "--out", path, "--force")
         assert (run.returncode, run.stderr) == (0, expected)
 
 
 def test_what_cannot_be_done_is_one_line():
-    run = rsoconsole("export", SCHEMA_1, "--format", "iod", "--out", "-", "--track", "3")
+    run = run_here("export", SCHEMA_1, "--format", "iod", "--out", "-", "--track", "3")
     assert run.returncode == 1
     assert run.stderr.count("\n") == 1
     assert "no track 3; it has 1" in run.stderr
@@ -247,5 +248,5 @@ def test_what_is_no_session_and_what_is_no_format_is_refused(tmp_path: Path):
 
 
 def test_the_help_has_an_example():
-    run = rsoconsole("export", "--help")
+    run = run_here("export", "--help")
     assert "Example: rsoconsole export" in " ".join(run.stdout.split())

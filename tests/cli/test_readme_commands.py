@@ -1,5 +1,6 @@
 """Every command of the front page is one that the program takes; those without a telescope run."""
 
+import inspect
 import itertools
 import re
 import shlex
@@ -71,10 +72,13 @@ def words_of(command: str) -> list[str]:
 
 
 def without_work(command: Any) -> Any:
-    """The program with its usage as it is, where each verb does nothing."""
+    """The program with its usage as it is, where each verb takes what it is given, and no more."""
     for each in getattr(command, "commands", {}).values():
         without_work(each)
-    command.callback = lambda **_: None
+    if command.callback is not None:
+        signature = inspect.signature(command.callback)
+        own = {"context": None} if "context" in signature.parameters else {}
+        command.callback = lambda **given: signature.bind(**own, **given) and None
     return command
 
 

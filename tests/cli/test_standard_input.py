@@ -6,6 +6,7 @@ import pty
 import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.errors import RsoconsoleError
+from tests.rigs.in_process import run_here
 
 ROOT = Path(__file__).resolve().parents[2]
 NIGHT = ROOT / "sessions" / "intelsat-14"
@@ -55,6 +57,12 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
+@pytest.fixture(scope="module")
+def of_both(frames: list[Path]) -> list[dict[str, Any]]:
+    """What is detected in them when they are named."""
+    return asked("detect", *frames)
+
+
 def test_a_frame_on_standard_input_is_what_it_is_in_a_file(frames: list[Path]) -> None:
     (by_name,) = asked("detect", frames[1])
     (piped,) = asked("detect", "-", stdin=frames[1].read_bytes())
@@ -85,16 +93,17 @@ def test_what_is_no_frame_is_said_without_the_place_where_it_lay(tmp_path: Path)
             assert "/" not in row["error"].replace("and/or", "")
 
 
-@pytest.mark.parametrize("ends", [b"\n", b"\r\n", b"\0"])
-@pytest.mark.parametrize("is_piped", [True, False])
+@pytest.mark.parametrize(
+    ("ends", "is_piped"), [(b"\n", True), (b"\n", False), (b"\r\n", False), (b"\0", True)]
+)
 def test_names_are_read_from_a_file_or_a_pipe(
-    frames: list[Path], ends: bytes, is_piped: bool, tmp_path: Path
+    frames: list[Path], of_both: list[dict[str, Any]], ends: bytes, is_piped: bool, tmp_path: Path
 ) -> None:
     names = ends.join(os.fsencode(each) for each in frames) + ends
     (tmp_path / "list").write_bytes(names)
     source = "-" if is_piped else str(tmp_path / "list")
     found = asked("detect", "--files-from", source, stdin=names if is_piped else b"")
-    assert found == asked("detect", *frames)
+    assert found == of_both
     after = asked("detect", frames[1], "--files-from", source, stdin=names if is_piped else b"")
     assert [each["frame"] for each in after] == [str(frames[1]), *map(str, frames)]
 
@@ -115,16 +124,14 @@ def test_what_cannot_be_read_is_wrong_usage_in_a_line(frames: list[Path], tmp_pa
 def test_a_terminal_is_not_waited_for() -> None:
     here, there = pty.openpty()
     try:
-        for words in (["detect", "-"], ["detect", "--files-from", "-"], ["orbit", "-"]):
-            done = subprocess.run(
-                [*PROGRAM, *words], stdin=there, capture_output=True, timeout=60, check=False
-            )
-            assert done.returncode == 2
-            assert b"nothing is piped in" in done.stderr
-            assert done.stderr.count(b"\n") == 1
+        with os.fdopen(there, encoding="utf-8") as terminal:
+            for words in (["detect", "-"], ["detect", "--files-from", "-"], ["orbit", "-"]):
+                done = run_here(*words, stdin=terminal)
+                assert done.returncode == 2
+                assert "nothing is piped in" in done.stderr
+                assert done.stderr.count("\n") == 1
     finally:
         os.close(here)
-        os.close(there)
 
 
 @needs_night
@@ -162,12 +169,7 @@ def run_with_terminal(words: list[str | Path]) -> tuple[bytes, bytes]:
         [*PROGRAM, *map(str, words)], stdout=subprocess.PIPE, stderr=there
     ) as process:
         os.close(there)
-        seen = b""
-        try:
-            while chunk := os.read(here, 65536):
-                seen += chunk
-        except OSError:  # the other end is closed
-            pass
+        seen = all_of(here)
         assert process.stdout is not None
         out = process.stdout.read()
         assert process.wait(60) == 0
@@ -175,38 +177,76 @@ def run_with_terminal(words: list[str | Path]) -> tuple[bytes, bytes]:
     return out, seen
 
 
+def run_with_terminal_here(words: list[str | Path]) -> tuple[bytes, bytes]:
+    """The same, in the process of the tests."""
+    here, there = pty.openpty()
+    seen: list[bytes] = []
+    reader = threading.Thread(target=lambda: seen.append(all_of(here)))
+    reader.start()
+    try:
+        with os.fdopen(there, "w", encoding="utf-8") as terminal:
+            done = run_here(*words, stderr=terminal)
+    finally:
+        reader.join()
+        os.close(here)
+    assert done.returncode == 0
+    return done.stdout.encode(), seen[0]
+
+
+def all_of(terminal: int) -> bytes:
+    """What is written at its other end until that is closed."""
+    seen = b""
+    try:
+        while chunk := os.read(terminal, 65536):
+            seen += chunk
+    except OSError:  # the other end is closed
+        pass
+    return seen
+
+
 def test_progress_is_for_a_terminal_on_stderr_alone(frames: list[Path]) -> None:
     words: list[str | Path] = ["detect", *frames, *frames, "--json"]
-    quiet = subprocess.run(
-        [*PROGRAM, *map(str, words)], capture_output=True, timeout=120, check=True
-    )
-    assert b"frames" not in quiet.stderr
-    assert b"\x1b" not in quiet.stderr + quiet.stdout
-    out, seen = run_with_terminal(words)
+    quiet = run_here(*words)
+    assert quiet.returncode == 0
+    assert "frames" not in quiet.stderr
+    assert "\x1b" not in quiet.stderr + quiet.stdout
+    out, seen = run_with_terminal_here(words)
     assert b"frames" in seen
     assert b"/4" in seen
     assert b"\x1b" not in out
     assert len(out.splitlines()) == len(quiet.stdout.splitlines()) == 4
 
 
+LONG: list[tuple[list[str | Path], str]] = [
+    (["orbit", NIGHT, "--json"], "orbit"),
+    (["identify", NIGHT, "--tle", BELT, "--json"], "names"),
+    (["export", NIGHT, "--format", "tdm", "--out", "-"], "export tdm"),
+    (["sessions", "verify", NIGHT, "--json"], "verifying"),
+]
+
+
+@needs_night
+@pytest.mark.parametrize(("words", "bar"), LONG)
+def test_long_work_says_how_far_it_is(words: list[str | Path], bar: str) -> None:
+    quiet = run_here(*words)
+    assert quiet.returncode == 0
+    assert "\x1b" not in quiet.stderr + quiet.stdout
+    assert bar not in quiet.stderr
+    out, seen = run_with_terminal_here(words)
+    assert bar.encode() in seen
+    assert b"\x1b" not in out
+
+
+nightly = pytest.mark.nightly("starts the program in a terminal")
+
+
 @needs_night
 @pytest.mark.parametrize(
-    ("words", "bar"),
-    [
-        (["orbit", NIGHT, "--json"], b"orbit"),
-        (["identify", NIGHT, "--tle", BELT, "--json"], b"names"),
-        (["export", NIGHT, "--format", "tdm", "--out", "-"], b"export tdm"),
-        (["sessions", "verify", NIGHT, "--json"], b"verifying"),
-    ],
+    ("words", "bar"), [*(pytest.param(*each, marks=nightly) for each in LONG[:-1]), LONG[-1]]
 )
-def test_long_work_says_how_far_it_is(words: list[str | Path], bar: bytes) -> None:
-    quiet = subprocess.run(
-        [*PROGRAM, *map(str, words)], capture_output=True, timeout=120, check=True
-    )
-    assert b"\x1b" not in quiet.stderr + quiet.stdout
-    assert bar not in quiet.stderr
+def test_the_program_in_a_terminal_says_so_too(words: list[str | Path], bar: str) -> None:
     out, seen = run_with_terminal(words)
-    assert bar in seen
+    assert bar.encode() in seen
     assert b"\x1b" not in out
 
 
@@ -215,10 +255,10 @@ def test_long_work_says_how_far_it_is(words: list[str | Path], bar: bytes) -> No
     "words",
     [
         ["config", "show"],
-        ["config", "show", "--json"],
+        pytest.param(["config", "show", "--json"], marks=nightly),
         ["export", str(NIGHT), "--format", "jsonl", "--out", "-"],
-        ["--help"],
-        ["orbit", "--help"],
+        pytest.param(["--help"], marks=nightly),
+        pytest.param(["orbit", "--help"], marks=nightly),
     ],
 )
 def test_a_reader_that_goes_is_no_fault(words: list[str]) -> None:

@@ -35,7 +35,8 @@ from tests.truth.navigation_truth import (
 from tests.truth.regimes import TLES
 
 T0 = iso_to_utc_ns("2023-06-22T01:00:00Z") - GPS_MINUS_UTC_S * NS_PER_S
-NIGHTS = 6
+NIGHTS = 3
+statistics = pytest.mark.nightly("statistics over many drawn nights")
 FIVE_MS = 0.005
 SIGMAS = 3.0
 
@@ -59,10 +60,18 @@ def sp3(sky: Constellation, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(sky: Constellation, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    root = tmp_path_factory.mktemp("nights")
+    return nights(range(NIGHTS), sky, tmp_path_factory.mktemp("nights"))
+
+
+@pytest.fixture(scope="module")
+def more_recorded(sky: Constellation, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return nights(range(NIGHTS, 2 * NIGHTS), sky, tmp_path_factory.mktemp("more-nights"))
+
+
+def nights(seeds: range, sky: Constellation, root: Path) -> list[Path]:
     return [
         night(root / f"n{seed}", sky, Shutter(), Plan(), np.random.default_rng(seed))
-        for seed in range(NIGHTS)
+        for seed in seeds
     ]
 
 
@@ -88,8 +97,17 @@ def off(told: dict[str, Any], name: str, truth: float) -> float:
 
 
 def test_bias_scatter_and_line_time_lie_within_their_stated_errors(recorded, sp3) -> None:
+    expect_stated_errors(recorded, sp3)
+
+
+@statistics
+def test_so_they_do_in_more_nights(recorded, more_recorded, sp3) -> None:
+    expect_stated_errors([*recorded, *more_recorded], sp3)
+
+
+def expect_stated_errors(folders: list[Path], sp3: Path) -> None:
     all_off = []
-    for folder in recorded:
+    for folder in folders:
         told = found(folder, "--sp3", sp3)
         (mode,) = told["modes"]
         assert told["bias_s"] == mode["bias_s"]
@@ -202,11 +220,12 @@ def test_streaks_without_ends_serve_too(sky, sp3, tmp_path) -> None:
         assert abs(off(mode, name, truth)) <= SIGMAS
 
 
-def test_in_wind_light_tells_what_ends_do_not(sky, sp3, tmp_path) -> None:
+@pytest.mark.parametrize("seeds", [(31,), pytest.param((32, 33), marks=statistics)])
+def test_in_wind_light_tells_what_ends_do_not(seeds, sky, sp3, tmp_path) -> None:
     """Each end is off by 2.5 arcsec of wind; by light and ends together the middle by 0.45."""
     windy = Shutter(wind_arcsec=2.5)
     sigmas, all_off = [], []
-    for seed in (31, 32, 33):
+    for seed in seeds:
         by_ends, by_light = (
             found(
                 night(tmp_path / f"{name}{seed}", sky, each, Plan(), np.random.default_rng(seed)),
@@ -259,11 +278,18 @@ def test_real_broadcast_ephemerides_calibrate_what_real_precise_orbits_show(tmp_
 
 
 @pytest.mark.skipif(not (TLES / "mix_20230622.tle").exists(), reason="the elements are not there")
-@pytest.mark.parametrize("late_s", [0.0, 0.1, 0.26])
-def test_elements_tell_the_clock_as_well_as_they_know_it(late_s, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("late_s", "seeds"),
+    [
+        (0.26, (0,)),
+        pytest.param(0.26, (1, 2), marks=statistics),
+        *(pytest.param(late_s, range(3), marks=statistics) for late_s in (0.0, 0.1)),
+    ],
+)
+def test_elements_tell_the_clock_as_well_as_they_know_it(late_s, seeds, tmp_path) -> None:
     """Each satellite is late by its own error: its tracks agree with each other, and are wrong."""
     file, off_by = TLES / "mix_20230622.tle", []
-    for seed in range(3):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         sky = of_elements(file, T0, 8.0, late_s, rng)
         told = found(night(tmp_path / f"n{seed}", sky, Shutter(), Plan(), rng), "--tle", file)

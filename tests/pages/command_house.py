@@ -2,7 +2,8 @@
 
 Home, working folder, runtime folder and PATH are the house's; a shell runs the line with the
 program that is installed. Nothing of a line is changed but names in capitals, which stand for
-things, and absolute paths, which lead into the house.
+things, and absolute paths, which lead into the house. In a ``NearHouse`` the shell only says what
+the program is given, which then runs in the process of the tests.
 """
 
 import contextlib
@@ -19,11 +20,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.rigs.in_process import environment_of, run_here
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import EVERY_S, processes_of
 
 PROGRAM = Path(sys.executable).with_name("rsoconsole")
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 """Only on a machine that is held up does anything here take a tenth of it."""
 SEAT = (120, 40)
 _IN_CAPITALS = re.compile(r"\[?[A-Z]+(-or-[A-Z]+)?(\.\.\.)?\]?")
@@ -129,7 +131,14 @@ class House:
     ) -> Done:
         """Run a command of a page to its end."""
         line = self.typed(command, things)
-        done = subprocess.run(
+        done = self._done(line)
+        assert done.returncode == expect, f"{line}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+        assert "Traceback" not in done.stderr
+        self.ran.add(command)
+        return Done(done.stdout, done.stderr)
+
+    def _done(self, line: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
             ["bash", "-o", "pipefail", "-c", line],
             cwd=self.here,
             env=self.environment,
@@ -139,10 +148,6 @@ class House:
             timeout=PATIENCE_S,
             check=False,
         )
-        assert done.returncode == expect, f"{line}: {done.returncode}\n{done.stdout}\n{done.stderr}"
-        assert "Traceback" not in done.stderr
-        self.ran.add(command)
-        return Done(done.stdout, done.stderr)
 
     @contextlib.contextmanager
     def running(
@@ -199,6 +204,40 @@ class House:
             time.sleep(EVERY_S)
 
 
+class NearHouse(House):
+    """A house whose program runs in the process of the tests."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self._given = folder / "given"
+        self._given.mkdir()
+        # The default is that of the user for whom the tests' process was started.
+        self.environment["RSOCONSOLE_SESSION__ROOT"] = str(self.data / "sessions")
+        place = shlex.quote(str(self._given))
+        self.program(
+            PROGRAM.name,
+            f"printf '%s\\0' \"$@\" > {place}/words; env -0 > {place}/environment;"
+            f" cat > {place}/input",
+        )
+
+    def _done(self, line: str) -> subprocess.CompletedProcess[str]:
+        assert not is_piped_on(line), f"nothing reads what it prints: {line}"
+        of_the_shell = super()._done(line)
+        assert of_the_shell.returncode == 0, of_the_shell.stderr
+        words = self._zero_ended("words")
+        environment = dict(each.split("=", 1) for each in self._zero_ended("environment"))
+        with environment_of(environment, self.here):
+            return run_here(*words, stdin=(self._given / "input").read_bytes())
+
+    def _zero_ended(self, name: str) -> list[str]:
+        return (self._given / name).read_text(encoding="utf-8").split("\0")[:-1]
+
+
+def is_piped_on(command: str) -> bool:
+    """Whether another program reads what ours prints."""
+    return "|" in command.partition(PROGRAM.name)[2]
+
+
 def seen(terminal: Terminal, is_so: Callable[[], Any], what: str) -> Any:
     """Wait for something in a terminal; its value."""
     ends_s = time.monotonic() + PATIENCE_S
@@ -234,3 +273,8 @@ class Recipes(dict[str, Recipe]):
             return recipe
 
         return keep
+
+    def one_of_each(self) -> list[str]:
+        """The first command of each recipe, but those that print into another program."""
+        first = {recipe: command for command, recipe in reversed(self.items())}
+        return [each for each in reversed(first.values()) if not is_piped_on(each)]

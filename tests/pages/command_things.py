@@ -86,7 +86,7 @@ class Things:
             t_gps_s = np.array([t for t, _ in rows]) / 1e9 + GPS_MINUS_UTC_S
             flights.append(flight_of_file(t_gps_s, np.array([p for _, p in rows]), t0))
         sky = Constellation(t0_utc_ns=t0, hours=4.4, names=list(told), flights=flights)
-        plan = Plan(tracks=16, least_altitude_deg=10.0)
+        plan = Plan(tracks=8, least_altitude_deg=10.0)
         return navigation_night(
             self._folder / "navigation", sky, Shutter(), plan, np.random.default_rng(6)
         )
