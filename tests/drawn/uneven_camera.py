@@ -66,8 +66,10 @@ class UnevenCamera:
         return Frame(pixels=self.exposed(light).astype(np.uint16), **values)
 
     def master(self, light_e: float = 0.0, scale: float = 1.0) -> FloatArray:
-        """The mean of some frames."""
-        return np.mean([self.exposed(light_e, scale) for _ in range(FRAMES_A_MASTER)], axis=0)
+        """The mean of some frames: as many as they are, their electrons are one draw."""
+        many = FRAMES_A_MASTER * (light_e * self.response + scale * self.dark_e)
+        mean = self.rng.poisson(many) / FRAMES_A_MASTER
+        return mean + self.rng.normal(OFFSET_ADU, READ_ADU / FRAMES_A_MASTER**0.5, SHAPE)
 
     def masters(self) -> tuple[FloatArray, FloatArray]:
         """(dark with the offset, flat without)."""

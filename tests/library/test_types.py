@@ -56,6 +56,7 @@ def lines_with(mark: str) -> dict[int, str]:
     return marked
 
 
+@pytest.mark.nightly("runs a type checker")
 @pytest.mark.timeout(300)
 def test_right_uses_have_their_types(said):
     expected = lines_with("is")
@@ -64,6 +65,7 @@ def test_right_uses_have_their_types(said):
         assert said.get(number) == [("note", f'Revealed type is "{type_}"')], number
 
 
+@pytest.mark.nightly("runs a type checker")
 @pytest.mark.timeout(300)
 def test_wrong_uses_are_errors_and_nothing_else_is(said):
     expected = lines_with("error:")

@@ -3,14 +3,15 @@
 import itertools
 import json
 import math
-import shutil
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
@@ -219,9 +220,11 @@ def test_every_figure_is_written_in_every_format(
     assert all(path.read_bytes().startswith(begins) for path in paths)
 
 
-def test_the_same_session_gives_the_same_figures(tuned_session, tmp_path):
-    first = write_figures(tuned_session, tmp_path / "a", file_format="svg")
-    second = write_figures(tuned_session, tmp_path / "b", file_format="svg")
+def test_the_same_session_gives_the_same_figures(tmp_path):
+    short = record(tmp_path / "short", frames=4)
+    first = write_figures(short, tmp_path / "a", file_format="svg")
+    second = write_figures(short, tmp_path / "b", file_format="svg")
+    assert len(first) == 5
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
@@ -278,22 +281,18 @@ def test_the_verb_prints_one_object_a_figure(tuned_session, tmp_path):
 
 
 def test_the_verb_says_what_is_no_session(tmp_path):
-    run = rsoconsole("figures", tmp_path)
-    assert run.returncode == 1
-    assert "session" in run.stderr
+    run = CliRunner().invoke(app, ["figures", str(tmp_path)])
+    assert isinstance(run.exception, SessionError)
     assert run.stdout == ""
 
 
 @pytest.mark.parametrize("title", ["\x1b]0;pwned\x07\x9b31m", "$\\badformula", "夜"])
-def test_whatever_a_session_calls_itself_is_a_title_and_nothing_else(
-    title, tuned_session, tmp_path
-):
-    folder = tmp_path / "night"
-    shutil.copytree(tuned_session, folder)
+def test_whatever_a_session_calls_itself_is_a_title_and_nothing_else(title, tmp_path):
+    folder = record(tmp_path / "night", is_seen=False, frames=3)
     with closing(sqlite3.connect(folder / "session.db")) as database, database:
         row = ("title", json.dumps(title))
         database.execute("INSERT OR REPLACE INTO meta (key, value) VALUES (?, ?)", row)
-    done = rsoconsole("figures", str(folder), "--out", str(tmp_path / "out"))
-    assert done.returncode == 0
+    done = CliRunner().invoke(app, ["figures", str(folder), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0
     assert done.stderr == ""
     assert all(c.isprintable() or c == "\n" for c in done.stdout)

@@ -45,6 +45,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[st
     return {name: read(folder / name) for name in FIGURES}
 
 
+@pytest.mark.nightly("executes notebooks")
 @pytest.mark.parametrize("name", FIGURES)
 def test_they_run_without_an_error_and_show_their_figures(executed, name):
     outputs = [output for cell in executed[name] for output in cell["outputs"]]
@@ -53,6 +54,7 @@ def test_they_run_without_an_error_and_show_their_figures(executed, name):
     assert pictures(executed[name]) == FIGURES[name]
 
 
+@pytest.mark.nightly("executes notebooks")
 @pytest.mark.parametrize("name", FIGURES)
 def test_their_words_and_tables_are_those_they_are_shipped_with(executed, name):
     shipped = read(SESSIONS / name)
@@ -63,6 +65,7 @@ def test_their_words_and_tables_are_those_they_are_shipped_with(executed, name):
         )
 
 
+@pytest.mark.nightly("executes notebooks")
 def test_what_they_say_is_so(executed):
     own = "\n".join(text for cell in executed["own-frames.ipynb"] for text in words(cell))
     # A geostationary satellite at declination -4.8 runs east by 15.04 arcsec/s times its cosine.

@@ -68,6 +68,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     return read(folder / "review.ipynb")
 
 
+@pytest.mark.slow("executes the shipped notebook")
 def test_it_runs_without_an_error_and_shows_its_figures(executed):
     outputs = [output for cell in executed for output in cell["outputs"]]
     assert "error" not in {output["output_type"] for output in outputs}

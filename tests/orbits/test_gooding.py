@@ -9,8 +9,6 @@ from rsoconsole.orbits.motion.two_body import propagate
 from tests.truth.orbit_cases import MU, PUBLISHED, REGIMES, Published, Random, random_case
 from tests.truth.orekit import ask
 
-CASES_A_REGIME = 40
-
 
 @pytest.mark.parametrize("case", PUBLISHED, ids=lambda case: case.name.split(",")[0])
 def test_published_cases(case: Published) -> None:
@@ -22,11 +20,13 @@ def test_published_cases(case: Published) -> None:
             assert ours == pytest.approx(theirs, abs=1e-3)
 
 
-@pytest.fixture(scope="module")
-def solved() -> list[tuple[Random, tuple[GoodingOrbit, ...]]]:
+@pytest.fixture(
+    scope="module", params=[8, pytest.param(40, marks=pytest.mark.nightly("many random orbits"))]
+)
+def solved(request: pytest.FixtureRequest) -> list[tuple[Random, tuple[GoodingOrbit, ...]]]:
     """Random cases without noise, and what was found through their lines."""
     random = np.random.default_rng(20230622)
-    cases = [random_case(regime, random) for regime in REGIMES for _ in range(CASES_A_REGIME)]
+    cases = [random_case(regime, random) for regime in REGIMES for _ in range(request.param)]
     return [(case, gooding(case.lines, mu=MU)) for case in cases]
 
 

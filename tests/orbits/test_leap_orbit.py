@@ -69,10 +69,13 @@ def follow(one: LowPass, random: np.random.Generator) -> Followed:
     return Followed(one=one, first=first, t_first_utc_ns=t_first, track=track, sigmas=sigmas)
 
 
-@pytest.fixture(scope="module")
-def followed() -> list[Followed]:
-    """Thirty passes, five of them of satellites that go faster than 0.6 deg/s."""
-    passes = low_passes(30)
+@pytest.fixture(
+    scope="module",
+    params=[7, pytest.param(30, marks=pytest.mark.nightly("statistics over many passes"))],
+)
+def followed(request: pytest.FixtureRequest) -> list[Followed]:
+    """So many passes, five of them of satellites that go faster than 0.6 deg/s."""
+    passes = low_passes(request.param)
     assert sum(each.fastest_arcsec_s > FAST_ARCSEC_S for each in passes) >= 5
     random = np.random.default_rng(1)
     return [follow(each, random) for each in passes]
@@ -93,7 +96,7 @@ def test_one_streak_says_where_it_is_five_seconds_later(followed) -> None:
         within.append(sigmas_off(off, place) < 3.0)
         assert place.sigma_arcsec < 120.0  # a spread of degrees would hold anything
     assert max(far) < HALF_SHORT_SIDE_ARCMIN / 10.0
-    assert sum(within) >= 29
+    assert sum(within) >= len(followed) - 1
 
 
 def test_both_senses_are_kept_where_either_may_be_and_the_rare_one_is_said_to_be(followed) -> None:
@@ -156,7 +159,7 @@ def late_and_aside(each: Followed, expected: ExpectedPass) -> tuple[float, float
 
 
 def test_the_next_pass_comes_within_what_is_stated(followed) -> None:
-    """Two of thirty may be off: SGP4 itself leaves out terms that an orbit of e 0.066 has."""
+    """Two may be off: SGP4 itself leaves out terms that an orbit of e 0.066 has."""
     held = []
     for each in followed:
         expected = next_pass(each)
@@ -165,7 +168,7 @@ def test_the_next_pass_comes_within_what_is_stated(followed) -> None:
         late_s, aside_deg = late_and_aside(each, expected)
         is_held = abs(late_s) < 3.0 * expected.sigma_s
         held.append(is_held and abs(aside_deg) < 3.0 * expected.sigma_across_deg)
-    assert len(held) >= 28
+    assert len(held) >= len(followed) - 2
     assert held.count(False) <= 2
 
 

@@ -21,6 +21,9 @@ from tests.truth.low_passes import (
 STATED = Timing(scatter_s=0.015, bias_sigma_s=0.1, scatter_frames=2.0)
 MEASURED = Timing(scatter_s=0.015, bias_sigma_s=0.1)
 LEAP_S, LEAPS, PASSES = 6.0, 20, 12
+FEW = 4
+"""Of the passes, where the statistics wait for the night."""
+MANY = pytest.mark.nightly("statistics over many passes")
 
 pytestmark = [
     pytest.mark.shared_data,
@@ -94,10 +97,13 @@ def course(
     return Course(one=one, track=track, refused=refused, sigmas=sigmas)
 
 
-@pytest.fixture(scope="module", params=[0.06, 0.24, 0.8])
-def courses(request) -> tuple[float, list[Course]]:
-    random = np.random.default_rng(6)
-    return request.param, [course(one, request.param, STATED, random) for one in low_passes(PASSES)]
+@pytest.fixture(
+    scope="module",
+    params=[(0.24, FEW), *(pytest.param((each, PASSES), marks=MANY) for each in (0.06, 0.24, 0.8))],
+)
+def courses(request: pytest.FixtureRequest) -> tuple[float, list[Course]]:
+    random, (scatter_s, passes) = np.random.default_rng(6), request.param
+    return scatter_s, [course(one, scatter_s, STATED, random) for one in low_passes(passes)]
 
 
 def test_no_streak_is_refused_for_its_time(courses) -> None:
@@ -123,7 +129,7 @@ def test_the_next_shutter_finds_it_within_what_is_stated(courses) -> None:
 def test_a_steady_shutter_is_learned_to_be_steady() -> None:
     """Stated ten times too wide, where nobody has measured it."""
     random, wide = np.random.default_rng(7), Timing(scatter_s=0.15, scatter_frames=2.0)
-    for one in low_passes(4):
+    for one in low_passes(2):
         found = course(one, 0.01, wide, random)
         assert found.track.best.scatter_s < 0.06
 
@@ -136,13 +142,13 @@ def test_a_measured_shutter_is_believed() -> None:
     assert all(each.track.best.scatter_s == MEASURED.scatter_s for each in found)
 
 
-@pytest.fixture(scope="module")
-def rough() -> list[Course]:
+@pytest.fixture(scope="module", params=[FEW, pytest.param(PASSES, marks=MANY)])
+def rough(request: pytest.FixtureRequest) -> list[Course]:
     """Late by 0.24 s, ends off by 3", three tenths of every fourth streak not to be seen."""
     random = np.random.default_rng(9)
     return [
         course(one, 0.24, STATED, random, shake_arcsec=3.0, hidden=0.3)
-        for one in low_passes(PASSES)
+        for one in low_passes(request.param)
     ]
 
 
@@ -157,7 +163,7 @@ def test_what_shakes_the_ends_is_learned(rough) -> None:
     assert 2.4 < np.median(learned) < 3.6
     assert max(learned) < 4.5
     random = np.random.default_rng(10)
-    still = [course(one, 0.06, STATED, random) for one in low_passes(4)]
+    still = [course(one, 0.06, STATED, random) for one in low_passes(1)]
     assert max(each.track.best.shake_arcsec for each in still) < 0.4
 
 

@@ -28,6 +28,7 @@ T0 = iso_to_utc_ns("2023-06-22T03:00:00Z")
 HOUR_S, DAY_S = 3600.0, 86400.0
 TEN_MINUTES_S = np.arange(0.0, 601.0, 30.0)
 THREE_SIGMA = 11.83
+ONE_MORE = pytest.mark.nightly("one more satellite")
 
 
 def one_geo(
@@ -101,7 +102,7 @@ def test_four_hours_need_no_prior_and_half_an_hour_needs_one() -> None:
     assert squared < THREE_SIGMA
 
 
-@pytest.mark.parametrize("i_deg", [0.05, 7.0])
+@pytest.mark.parametrize("i_deg", [pytest.param(0.05, marks=ONE_MORE), 7.0])
 def test_two_nights_of_ten_minutes_foretell_the_third_to_five_arcsec(i_deg: float) -> None:
     flight = one_geo(i_deg=i_deg)
     orbit = determine(seen_at(flight, np.concatenate([TEN_MINUTES_S, DAY_S + TEN_MINUTES_S])))
@@ -127,7 +128,7 @@ def when_high(state, since_s: np.ndarray) -> tuple[Flight, np.ndarray]:
     return flight, since_s[height > np.sin(np.radians(15.0))]
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=ONE_MORE)])
 def test_the_turns_between_two_nights_of_a_navigation_satellite_are_counted(seed: int) -> None:
     flight, high_s = medium(seed)
     begun = high_s[0]
@@ -180,7 +181,7 @@ def test_a_start_that_leads_nowhere_does_no_harm() -> None:
     np.testing.assert_allclose(from_wrong.r_km, searched.r_km, rtol=1e-4)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=ONE_MORE) for n in (2, 3))])
 def test_one_wild_direction_in_ten_moves_the_orbit_by_no_sigma(seed: int) -> None:
     flight = one_geo()
     since_s = np.arange(0.0, 2.0 * HOUR_S, 60.0)
@@ -234,7 +235,7 @@ def test_a_days_error_is_bent_and_the_stated_ellipse_holds_it_all_the_same() -> 
     assert orbit is not None
     orbit = replace(orbit, forces=PointMass())
     random = np.random.default_rng(1)
-    drawn = random.multivariate_normal(np.zeros(6), orbit.covariance, 600, method="eigh")
+    drawn = random.multivariate_normal(np.zeros(6), orbit.covariance, 200, method="eigh")
     t = orbit.epoch_utc_ns + np.array([int(DAY_S * 1.1)]) * NS_PER_S
     ahead = predict(orbit, DAYTONA, t)
     ee, en, nn = ahead.cov_sky_arcsec2[0]
@@ -279,7 +280,7 @@ def test_a_direction_that_is_no_number_is_refused() -> None:
         )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     begun_deg=st.tuples(st.floats(0.0, 359.99), st.floats(-89.0, 89.0)),
     rates=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
@@ -319,7 +320,7 @@ def test_whatever_is_seen_gives_numbers_and_an_honest_label(
 @pytest.mark.parametrize("arc_s", [120.0, 300.0, 1200.0])
 @pytest.mark.parametrize("prior", ["auto", "none"])
 def test_no_short_arc_is_called_free(arc_s: float, prior) -> None:
-    for seed in range(3):
+    for seed in range(2):
         flight = one_geo(seed, e=0.002 * seed)
         orbit = determine(seen_at(flight, np.arange(0.0, arc_s + 1.0, 30.0), 4.0), prior=prior)
         assert orbit is None or orbit.label != "free"

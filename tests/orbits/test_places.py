@@ -19,7 +19,6 @@ from rsoconsole.records import Site
 from rsoconsole.sky import places, times
 from rsoconsole.sky.angles import direction_to_unit, separation_deg, wrap_180
 
-EPOCHS = 20
 PAIRS_AN_EPOCH = 25
 HUNDREDTH_ARCSEC = 0.01
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
@@ -146,15 +145,17 @@ def skyfield_site(site: Site):
     return wgs84.latlon(site.latitude_deg, site.longitude_deg, site.elevation_m)
 
 
-@pytest.fixture(scope="module")
-def cases(earth):
+@pytest.fixture(
+    scope="module", params=[4, pytest.param(20, marks=pytest.mark.nightly("a thousand cases"))]
+)
+def cases(request, earth):
     """Per case: regime, separation of ours and of the naive place from skyfield's, range error,
     separation of what an orbit predicts that SGP4 moves."""
     from skyfield.api import EarthSatellite
 
     rng = np.random.default_rng(20261120)
     rows = []
-    for _ in range(EPOCHS):
+    for _ in range(request.param):
         t = int(rng.integers(1_546_300_800, 1_790_000_000)) * times.NS_PER_S + 250_000_000
         timescale = skyfield_timescale(t)
         instant = timescale.tt_jd(*(float(part) for part in times.jd_tt(t)))
@@ -182,11 +183,11 @@ def cases(earth):
     return rows
 
 
-def test_place_agrees_with_skyfield_on_a_thousand_geo_and_leo_cases(cases):
-    assert len(cases) == 1000
+def test_place_agrees_with_skyfield_on_geo_and_leo_cases(cases):
+    assert len(cases) >= 200
     for regime in ("GEO", "LEO"):
         ours = np.array([row[1] for row in cases if row[0] == regime])
-        assert len(ours) == 500
+        assert len(ours) == len(cases) / 2
         assert ours.max() < HUNDREDTH_ARCSEC
     one_metre_km = 1e-3
     assert max(abs(row[3]) for row in cases) < one_metre_km

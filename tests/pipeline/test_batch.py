@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from astropy.io import fits
+from click.testing import Result
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import BatchError
 from rsoconsole.pipeline.batch import batch_nights
@@ -50,6 +53,17 @@ def write_night(folder: Path, seed: int, frames: int = 3) -> Path:
         path = folder / f"frame_{k + 9}.fits"
         fits.writeto(path, pixels.astype(np.uint16), header)
     return folder
+
+
+def same_root(path: Path) -> Path:
+    """Settings for a process with another home: where sessions go is among those on record."""
+    path.write_text(f"[session]\nroot = '{Config().session.root}'\n", encoding="utf-8")
+    return path
+
+
+def printed(*arguments: str | Path) -> Result:
+    """What the program prints, run in this process."""
+    return CliRunner().invoke(app, [str(each) for each in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -122,14 +136,19 @@ def test_processes_make_what_one_after_another_makes(nights, serial_root, tmp_pa
 
 
 @needs_dask
+@pytest.mark.nightly("starts a Dask cluster")
 def test_dask_makes_what_one_after_another_makes(nights, serial_root, tmp_path):
     """By the command itself: on Dask where it is installed."""
-    run = rsoconsole("process", *nights, "--session", tmp_path, "--workers", "2", "--json")
+    config = same_root(tmp_path / "config.toml")
+    root = tmp_path / "out"
+    run = rsoconsole(
+        "process", *nights, "--session", root, "--config", config, "--workers", "2", "--json"
+    )
     assert run.returncode == 0, run.stderr
     assert [Path(answer["night"]).name for answer in objects(run)] == list(NAMES)
     assert {answer["outcome"] for answer in objects(run)} == {"done"}
     assert run.stderr == ""
-    assert same_sessions(serial_root, tmp_path)
+    assert same_sessions(serial_root, root)
 
 
 def test_who_does_the_work(monkeypatch):
@@ -145,12 +164,11 @@ def test_who_does_the_work(monkeypatch):
 
 @needs_dask
 def test_a_scheduler_that_is_not_there_is_said(nights, tmp_path):
-    run = rsoconsole(
+    run = printed(
         "process", *nights, "--session", tmp_path, "--scheduler", "nonsense://here", "--json"
     )
-    assert run.returncode == 1
-    assert "no Dask scheduler answers at nonsense://here" in run.stderr
-    assert "Traceback" not in run.stderr
+    assert isinstance(run.exception, BatchError)
+    assert "no Dask scheduler answers at nonsense://here" in str(run.exception)
 
 
 def _double(number: int) -> int:
@@ -194,12 +212,14 @@ def test_a_bad_night_is_told_and_the_others_go_on(nights, tmp_path):
     some = write_night(tmp_path / "in" / "some", 5, frames=2)
     (some / "frame_12.fits").write_bytes(b"SIMPLE  = nothing more")
     root = tmp_path / "out"
-    run = rsoconsole(
+    run = printed(
         "process", nights[0], empty, broken, some, "--session", root, "--serial", "--json"
     )
-    assert run.returncode == 1
+    assert run.exit_code == 1
     assert "Traceback" not in run.stderr
-    answers = {Path(answer["night"]).name: answer for answer in objects(run)}
+    answers = {
+        Path(answer["night"]).name: answer for answer in map(json.loads, run.stdout.splitlines())
+    }
     assert list(answers) == [NAMES[0], "empty", "broken", "some"]
     assert [a["outcome"] for a in answers.values()] == ["done", "failed", "failed", "done"]
     assert "holds no frame" in answers["empty"]["error"]
@@ -210,8 +230,8 @@ def test_a_bad_night_is_told_and_the_others_go_on(nights, tmp_path):
 
 def test_nothing_that_a_batch_did_not_make_is_written_over(nights, serial_root, tmp_path):
     root = tmp_path / "sessions"
-    run = rsoconsole("process", *sorted(nights[0].iterdir()), "--session", root / NAMES[0])
-    assert run.returncode == 0
+    run = printed("process", *sorted(nights[0].iterdir()), "--session", root / NAMES[0])
+    assert run.exit_code == 0
     before = told(root / NAMES[0])
     (root / NAMES[1]).mkdir()
     for is_again in (False, True):
@@ -234,7 +254,7 @@ def test_two_nights_of_one_name_and_two_batches_in_one_folder_are_refused(nights
 
 
 def test_a_folder_needs_a_place_for_its_session(nights):
-    assert rsoconsole("process", nights[0]).returncode == 2
+    assert printed("process", nights[0]).exit_code == 2
 
 
 # -- what is done is not done again -----------------------------------------------------------
@@ -270,10 +290,13 @@ def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
     assert (outcome.frames, outcome.measurements) == (1, 1)
 
 
+@pytest.mark.slow("starts the program twice")
 def test_work_that_is_killed_goes_on_where_it_was(nights, serial_root, tmp_path):
     """kill -9 in the middle; the same command again finishes what is left, and is the same."""
     root = tmp_path / "out"
-    arguments = ["process", *map(str, nights), "--session", str(root), "--no-dask", "--workers"]
+    config = same_root(tmp_path / "config.toml")
+    arguments = ["process", *map(str, nights), "--session", str(root), "--config", str(config)]
+    arguments += ["--no-dask", "--workers"]
     batch = subprocess.Popen(
         [sys.executable, "-c", "from rsoconsole.cli import main; main()", *arguments, "2"],
         stdout=subprocess.PIPE,

@@ -78,6 +78,11 @@ def nights(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [write_night(root / f"night-{n}", n, frames=6) for n in range(6)]
 
 
+@pytest.fixture(scope="module")
+def one_night(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return [write_night(tmp_path_factory.mktemp("nights") / "night", 0, frames=2)]
+
+
 def begun(nights: list[Path], root: Path, address: str) -> subprocess.Popen[str]:
     words = ["process", *map(str, nights), "--session", str(root), "--scheduler", address]
     return subprocess.Popen(
@@ -89,6 +94,7 @@ def is_made(root: Path, name: str) -> bool:
     return (root / name / "session.db").exists()
 
 
+@pytest.mark.nightly("starts a Dask cluster")
 @pytest.mark.timeout(400)
 def test_a_killed_worker_costs_its_task_at_most_and_a_rerun_makes_what_is_missing(
     nights: list[Path], tmp_path: Path
@@ -115,6 +121,7 @@ def test_a_killed_worker_costs_its_task_at_most_and_a_rerun_makes_what_is_missin
     assert not list(root.glob(".*.part"))
 
 
+@pytest.mark.nightly("starts a Dask cluster")
 @pytest.mark.timeout(400)
 def test_a_dead_scheduler_is_named_in_a_line_and_nothing_done_is_lost(
     nights: list[Path], tmp_path: Path
@@ -142,10 +149,10 @@ def test_a_dead_scheduler_is_named_in_a_line_and_nothing_done_is_lost(
 
 
 def test_what_a_worker_made_before_it_died_is_no_error_of_the_next(
-    nights: list[Path], tmp_path: Path
+    one_night: list[Path], tmp_path: Path
 ) -> None:
     """The scheduler gives its task to another one, which finds the session there."""
-    (task,) = nights_in(nights[:1], tmp_path, Config())
+    (task,) = nights_in(one_night, tmp_path, Config())
     first = process_night(task)
     second = process_night(task)
     assert (first.state, second.state, second.error) == ("done", "done", None)
@@ -154,17 +161,17 @@ def test_what_a_worker_made_before_it_died_is_no_error_of_the_next(
 
 
 def test_one_that_was_given_up_and_its_successor_are_in_each_others_way_nowhere(
-    nights: list[Path], tmp_path: Path
+    one_night: list[Path], tmp_path: Path
 ) -> None:
     """What lies beside a night that is being made is nobody else's; what was left is removed."""
-    left = tmp_path / f".{nights[0].name}.0a1b2c3d.part"
+    left = tmp_path / f".{one_night[0].name}.0a1b2c3d.part"
     left.mkdir()
     (left / "session.db").write_bytes(b"half")
-    (task,) = nights_in(nights[:1], tmp_path, Config())
+    (task,) = nights_in(one_night, tmp_path, Config())
     process_night(task)
     assert left.exists()
-    again = nights_in(nights[:1], tmp_path, Config(), is_again=True)
+    again = nights_in(one_night, tmp_path, Config(), is_again=True)
     (outcome,) = process_nights(again, lambda _: WorkerPool(kind="serial", workers=1))
     assert outcome.state == "done"
     assert not left.exists()
-    assert [path.name for path in tmp_path.iterdir()] == [nights[0].name]
+    assert [path.name for path in tmp_path.iterdir()] == [one_night[0].name]

@@ -4,8 +4,6 @@ import gzip
 import json
 import math
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from astropy.io import fits
+from click.testing import Result
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_faults, load_config
 from rsoconsole.engine.doctor.doctor_calibration import check_calibration
 from rsoconsole.pipeline.frame.calibration import Calibration
@@ -26,6 +27,8 @@ from tests.nights.samples import SCHEMA_1
 
 SHAPE = HEIGHT, WIDTH = 120, 160
 OFFSET, SKY, SIGMA = 500.0, 1000.0, 20.0
+UNSOLVED = "[solver]\ndeadline_s = 0.5\nblind_deadline_s = 0.5\n"
+"""The drawn stars are nobody's."""
 
 
 def master(path: Path, pixels: Any, **cards: Any) -> Path:
@@ -283,14 +286,9 @@ def test_a_mosaic_is_evened_out_after_the_calibration(tmp_path):
 # -- verbs, sessions, replays ------------------------------------------------------------------
 
 
-def rsoconsole(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from rsoconsole.cli import main; main()", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=150,
-        check=False,
-    )
+def printed(*arguments: str | Path) -> Result:
+    """What the program prints, run in this process."""
+    return CliRunner().invoke(app, [str(each) for each in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -307,7 +305,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fits.HDUList([fits.PrimaryHDU(), unit]).writeto(folder / "dark.fits.fz")
     master(folder / "flat.fits", flat)
     (folder / "config.toml").write_text(
-        f"[calibration]\ndarks = ['{folder}/dark.fits.fz']\nflat = '{folder}/flat.fits'\n"
+        f"{UNSOLVED}[calibration]\ndarks = ['{folder}/dark.fits.fz']\nflat = '{folder}/flat.fits'\n"
         f"[optics]\nwidth_px = {camera.dark_e.shape[1]}\nheight_px = {camera.dark_e.shape[0]}\n"
     )
     return folder
@@ -320,15 +318,15 @@ def found_at(answer: dict[str, Any]) -> list[bool]:
 
 def test_detect_finds_with_masters_what_it_misses_without(night: Path):
     frames = sorted(night.glob("frame*.fits"))
-    run = rsoconsole("detect", "--json", "--config", night / "config.toml", *frames)
-    assert run.returncode == 0, run.stderr
+    run = printed("detect", "--json", "--config", night / "config.toml", *frames)
+    assert run.exit_code == 0, run.stderr
     for answer in map(json.loads, run.stdout.splitlines()):
         assert found_at(answer) == [True]
         (note,) = [each for each in answer["notes"] if "calibrated with" in each]
         assert "dark dark.fits.fz (10 s, 960 x 720 px), flat flat.fits (960 x 720 px)" in note
     assert run.stderr.count("calibrated with") == 1
-    (night / "plain.toml").write_text("")
-    run = rsoconsole("detect", "--json", "--config", night / "plain.toml", *frames)
+    (night / "plain.toml").write_text(UNSOLVED)
+    run = printed("detect", "--json", "--config", night / "plain.toml", frames[0])
     for answer in map(json.loads, run.stdout.splitlines()):
         assert True not in found_at(answer)
         assert not any("calibrat" in each for each in answer["notes"])
@@ -336,23 +334,23 @@ def test_detect_finds_with_masters_what_it_misses_without(night: Path):
 
 def test_a_missing_master_is_one_line_and_no_traceback(night: Path, tmp_path: Path):
     path = tmp_path / "config.toml"
-    path.write_text("[calibration]\ndarks = ['/nowhere/dark.fits']\n")
+    path.write_text(UNSOLVED + "[calibration]\ndarks = ['/nowhere/dark.fits']\n")
     frames = sorted(night.glob("frame*.fits"))
     for verb in ("detect", "solve"):
-        run = rsoconsole(verb, "--config", path, *frames)
-        assert run.returncode == 0
+        run = printed(verb, "--config", path, *frames)
+        assert run.exit_code == 0
         assert "Traceback" not in run.stderr
         assert run.stderr.count("/nowhere/dark.fits does not exist") == 1
-    run = rsoconsole("config", "check", "--config", path)
-    assert run.returncode == 1
+    run = printed("config", "check", "--config", path)
+    assert run.exit_code == 1
     assert "calibration.darks: /nowhere/dark.fits does not exist" in run.stdout
 
 
 def test_process_puts_the_masters_in_force_on_record_once(night: Path, tmp_path: Path):
     frames = sorted(night.glob("frame*.fits"))
     config = night / "config.toml"
-    run = rsoconsole("process", "--config", config, "--session", tmp_path / "s", *frames)
-    assert run.returncode == 0, run.stderr
+    run = printed("process", "--config", config, "--session", tmp_path / "s", *frames)
+    assert run.exit_code == 0, run.stderr
     events = [each for _, _, each in SessionReader(tmp_path / "s").records(kinds=(Event,))]
     (told,) = [each for each in events if "calibrated with" in each.text]
     assert (told.level, told.frame_id) == ("info", 1)

@@ -94,6 +94,7 @@ def test_a_night_is_told_once():
     ]
 
 
+@pytest.mark.nightly("starts the whole program")
 def test_an_engine_with_a_colour_camera_and_a_wrong_focal_length_solves_and_says_so(tmp_path):
     """The simulated telescope is a tenth longer than its driver believes."""
     world = tmp_path / "world.toml"

@@ -58,7 +58,7 @@ class Flashing(Watched):
 def shortfalls(part_errors: str) -> list[float]:
     """East error of the place ten minutes later over its stated sigma, of nights by phase."""
     true, found = flight(*GEO), []
-    for phase_s in np.arange(0.0, PERIOD_S, 0.5):
+    for phase_s in np.arange(0.0, PERIOD_S, 1.25):
         watched = Flashing(config(filter={"part_errors": part_errors}), phase_s=float(phase_s))
         watched.see(every_frame(true, FRAMES))
         later = true.places(np.array([FRAMES * 30.0 + AHEAD_S]))[0]

@@ -395,6 +395,7 @@ def test_the_engine_says_how_good_a_mark_is_and_why(lit: np.ndarray, has_pixels:
 # -- a frame is kept while a mark is made in it ------------------------------------------------
 
 
+@pytest.mark.slow("a night of a hundred frames")
 def test_a_frame_is_kept_while_somebody_marks_in_it_however_many_come_meanwhile():
     r = night(set(range(1, 90)) - {9})
     r.engine.run(frames=12)

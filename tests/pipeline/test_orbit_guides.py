@@ -88,6 +88,7 @@ def whole() -> Rig:
     return night(80, catalogue={"tle_files": [str(TLE)]})
 
 
+@pytest.mark.slow("a night of eighty frames")
 def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss(whole):
     it = whole
     states = [change.after for change in it.memory.of(StateChange)]
@@ -108,7 +109,7 @@ def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss(whole):
 
 
 TRIED = (
-    *(("filter.q_multiplier", value) for value in (0.5, 1.1, 2.0, 100.0)),
+    *(("filter.q_multiplier", value) for value in (1.1, 100.0)),
     ("filter.r_multiplier", 1.2),
     ("detector.tau", 0.99),
 )
@@ -148,7 +149,7 @@ def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
 
 def test_with_the_papers_preset_a_lost_one_is_searched_for_as_ever():
     ours, never = (
-        night(70, filter={"preset": "paper", "max_coast_s": 300}, orbit={"guide": guide})
+        night(48, filter={"preset": "paper", "max_coast_s": 300}, orbit={"guide": guide})
         for guide in ("when better", "never")
     )
     assert ours.memory.of(SlewCommand) == never.memory.of(SlewCommand)
@@ -210,7 +211,7 @@ def is_by_orbit(record: Any) -> bool:
 
 
 def test_without_the_orbit_it_is_gone():
-    it = night(80, orbit={"guide": "never"})
+    it = night(70, orbit={"guide": "never"})
     states = [change.after for change in it.memory.of(StateChange)]
     assert states[-1] != "TRACK"
     looking = it.engine.cycle._reducer

@@ -36,7 +36,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
-from tests.cli.test_cli_frames import objects, rsoconsole
 from tests.nights.made_up_night import begin
 from tests.nights.measured_night import record_night
 from tests.nights.samples import SCHEMA_1
@@ -149,6 +148,7 @@ def test_a_night_that_is_not_kept_gives_the_same_figures_and_the_same_branch(min
     assert log_of(one) == log_of(other) == list(kept.log)
 
 
+@pytest.mark.nightly("measures memory")
 def test_of_a_night_that_is_not_kept_little_is_in_memory(tmp_path):
     """A frame takes some 10 kB with its records, and less than 2 kB without."""
     short = record_night(tmp_path / "short", frames=100, seed=3)
@@ -469,9 +469,9 @@ def test_wrong_usage_is_exit_2(mine):
 
 
 def test_a_session_that_cannot_be_read_is_told_and_the_others_go_on(mine, tmp_path):
-    run = rsoconsole("what-if", mine, tmp_path / "none", "--q", "2", "--json")
-    assert run.returncode == 1
-    fine, broken = objects(run)
+    run = verb(mine, tmp_path / "none", "--q", "2", "--json")
+    assert run.exit_code == 1
+    fine, broken = map(json.loads, run.stdout.splitlines())
     assert fine["what_if"]["frames"] == 60
     assert set(broken) == {"schema", "session", "error"}
     assert "Traceback" not in run.stderr

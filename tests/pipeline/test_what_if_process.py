@@ -29,28 +29,36 @@ def process():
     process.close()
 
 
+@pytest.fixture(scope="module")
+def lasting():
+    """One for all tests that leave it as it is."""
+    process = WhatIfProcess()
+    yield process
+    process.close()
+
+
 def question(changes=WIDER, **more):
     return Question(folder=SCHEMA_1, config=CONFIG, changes=changes, **more)
 
 
-def test_the_figures_are_those_computed_here(process):
+def test_the_figures_are_those_computed_here(lasting):
     log = [(seq, record) for seq, _, record in SessionReader(SCHEMA_1).records()]
     half = log[len(log) // 2][0]
     for until, last in ((None, None), (half, None), (None, 5), (half, 5)):
         records = [record for seq, record in log if until is None or seq <= until]
         expected = what_if(records, CONFIG, WIDER, last)
-        assert process.ask(question(until_seq=until, last=last)) == expected
+        assert lasting.ask(question(until_seq=until, last=last)) == expected
 
 
-def test_one_process_answers_all_and_what_cannot_be_tried_is_said(process):
-    process.ask(question())
-    pid = process.pid
+def test_one_process_answers_all_and_what_cannot_be_tried_is_said(lasting):
+    lasting.ask(question())
+    pid = lasting.pid
     with pytest.raises(ConfigError, match="must be above 0"):
-        process.ask(question({"filter.q_multiplier": -1.0}))
+        lasting.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        process.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, changes=WIDER))
-    process.ask(question())
-    assert process.pid == pid
+        lasting.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, changes=WIDER))
+    lasting.ask(question())
+    assert lasting.pid == pid
 
 
 def test_it_ends_when_nobody_asks_and_comes_back_with_the_next_question():
@@ -62,6 +70,7 @@ def test_it_ends_when_nobody_asks_and_comes_back_with_the_next_question():
     assert process.pid is None
 
 
+@pytest.mark.nightly("starts one more process")
 def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
     process = WhatIfProcess(idle_s=0.5)
     process.start()
@@ -75,12 +84,12 @@ def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
     assert process.pid is None
 
 
-def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(process, caplog):
+def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(lasting, caplog):
     with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
-        process.ask(Question(folder=SCHEMA_1, config=cast(Config, None), changes=WIDER))
+        lasting.ask(Question(folder=SCHEMA_1, config=cast(Config, None), changes=WIDER))
     assert "Traceback" not in str(caught.value)
     assert "Traceback" in caplog.text
-    process.ask(question())
+    lasting.ask(question())
 
 
 def test_one_that_dies_is_said_to_and_the_next_question_has_another(process):
@@ -114,6 +123,7 @@ def test_closing_ends_a_wait(process):
     assert said
 
 
+@pytest.mark.nightly("starts a second program")
 def test_it_does_not_outlive_a_parent_that_is_killed():
     program = (
         "import sys; from tests.pipeline.test_what_if_process import *\n"

@@ -128,6 +128,7 @@ def test_a_given_time_is_used_as_it_is(config):
         (["36097"], "yesterday", None, "--at: 'yesterday' is not a time"),
     ],
 )
+@pytest.mark.slow("looks through nights for a time")
 def test_what_cannot_be_seen_is_refused_with_the_condition_that_fails(
     config, wanted, at, site, words
 ):

@@ -15,7 +15,10 @@ BEFORE = 30
 """Frames: a quarter of an hour."""
 
 
-@pytest.mark.parametrize("gap_min", [0.5, 10.0, 30.0, 70.0])
+@pytest.mark.parametrize(
+    "gap_min",
+    [0.5, 70.0, *(pytest.param(m, marks=pytest.mark.nightly("more gaps")) for m in (10.0, 30.0))],
+)
 @pytest.mark.parametrize("regime", REGIMES)
 def test_after_a_gap_it_is_where_the_track_says_and_taken_up_again(regime, gap_min):
     true, watched = flight(*REGIMES[regime]), Watched(config())

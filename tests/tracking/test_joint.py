@@ -68,12 +68,15 @@ def night(
     return found
 
 
+@pytest.mark.parametrize(
+    "nights", [1, pytest.param(3, marks=pytest.mark.nightly("statistics over many nights"))]
+)
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0])
 @pytest.mark.parametrize("scatter_s", [0.015, 0.2, 1.0])
-def test_four_of_a_slot_keep_their_streaks(scatter_s, angle_deg):
+def test_four_of_a_slot_keep_their_streaks(scatter_s, angle_deg, nights):
     """Across and along the motion; a late shutter shifts all of them along it."""
     found: Counter[str] = Counter()
-    for seed in range(3):
+    for seed in range(nights):
         found += night(NEAR_ARCSEC, angle_deg, scatter_s, seed)
     assert found["swapped"] == 0
     assert found["own"] >= 0.95 * found.total()

@@ -20,6 +20,7 @@ from tests.truth.low_passes import SITE, LowPass, are_there, low_passes
 pytestmark = pytest.mark.skipif(not are_there(), reason="the element files are not there")
 ADAPTIVE = FilterConfig()
 LEAP_S, FLIP_S = 5.5, 30.0
+MANY = pytest.mark.nightly("statistics over many passes")
 
 
 def measured(one: LowPass, seed: int) -> list[Measurement]:
@@ -78,7 +79,8 @@ def sigmas2(there: TrackState, m: Measurement) -> float:
 
 @pytest.mark.parametrize(
     ("number", "seed"),
-    [(0, 1), (4, 2), (8, 2), (12, 3), (16, 2), (16, 3), (20, 1), (25, 3), (29, 2)],
+    [(0, 1), (4, 2), (16, 3), (29, 2)]
+    + [pytest.param(*each, marks=MANY) for each in ((8, 2), (12, 3), (16, 2), (20, 1), (25, 3))],
 )
 def test_a_pass_is_followed_with_numbers_of_this_world(number, seed):
     night = followed(measured(low_passes(30)[number], seed))
@@ -144,7 +146,7 @@ def test_over_a_long_coast_nobody_grows_surer(rate_arcsec_s):
         there = estimator.predict(state, m.t_mid_utc_ns, ADAPTIVE, m.frame_id)
         state = estimator.update(there, m, ADAPTIVE)
     start_ns, sigma_deg, most = night[-1].t_mid_utc_ns, 0.0, []
-    for since_s in range(100, 7200, 100):
+    for since_s in range(100, 7200, 400):
         there = estimator.predict(state, start_ns + since_s * NS_PER_S, ADAPTIVE, since_s)
         own = np.sqrt(max(there.P[0][0] * np.cos(np.radians(there.x[2])) ** 2, there.P[2][2]))
         assert own > min(0.8 * sigma_deg, 10.0), since_s

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import InstrumentController
 from rsoconsole.engine.loop.loop import Engine
@@ -179,6 +181,7 @@ LIST = {
 }
 
 
+@pytest.mark.nightly("starts the observatory once more")
 def test_every_place_of_a_list_is_met_on_both_sides_of_the_meridian(tmp_path):
     """The first look teaches the first place, one frame each other one; a return needs none."""
     with night(tmp_path, 3, None, LIST) as it:
@@ -201,6 +204,7 @@ CROSSING = Mover(ra_icrs_deg=240.45, ra_rate_deg_s=SIDEREAL_DEG_S - 100.0 / 3600
 STANDING = Mover(ra_icrs_deg=240.2, ra_rate_deg_s=SIDEREAL_DEG_S)
 
 
+@pytest.mark.slow("follows with the observatory over the meridian")
 def test_a_satellite_is_met_and_met_again_after_the_flip(tmp_path):
     """It passes the meridian while it is followed: one frame after that is enough."""
     search = {"pattern": "stay", "recentre": "every"}
@@ -217,6 +221,7 @@ def test_a_satellite_is_met_and_met_again_after_the_flip(tmp_path):
         assert not it.memory.of(Miss)
 
 
+@pytest.mark.nightly("starts the observatory once more")
 def test_a_satellite_that_need_not_be_recentred_drifts_in_the_middle_of_the_field(tmp_path):
     """Where the mount was sent for it, it stands in the centre; elsewhere not far from there."""
     search = {"pattern": "stay", "recentre": "when needed"}
@@ -231,6 +236,7 @@ def test_a_satellite_that_need_not_be_recentred_drifts_in_the_middle_of_the_fiel
         assert max(off[2:]) < a_quarter_of_the_height
 
 
+@pytest.mark.nightly("starts the observatory once more")
 def test_a_mount_that_must_not_flip_is_left_on_its_side_and_the_misses_say_why(tmp_path):
     """mount.meridian = hold: the track is let go rather than the pier changed."""
     settings = {

@@ -165,11 +165,14 @@ def night(company: str, scatter_s: float, seed: int) -> tuple[int, int, int]:
     return there, took, wrong
 
 
+@pytest.mark.parametrize(
+    "nights", [3, pytest.param(12, marks=pytest.mark.nightly("statistics over many nights"))]
+)
 @pytest.mark.parametrize("scatter_s", [0.015, 0.2, 1.0])
 @pytest.mark.parametrize("company", ["nobody", "neighbour", "rival"])
-def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float) -> None:
+def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float, nights: int) -> None:
     there = took = 0
-    for seed in range(12):
+    for seed in range(nights):
         one, other, wrong = night(company, scatter_s, seed)
         there, took = there + one, took + other
         assert wrong <= 3, (company, scatter_s, seed)

@@ -14,6 +14,7 @@ from rsoconsole.orbits.motion.ahead import SkyAhead
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 from tests.truth.regimes import TLES, samples
 
@@ -42,9 +43,13 @@ class LowPass:
     fastest_arcsec_s: float
 
 
-@cache
 def low_passes(count: int = 30, site: Site = SITE) -> tuple[LowPass, ...]:
     """Passes of two days that culminate between 25 and 85 deg, at random; five are fast ones."""
+    return _all_passes(site)[:count]
+
+
+@cache
+def _all_passes(site: Site) -> tuple[LowPass, ...]:
     t = iso_to_utc_ns("2023-06-22T00:00:00Z") + np.arange(0, 2 * 86_400, STEP_S) * NS_PER_S
     found = []
     for sample in samples("low orbit", 20):
@@ -53,14 +58,16 @@ def low_passes(count: int = 30, site: Site = SITE) -> tuple[LowPass, ...]:
     order = np.random.default_rng(5).permutation(len(found))
     fast = [n for n in order if found[n].fastest_arcsec_s > FAST_ARCSEC_S][:5]
     others = [n for n in order if n not in fast]
-    return tuple(found[n] for n in [*fast, *others][:count])
+    return tuple(found[n] for n in [*fast, *others])
 
 
 def _of(satellite: Satellite, norad_id: int, site: Site, t: FloatArray) -> list[LowPass]:
-    places = satellite.astrometric_place(site, t)
-    altitude, _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t)
+    altitude, speed = np.full(len(t), -90.0), np.zeros(len(t))
+    near = _is_about_as_high(satellite, site, t)
+    places = satellite.astrometric_place(site, t[near])
+    altitude[near], _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t[near])
     east = places.ra_rate_deg_s * np.cos(np.radians(places.dec_icrs_deg))
-    speed = 3600.0 * np.hypot(east, places.dec_rate_deg_s)
+    speed[near] = 3600.0 * np.hypot(east, places.dec_rate_deg_s)
     is_up = altitude > LEAST_ALTITUDE_DEG
     found = []
     for n in np.flatnonzero(~is_up[:-1] & is_up[1:]):
@@ -78,6 +85,14 @@ def _of(satellite: Satellite, norad_id: int, site: Site, t: FloatArray) -> list[
                 )
             )
     return found
+
+
+def _is_about_as_high(satellite: Satellite, site: Site, t: FloatArray) -> FloatArray:
+    """Where it is worth to ask exactly: over a round Earth no more than 3 deg lower."""
+    place = site_gcrs(site, t)[0]
+    line = satellite.position_gcrs(t)[0] - place
+    up = np.sum(line * place, 1) / np.linalg.norm(line, axis=1) / np.linalg.norm(place, axis=1)
+    return up > np.sin(np.radians(LEAST_ALTITUDE_DEG - 3.0))
 
 
 def streak_of(

@@ -17,6 +17,8 @@ SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 NOISE_ADU, ADU_PER_ELECTRON = 38.0, 3.3
 FWHM_PX = 2.2
 SIZE = 320
+FULL = pytest.mark.nightly("one more frame of full size")
+MANY = pytest.mark.nightly("statistics over many streaks")
 Point = tuple[float, float]
 
 
@@ -85,10 +87,11 @@ def normalised_errors(
     return np.array(errors), np.array(errors) / np.array(sigmas)
 
 
+@pytest.mark.parametrize("count", [40, pytest.param(100, marks=MANY)])
 @pytest.mark.parametrize("peak_snr", [2.0, 3.0, 8.0, 30.0])
-def test_sigmas_of_the_midpoint_are_honest(peak_snr: float) -> None:
-    errors, normalised = normalised_errors(peak_snr, 100, seed=1)
-    assert len(errors) >= 99
+def test_sigmas_of_the_midpoint_are_honest(peak_snr: float, count: int) -> None:
+    errors, normalised = normalised_errors(peak_snr, count, seed=1)
+    assert len(errors) >= count - 1
     variance = np.mean(normalised**2, axis=0)
     # The variance of 100 unit normals scatters by 0.14.
     assert 0.6 < variance[0] < 1.5
@@ -202,7 +205,7 @@ def test_an_aircraft_is_wider_than_a_star() -> None:
 
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is not here")
-@pytest.mark.parametrize("name", ["geo_single_02", "geo_pair_dim_02"])
+@pytest.mark.parametrize("name", [pytest.param("geo_single_02", marks=FULL), "geo_pair_dim_02"])
 def test_independently_rendered_satellites_are_measured_to_half_a_pixel(name: str) -> None:
     folder = SHARED / "simulated" / name[:-3]
     frame = read_frame(folder / f"{name}.fits.bz2", 1)
@@ -289,10 +292,11 @@ def test_an_end_hidden_by_a_masked_star_is_known_only_as_well_as_the_mask_is_wid
     assert error_px < 3 * fit.sigma_along_px
 
 
-def test_a_bright_star_near_an_end_costs_no_streak_and_no_honesty() -> None:
+@pytest.mark.parametrize("count", [24, pytest.param(60, marks=MANY)])
+def test_a_bright_star_near_an_end_costs_no_streak_and_no_honesty(count: int) -> None:
     rng = np.random.default_rng(7)
     errors, normalised = [], []
-    for _ in range(60):
+    for _ in range(count):
         peak_snr, beyond_px = float(rng.choice([5.0, 8.0, 15.0])), rng.uniform(-8.0, 12.0)
         angle = rng.uniform(0.0, np.pi)
         along = np.array([np.cos(angle), np.sin(angle)])
