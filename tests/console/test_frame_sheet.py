@@ -580,6 +580,7 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(tmp_path: Path, im
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await press(pilot, sheet, "d", "plus", "f")
+        await until(pilot, lambda: sheet.sheet.view is not None)
         view, stretch = sheet.sheet.view, sheet.sheet.stretch
         assert view is not None, sheet.sheet.fault
         await pilot.press("pageup")
