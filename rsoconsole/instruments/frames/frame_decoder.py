@@ -23,7 +23,7 @@ from rsoconsole.instruments.frames.decoder_child import DecodeReply, DecodeReque
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 START_S = 60.0
-LEAST_S, BYTES_A_S = 4.0, 8_000_000
+LEAST_S, BYTES_A_S = 15.0, 8_000_000
 """A file is given this, and more by its length: a slow machine unpacks ten times as much."""
 _PROGRAM = (
     "import sys; from rsoconsole.instruments.frames.decoder_child import main; "
