@@ -21,6 +21,7 @@ settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
 
 TOOK = durations.read()
+FAST = durations.fast_files(TOOK)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -57,7 +58,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not config.getoption("--fast") or not collection_path.name.startswith("test_"):
         return None
     name = collection_path.relative_to(durations.HERE).as_posix()
-    return True if name in TOOK and name not in durations.fast_files(TOOK) else None
+    return True if name in TOOK and name not in FAST else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

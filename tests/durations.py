@@ -16,7 +16,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RECORD = Path(__file__).with_name("durations.txt")
 FAST_CORE_S = 50.0
-"""Of all files of the fast tier together, beside what reading them takes."""
+"""The fast tier's seconds of all processes together, without those of reading its files."""
 SLOW_S = 5.0
 """A test that takes longer says why."""
 _HEAD = "# Seconds and tests of each file; a test over 5 s below its file. See durations.py.\n"

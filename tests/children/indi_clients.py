@@ -18,5 +18,5 @@ OTHERS_NIGHTLY = CLIENTS[:1] + [
     )
     for each in CLIENTS[1:]
 ]
-"""The same; each day only the first. Both speak INDI in ``instruments/test_indi_clients.py``, and
-stop a mount in ``test_stop.py``, each day."""
+"""``CLIENTS``, of which the plain tier has the first alone. Both speak INDI in
+``instruments/test_indi_clients.py`` and stop a mount in ``test_stop.py``, in the plain tier too."""

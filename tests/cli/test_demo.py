@@ -28,7 +28,7 @@ def night(session: Any, *more: str, frames: int = FRAMES, timeout_s: float = 170
 
 
 def night_here(session: Any, *more: str, frames: int, binning: int) -> dict:
-    """The same in the process of the tests, with the frames of a binned camera."""
+    """A night in the process of the tests, with the frames of a binned camera."""
     words = ("demo", "--headless", "--json", "--frames", str(frames), "--session", session, *more)
     return summary_of(run_here(*words, "--world", binned(Path(session).parent, binning)))
 

@@ -178,7 +178,7 @@ def run_with_terminal(words: list[str | Path]) -> tuple[bytes, bytes]:
 
 
 def run_with_terminal_here(words: list[str | Path]) -> tuple[bytes, bytes]:
-    """The same, in the process of the tests."""
+    """The verb in the process of the tests, with a terminal as standard error."""
     here, there = pty.openpty()
     seen: list[bytes] = []
     reader = threading.Thread(target=lambda: seen.append(all_of(here)))

@@ -235,7 +235,7 @@ def test_unpark_ends_the_wish_to_park(make: Make, monkeypatch: pytest.MonkeyPatc
     assert seat.status().is_parked is False
 
 
-# ---- limits, and what a mount lacks ----------------------------------------------------------
+# ---- limits, and refusals ---------------------------------------------------------------------
 
 
 @pytest.mark.slow("a real engine at a mount in real time")
@@ -250,23 +250,6 @@ def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make
     # Four degrees a second, two a second a second: it needs four degrees and a look at it.
     assert seat.altitude_deg() > 0.0
     assert any("limit" in words for words in seat.alarms)
-
-
-@pytest.mark.nightly("a real engine at a mount in real time")
-@pytest.mark.parametrize(
-    ("oddity", "lacks"),
-    [
-        ("noabort", "can_abort"),
-        ("nopark", "can_park"),
-        ("notrackstate", "can_set_tracking"),
-        ("noside", "has_pier_side"),
-        ("nogeo", "has_site"),
-        ("notime", "has_time"),
-    ],
-)
-def test_what_a_mount_lacks_is_found_when_it_connects(make: Make, oddity: str, lacks: str):
-    able = make(oddity).mount.abilities()
-    assert [name for name in able.__slots__ if not getattr(able, name)] == [lacks]
 
 
 @pytest.mark.nightly("a real engine at a mount in real time")

@@ -16,7 +16,7 @@ from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, iso_to_utc_ns
 from tests.truth.low_passes import (
     FAST_ARCSEC_S,
-    LEAST_ALTITUDE_DEG,
+    MIN_ALTITUDE_DEG,
     SCATTER_S,
     SITE,
     LowPass,
@@ -141,7 +141,7 @@ def next_pass(each: Followed) -> ExpectedPass | None:
     """Of the orbit, within a day."""
     from_ns = each.one.set_utc_ns + 600 * NS_PER_S
     until_ns = from_ns + NS_PER_DAY
-    found = passes_above(each.track.best.orbit, SITE, from_ns, until_ns, LEAST_ALTITUDE_DEG)
+    found = passes_above(each.track.best.orbit, SITE, from_ns, until_ns, MIN_ALTITUDE_DEG)
     return next(found, None)
 
 
@@ -190,7 +190,7 @@ def test_the_stated_error_is_no_wider_than_the_noise_makes_it(followed, monkeypa
             SITE,
             expected.rise_utc_ns - 600 * NS_PER_S,
             expected.set_utc_ns + 600 * NS_PER_S,
-            LEAST_ALTITUDE_DEG,
+            MIN_ALTITUDE_DEG,
         )
         ratios.append(expected.sigma_s / next(of_noise).sigma_s)
     assert np.median(ratios) <= 1.5

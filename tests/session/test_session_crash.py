@@ -41,8 +41,8 @@ NOW_UTC_NS = T0_UTC_NS + 10**15
 
 
 ALL = pytest.param(1, marks=pytest.mark.nightly("many random cuts"))
-EACH_DAY_FEW = pytest.mark.parametrize("share", [FEW, ALL])
-EACH_DAY_HALF = pytest.mark.parametrize("share", [2, ALL])
+FEW_IN_PLAIN = pytest.mark.parametrize("share", [FEW, ALL])
+HALF_IN_PLAIN = pytest.mark.parametrize("share", [2, ALL])
 
 
 class Lives:
@@ -139,7 +139,7 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     return found.state
 
 
-@EACH_DAY_FEW
+@FEW_IN_PLAIN
 def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, share: int) -> None:
     cuts = CUTS // share
     folders = [tmp_path / str(number) for number in range(cuts)]
@@ -153,7 +153,7 @@ def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, s
     assert frames > cuts // 2
 
 
-@EACH_DAY_HALF
+@HALF_IN_PLAIN
 def test_a_cut_while_the_session_is_closed_loses_nothing_either(
     lives: Lives, tmp_path: Path, share: int
 ) -> None:
@@ -218,7 +218,7 @@ def check_prefix(folder: Path, records: int) -> None:
     assert found.is_sound, found.findings
 
 
-@EACH_DAY_FEW
+@FEW_IN_PLAIN
 def test_a_write_ahead_log_cut_anywhere_leaves_what_was_promised_before(
     written: Written, tmp_path: Path, share: int
 ) -> None:
@@ -231,7 +231,7 @@ def test_a_write_ahead_log_cut_anywhere_leaves_what_was_promised_before(
         shutil.rmtree(folder)
 
 
-@EACH_DAY_FEW
+@FEW_IN_PLAIN
 def test_garbage_at_the_end_of_the_write_ahead_log_is_no_record(
     written: Written, tmp_path: Path, share: int
 ) -> None:

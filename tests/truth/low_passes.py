@@ -19,7 +19,7 @@ from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 from tests.truth.regimes import TLES, samples
 
 SITE = Site(latitude_deg=45.0, longitude_deg=8.0, elevation_m=200.0)
-LEAST_ALTITUDE_DEG = 20.0
+MIN_ALTITUDE_DEG = 20.0
 END_ARCSEC = 0.3 * 1.26
 SCATTER_S = 0.015
 STEP_S = 60
@@ -68,7 +68,7 @@ def _of(satellite: Satellite, norad_id: int, site: Site, t: FloatArray) -> list[
     altitude[near], _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t[near])
     east = places.ra_rate_deg_s * np.cos(np.radians(places.dec_icrs_deg))
     speed[near] = 3600.0 * np.hypot(east, places.dec_rate_deg_s)
-    is_up = altitude > LEAST_ALTITUDE_DEG
+    is_up = altitude > MIN_ALTITUDE_DEG
     found = []
     for n in np.flatnonzero(~is_up[:-1] & is_up[1:]):
         last = n + 1 + int(np.argmin(is_up[n + 1 :]))
@@ -88,11 +88,11 @@ def _of(satellite: Satellite, norad_id: int, site: Site, t: FloatArray) -> list[
 
 
 def _is_about_as_high(satellite: Satellite, site: Site, t: FloatArray) -> FloatArray:
-    """Where it is worth to ask exactly: over a round Earth no more than 3 deg lower."""
+    """Where an exact look is worth it: over a round Earth at most 3 deg too low."""
     place = site_gcrs(site, t)[0]
     line = satellite.position_gcrs(t)[0] - place
     up = np.sum(line * place, 1) / np.linalg.norm(line, axis=1) / np.linalg.norm(place, axis=1)
-    return up > np.sin(np.radians(LEAST_ALTITUDE_DEG - 3.0))
+    return up > np.sin(np.radians(MIN_ALTITUDE_DEG - 3.0))
 
 
 def streak_of(
