@@ -19,4 +19,4 @@ OTHERS_NIGHTLY = CLIENTS[:1] + [
     for each in CLIENTS[1:]
 ]
 """``CLIENTS``, of which the plain tier has the first alone. Both speak INDI in
-``instruments/test_indi_clients.py`` and stop a mount in ``test_stop.py``, in the plain tier too."""
+``instruments/test_indi_clients.py``, in the plain tier too."""

@@ -200,6 +200,7 @@ def has_jail() -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
+@pytest.mark.nightly("a whole night, jailed")
 @pytest.mark.skipif(not has_jail(), reason="needs systemd-analyze and python3-seccomp")
 def test_a_night_goes_well_with_the_system_calls_of_the_service_alone(home: Path) -> None:
     unit = service.unit_text(COMMAND, {})

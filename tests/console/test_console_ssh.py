@@ -21,6 +21,7 @@ from tests.console.test_console_death import FIRST_WORDS, FRAMES_AFTER, SIZE, fr
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine
 
+pytestmark = pytest.mark.nightly("an SSH server, an engine and consoles")
 EXPOSURE = {"exposure_s": 4.0, "cadence_s": 8.0}
 SPEED = 10.0
 HOMES = (

@@ -114,7 +114,7 @@ def engine(tmp_path: Path, sky: Observatory) -> Iterator[WholeEngine]:
         yield running
 
 
-@pytest.mark.slow("starts an engine twice, with two consoles")
+@pytest.mark.nightly("starts an engine twice, with two consoles")
 def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, sky):
     with (
         console(engine.environment) as wide,
@@ -361,13 +361,8 @@ def test_a_session_of_another_version_is_shown_as_one_of_this(told_night, tmp_pa
     assert play(wire, scene, session=folder) == "quit"
 
 
-IN_A_TERMINAL = "with a setting from a later one"
-
-
-@pytest.mark.parametrize(
-    "which",
-    [each if each == IN_A_TERMINAL else pytest.param(each, marks=DRIVES) for each in SHOWN_IN_FULL],
-)
+@pytest.mark.nightly("drives a terminal")
+@pytest.mark.parametrize("which", SHOWN_IN_FULL)
 def test_a_session_of_another_version_is_shown_to_its_last_frame(told_night, tmp_path, home, which):
     folder = changed(told_night, tmp_path / "night", SHOWN_IN_FULL[which])
     with console(home, "--session", str(folder)) as seat:
@@ -457,6 +452,7 @@ def told(told_night: Path, home: dict[str, str]) -> Iterator[Told]:
         yield speaking
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_the_smallest_terminal_has_state_holder_clock_and_stop(told, home):
     with console(home, size=SMALL) as seat:
         wait_for(lambda: seat.shows("TRACK", "AUTO has the mount", "x STOP"), "what matters")
@@ -501,6 +497,7 @@ def test_no_dialog_breaks_in_a_small_terminal(wire, size, keys):
     play(wire, scene, size)
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_without_colour_every_cell_is_grey_and_the_picture_is_still_there(told, home):
     with console(home, "NO_COLOR=1") as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} · 10 s"), "a screen")
@@ -554,8 +551,7 @@ def test_signs_beyond_ascii_are_for_a_locale_that_has_them(monkeypatch, given, i
     "settings",
     [
         "LC_ALL=C",
-        pytest.param("LC_ALL=POSIX", marks=DRIVES),
-        pytest.param("PYTHONIOENCODING=ascii", marks=DRIVES),
+        *(pytest.param(each, marks=DRIVES) for each in ("LC_ALL=POSIX", "PYTHONIOENCODING=ascii")),
     ],
 )
 def test_without_unicode_the_terminal_gets_ascii_alone(told, home, settings):
@@ -638,6 +634,7 @@ def into_a_pipe(home: dict[str, str], what: str) -> "subprocess.CompletedProcess
         os.close(slave)
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_a_screen_never_goes_into_a_file_that_errors_were_sent_to(told, home, tmp_path):
     errors = tmp_path / "errors.txt"
     words = ["sh", "-c", f'exec "$@" 2>{errors}', "sh", *COMMAND, "console"]
@@ -655,6 +652,7 @@ def test_a_screen_never_goes_into_a_file_that_errors_were_sent_to(told, home, tm
 KEYS_AS_TYPED = {"up": "\x1b[A", "down": "\x1b[B", "right": "\x1b[C", "left": "\x1b[D"}
 
 
+@pytest.mark.nightly("drives a terminal")
 def test_a_seat_that_only_looks_touches_nothing_whatever_is_pressed(told, home):
     acting = [c.keys for c in COMMANDS if c.acts]
     assert len(acting) > 15
@@ -673,7 +671,10 @@ def test_a_seat_that_only_looks_touches_nothing_whatever_is_pressed(told, home):
         wait_for(lambda: seat.process.poll() is not None, "the console's end")
 
 
-@pytest.mark.parametrize("size", [FULL, (200, 60)])
+@pytest.mark.parametrize(
+    "size",
+    [FULL, pytest.param((200, 60), marks=pytest.mark.nightly("the same at another size"))],
+)
 def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)

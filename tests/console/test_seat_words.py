@@ -10,6 +10,7 @@ from textual.pilot import Pilot
 from textual.widgets import Button
 
 from rsoconsole.config import Config
+from rsoconsole.console.actions import seat
 from rsoconsole.console.actions.mark_actions import too_late_to_mark
 from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
@@ -286,7 +287,11 @@ def test_from_the_press_on_the_first_line_says_stop(wire: FakeWire):
     play(wire, scene, LARGE)
 
 
-def test_a_stop_that_is_measured_is_not_told_by_a_word_from_before_it(wire: FakeWire):
+def test_a_stop_that_is_measured_is_not_told_by_a_word_from_before_it(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(seat, "BANNER_S", 1.0)
+
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         app.live.on_stop_news_came(StopNewsCame(StopNews(phase="stopped", text="it stands")))

@@ -15,7 +15,9 @@ from tests.rigs.whole_engine import is_sidereal, is_slewing, mount_by_itself, wa
 
 ACKNOWLEDGED_MS = 2000.0
 ENDED_MS = 5000.0
-pytestmark = pytest.mark.slow("STOP of a whole engine")
+NIGHTLY = pytest.mark.nightly("STOP of a whole engine")
+PLAIN = ("while one is processed", "the mount's process hung")
+"""The one in the way, and what is not there to obey."""
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +26,10 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
         yield built
 
 
-@pytest.mark.parametrize("name", SITUATIONS)
+@pytest.mark.slow("STOP of a whole engine")
+@pytest.mark.parametrize(
+    "name", [each if each in PLAIN else pytest.param(each, marks=NIGHTLY) for each in SITUATIONS]
+)
 def test_stop_waits_for_nothing(stage, name):
     found = SITUATIONS[name](stage)
     assert found.is_answered
@@ -35,6 +40,7 @@ def test_stop_waits_for_nothing(stage, name):
     assert is_sidereal(alone)
 
 
+@NIGHTLY
 def test_the_command_stops_past_an_engine_that_hangs(stage):
     engine = stage.engine
     assert engine.process is not None
@@ -49,6 +55,7 @@ def test_the_command_stops_past_an_engine_that_hangs(stage):
     assert not is_slewing(mount_by_itself(engine.observatory))
 
 
+@NIGHTLY
 def test_what_a_full_disk_kept_out_is_on_record_once_it_has_room(stage):
     engine = stage.engine
     wait_for(lambda: not any("log" in fault for fault in engine.status()["faults"]), "room")

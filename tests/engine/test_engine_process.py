@@ -108,6 +108,7 @@ def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path,
     ).is_answered
 
 
+@pytest.mark.nightly("starts a whole engine")
 def test_stop_works_when_the_engine_was_killed(engine, environment):
     engine.kill()
     engine.wait()
@@ -117,6 +118,7 @@ def test_stop_works_when_the_engine_was_killed(engine, environment):
     assert answer["answered_ms"] < 2000
 
 
+@pytest.mark.nightly("starts a whole engine")
 def test_a_second_engine_is_refused_with_words(engine, environment, tmp_path):
     run = subprocess.run(
         [*COMMAND, "engine", "--session", str(tmp_path / "other")],
@@ -131,6 +133,7 @@ def test_a_second_engine_is_refused_with_words(engine, environment, tmp_path):
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.nightly("starts a whole engine")
 def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, observatory):
     wait_for(lambda: status(environment)["frame"] >= 1)
     session = tmp_path / "session"
@@ -148,6 +151,7 @@ def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, 
     ).is_answered
 
 
+@pytest.mark.nightly("starts a whole engine")
 def test_a_lost_terminal_is_nothing_to_the_engine(engine, environment):
     engine.send_signal(signal.SIGHUP)
     frames = status(environment)["frame"]

@@ -47,7 +47,7 @@ def slewing(seat: OddEngine) -> OddEngine:
 # ---- STOP ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow("a real engine at a mount in real time")
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_mount_that_obeys_is_told_to_track_because_it_was_measured(make: Make):
     seat = slewing(make())
     last = seat.stop()
@@ -146,7 +146,7 @@ def test_words_that_are_no_utf8_do_not_cut_the_line_to_a_mount(make: Make):
     assert seat.stop().motion == "tracks"
 
 
-@pytest.mark.slow("a real engine at a mount in real time")
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_second_stop_acts_at_once(make: Make):
     seat = slewing(make("aborts_ignored=2"))
     seat.ask("stop")
@@ -238,7 +238,7 @@ def test_unpark_ends_the_wish_to_park(make: Make, monkeypatch: pytest.MonkeyPatc
 # ---- limits, and refusals ---------------------------------------------------------------------
 
 
-@pytest.mark.slow("a real engine at a mount in real time")
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make):
     seat = make("ha_deg=0 dec_deg=-15")
     seat.goto(40.0, 180.0)

@@ -23,7 +23,7 @@ from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from tests.children.indi_clients import CLIENTS
+from tests.children.indi_clients import OTHERS_NIGHTLY
 
 NS = 1_000_000_000
 STAGE = "tests.rigs.stub_stage:open_plain"
@@ -127,7 +127,7 @@ class Post:
         return coordinates.state == "Busy", tracking.values["TRACK_ON"] == "On"
 
 
-@pytest.fixture(scope="module", params=CLIENTS)
+@pytest.fixture(scope="module", params=OTHERS_NIGHTLY)
 def posts(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[dict[str, Post]]:

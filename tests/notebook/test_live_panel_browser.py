@@ -22,6 +22,7 @@ from tests.rigs.browser_lab import (
 )
 from tests.rigs.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
 
+pytestmark = pytest.mark.nightly("drives a browser")
 EXPOSURE = {"exposure_s": 2.0, "cadence_s": 4.0}
 DARK = {"twilight_deg": -80.0}
 """No night is so dark: the check of the Sun fails."""

@@ -68,7 +68,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     return read(folder / "review.ipynb")
 
 
-@pytest.mark.slow("executes the shipped notebook")
+@pytest.mark.nightly("executes the shipped notebook")
 def test_it_runs_without_an_error_and_shows_its_figures(executed):
     outputs = [output for cell in executed for output in cell["outputs"]]
     assert "error" not in {output["output_type"] for output in outputs}
@@ -76,6 +76,7 @@ def test_it_runs_without_an_error_and_shows_its_figures(executed):
     assert pictures(executed) == FIGURES
 
 
+@pytest.mark.nightly("executes the shipped notebook")
 def test_its_words_and_tables_are_those_it_is_shipped_with(executed):
     shipped = read(NOTEBOOK)
     assert [cell["source"] for cell in shipped] == [cell["source"] for cell in executed]
@@ -86,6 +87,7 @@ def test_its_words_and_tables_are_those_it_is_shipped_with(executed):
     assert pictures(shipped) == FIGURES
 
 
+@pytest.mark.nightly("executes the shipped notebook")
 def test_what_it_says_of_the_night_is_so(executed):
     said = "\n".join(text for cell in executed for text in words(cell))
     for figure in (
