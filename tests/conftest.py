@@ -17,8 +17,8 @@ from tests.nights.record_differences import differences
 from tests.rigs.seat_rig import FakeWire, written
 
 # How fast this machine was while it did something else says nothing of the program.
-settings.register_profile("any machine", deadline=None)
-settings.load_profile("any machine")
+settings.register_profile("plain", deadline=None, derandomize=True)
+settings.register_profile("nightly", deadline=None)
 
 TOOK = durations.read()
 FAST = durations.fast_files(TOOK)
@@ -35,7 +35,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """With ``--write-durations`` the process that hears of all tests notes them."""
+    """What Hypothesis draws is new each night, and the same for every change in between.
+
+    With ``--write-durations`` the process that hears of all tests notes them.
+    """
+    is_nightly = config.getoption("--all") or config.getoption("--part")
+    settings.load_profile("nightly" if is_nightly else "plain")
     if config.getoption("--write-durations") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(_Durations())
 

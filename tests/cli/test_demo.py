@@ -196,7 +196,7 @@ def test_an_empty_sky_ends_in_search(tmp_path):
     expect_search(night(tmp_path / "empty", "--scenario", "empty", frames=8))
 
 
-@pytest.mark.slow("a short night of an empty sky")
+@pytest.mark.nightly("one more night")
 def test_a_binned_camera_finds_nothing_in_an_empty_sky_either(tmp_path):
     expect_search(night_here(tmp_path / "empty", "--scenario", "empty", frames=3, binning=4))
 

@@ -31,7 +31,7 @@ KEYS = {
 }
 
 
-@pytest.mark.slow("a short night of named satellites")
+@pytest.mark.nightly("one more night")
 def test_named_satellites_are_in_the_first_frame(tmp_path):
     at = ("--at", "2023-06-23T05:30:00Z")
     words = ("--target", "ses 10", "--target", "49332", *at)

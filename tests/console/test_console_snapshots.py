@@ -19,6 +19,7 @@ from tests.nights import eight_tracks, orbit_night
 from tests.nights import made_up_night as night
 from tests.rigs.screen_text import expect_as_agreed, screen_text
 from tests.rigs.seat_rig import FakeWire, has_outlook, play, until
+from tests.tiers import plain_first
 
 SIZES = ((80, 24), (120, 40), (200, 60))
 FAILED = {"name": "network", "ok": False, "detail": "damaged", "remedy": "install it again"}
@@ -123,7 +124,9 @@ def night_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return of
 
 
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+@pytest.mark.parametrize(
+    "size", plain_first(2, zip(SIZES)), ids=lambda size: f"{size[0]}x{size[1]}"
+)
 @pytest.mark.parametrize("state", STATES)
 def test_the_screen_looks_as_it_was_agreed(
     night_of: Callable[[str], Path], impatient_seat: None, state: str, size: tuple[int, int]

@@ -163,7 +163,7 @@ def test_a_second_stop_acts_at_once(make: Make):
     seat.until(lambda: (each := seat.status().last_stop) and each.motion == "tracks", "rest")
 
 
-@pytest.mark.slow("a real engine at a mount in real time")
+@pytest.mark.nightly("a real engine at a mount in real time")
 def test_a_driver_that_dies_in_a_slew_is_told_to_stop_when_it_is_back(make: Make):
     """TheSkyX went on behind Paramount's driver, and nobody sent ABORT."""
     seat = slewing(make())

@@ -12,11 +12,12 @@ from rsoconsole.instruments.motion import Motion, MotionMeter
 from tests.rigs.odd_mount import Oddities
 from tests.rigs.odd_sequence import OddNight
 from tests.rigs.odd_wire_night import ABORT_S, run_wire_night
+from tests.tiers import plain_first
 
 BATCH = 10
 
 
-@pytest.mark.parametrize("first", range(0, 100, BATCH))
+@pytest.mark.parametrize("first", plain_first(4, range(0, 100, BATCH)))
 def test_a_moving_mount_is_never_said_to_rest_and_limits_hold(first: int):
     rests = 0
     for seed in range(first, first + BATCH):

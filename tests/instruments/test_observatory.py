@@ -61,7 +61,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Frame], list[s
     return short_night(tmp_path_factory.mktemp("night"), seed=1, speed=math.inf)
 
 
-@pytest.mark.slow("draws frames in several observatories")
+@pytest.mark.nightly("a night twice")
 def test_the_same_seed_gives_the_same_pixels_at_any_speed(night, tmp_path):
     at_once, truth_at_once = night
     paced, truth_paced = short_night(tmp_path, seed=1, speed=1000.0)

@@ -266,6 +266,7 @@ def test_what_was_not_taken_is_told(night):
     assert rso.track(two_objects()[:1], site=SITE) == {}
 
 
+@pytest.mark.nightly("many independent frames")
 @needs_shared
 @pytest.mark.shared_data
 def test_satsims_satellite_is_measured_where_satsim_put_it():

@@ -93,6 +93,7 @@ def _ridge_snr(pixels: np.ndarray, ends: tuple[float, float, float, float]) -> f
     return float((ridge.mean() - sky.mean()) / sky.std())
 
 
+@pytest.mark.nightly("many independent frames")
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SATSIM.exists(), reason=f"{SATSIM} is not here")
 def test_signal_to_noise_means_here_what_the_independent_frames_mean_by_it():

@@ -281,6 +281,7 @@ def test_what_is_below_tau_counts_where_an_object_explains_it(low):
     assert nothing.match.taken == (0.0,)
 
 
+@pytest.mark.nightly("statistics over many fields")
 @pytest.mark.shared_data
 @pytest.mark.timeout(300)
 @pytest.mark.skipif(not TLES.is_dir(), reason=f"{TLES} is not here")

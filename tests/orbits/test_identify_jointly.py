@@ -225,6 +225,7 @@ def test_a_track_that_was_taken_back_competes_for_nothing(tmp_path) -> None:
     assert again.matches[0].norad_id == 90002
 
 
+@pytest.mark.nightly("many real fields")
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason=f"{SHARED} is not here")
 def test_members_of_a_real_slot_by_elements_a_week_old() -> None:

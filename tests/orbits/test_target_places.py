@@ -12,6 +12,7 @@ from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
 from tests.orbits.test_places import earth, site_below, skyfield_site, skyfield_timescale
+from tests.tiers import plain_first
 from tests.truth.regimes import EACH, REGIMES, TLES, samples
 
 __all__ = ["earth"]
@@ -68,7 +69,7 @@ def test_a_place_of_every_kind_of_orbit_agrees_with_skyfield(entry, earth):
 
 @pytest.mark.shared_data
 @pytest.mark.skipif(not TLES.exists(), reason=f"{TLES} is not here")
-@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("regime", plain_first(2, REGIMES))
 def test_places_of_twenty_objects_of_a_regime_agree_with_skyfield(regime, earth):
     rng = np.random.default_rng(20261122)
     chosen = samples(regime)

@@ -22,6 +22,7 @@ from rsoconsole.sky.limits.limits import Limits
 from rsoconsole.sky.times import NS_PER_S
 from tests.rigs.engine_rig import Rig
 from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
+from tests.tiers import plain_first
 from tests.truth.low_passes import SITE, are_there, in_true_sense, low_passes, streak_of
 
 MOST_S = 30.0
@@ -168,7 +169,7 @@ def words(r: Rig) -> list[str]:
 
 @pytest.mark.parametrize(
     "late_s",
-    [-20.0, 20.0, pytest.param(0.0, marks=pytest.mark.nightly("simulates one more night"))],
+    plain_first(1, [-20.0, 20.0, 0.0], "simulates one more night"),
 )
 def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monkeypatch) -> None:
     true = orbit_over(heading_deg=50.0, after_s=400.0)
@@ -209,7 +210,7 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
     assert any(slew.reason == "await" for slew in slews)
 
 
-@pytest.mark.slow("a whole pass")
+@pytest.mark.nightly("one more night")
 def test_the_next_pass_of_what_was_leapt_after_is_waited_for_where_asked() -> None:
     r = leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"waits": True}))
     r.engine.arm()

@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import numpy as np
+import pytest
 
 from rsoconsole.orbits.motion.known_orbit import orbit_from_record
 from rsoconsole.orbits.motion.prediction import predict
@@ -78,6 +79,7 @@ def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong():
     assert np.sqrt(np.mean(np.square(shortfalls("single")))) > 5.0
 
 
+@pytest.mark.nightly("one more night")
 def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
     """Of an eccentric orbit: each is as long as it moved then, whatever the track's rate now."""
     eccentric = flight(26_560.0, 0.5, 63.0)

@@ -30,6 +30,7 @@ from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, pier_side
 from rsoconsole.sky.limits.limits import Limits, Pose
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S
+from tests.tiers import plain_first
 from tests.truth.leap_requests import random_leaps
 from tests.truth.limits_by_astropy import EDGE_DEG, margins
 from tests.truth.limits_requests import OBSERVATORIES
@@ -77,7 +78,7 @@ def expect_sound(observatory, count, seed):
         assert separation_deg(*there.direction_deg, *leap.place.direction_deg) < 1e-9
 
 
-@pytest.mark.parametrize("observatory", OBSERVATORIES)
+@pytest.mark.parametrize("observatory", plain_first(1, OBSERVATORIES))
 def test_no_leap_goes_where_the_telescope_must_not_look(observatory) -> None:
     """1,000 requests here."""
     expect_sound(observatory, 200, seed=0)

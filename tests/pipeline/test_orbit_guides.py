@@ -147,6 +147,7 @@ def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
     assert separation_deg(*by_filter, *place) > 0.5
 
 
+@pytest.mark.nightly("one more night")
 def test_with_the_papers_preset_a_lost_one_is_searched_for_as_ever():
     ours, never = (
         night(48, filter={"preset": "paper", "max_coast_s": 300}, orbit={"guide": guide})

@@ -41,6 +41,7 @@ from tests.nights.measured_night import record_night
 from tests.nights.samples import SCHEMA_1
 from tests.pages.json_page import expect_documented
 from tests.pipeline.test_replay import CONFIG, Night, busy_night
+from tests.tiers import plain_first
 
 __all__ = ["busy_night"]  # a fixture that is asked for by name
 
@@ -212,7 +213,7 @@ TRIALS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("changes", TRIALS, ids=str)
+@pytest.mark.parametrize("changes", plain_first(3, TRIALS), ids=str)
 def test_a_retold_night_replays_into_itself_bit_for_bit(busy_night, changes):
     """Misses, clouds, moves by hand, STOP, limits, faults and changed settings between them."""
     records, config, frames = retold(busy_night, **changes)

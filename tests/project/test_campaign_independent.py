@@ -35,6 +35,7 @@ def test_the_satellite_s_light_lies_between_its_ends(name):
     assert light(0.0) > max(light(25.0), light(-25.0))
 
 
+@pytest.mark.nightly("statistics over many streaks")
 def test_what_spreads_a_line_of_light_takes_of_its_signal():
     plain = looks()[0].snr
     assert snr_of("plain", 0) == plain

@@ -260,6 +260,7 @@ def test_of_two_tracks_at_once_one_object_is_one() -> None:
     assert sum(dict(each.candidates).get(1, 0.0) for each in found) <= 1.0 + 1e-6
 
 
+@pytest.mark.nightly("a real catalogue over weeks")
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason=f"{SHARED} is not here")
 def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() -> None:

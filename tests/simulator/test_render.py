@@ -241,6 +241,7 @@ def test_a_sensor_that_cannot_be_is_refused():
         SensorModel(width_px=0)
 
 
+@pytest.mark.nightly("many independent frames")
 @pytest.mark.shared_data
 def test_background_and_noise_are_those_of_an_independent_simulator():
     """SatSim's frame of the same telescope, read out with the same offset and conversion."""

@@ -19,6 +19,7 @@ from rsoconsole.sky.limits.horizon import horizon_altitude_deg
 from rsoconsole.sky.limits.limits import Limits, Pose
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from tests.tiers import plain_first
 from tests.truth.limits_by_astropy import EDGE_DEG, broken_before_the_sky, margins
 from tests.truth.limits_requests import OBSERVATORIES, random_requests
 
@@ -615,7 +616,7 @@ def agree(observatory, count, seed):
     return said
 
 
-@pytest.mark.parametrize("observatory", OBSERVATORIES)
+@pytest.mark.parametrize("observatory", plain_first(2, OBSERVATORIES))
 def test_no_unsafe_slew_passes_and_no_safe_one_is_refused(observatory):
     """2,500 requests; a hundredth of a degree from a bound either answer is right."""
     said = agree(observatory, 500, seed=0)
@@ -662,7 +663,7 @@ def test_the_comparison_sees_that_only_the_ends_are_held_against_the_sun(trouble
     assert compare(requests, answered, computed)[0] != []
 
 
-@pytest.mark.parametrize("observatory", OBSERVATORIES)
+@pytest.mark.parametrize("observatory", plain_first(2, OBSERVATORIES))
 def test_every_refusal_says_the_figure_and_the_bound(observatory):
     requests = random_requests(observatory, 150, seed=7)
     for said in answers(Limits(*OBSERVATORIES[observatory]), requests):

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from tests.nights.approach_rig import night
+from tests.tiers import plain_first
 
 FRAMES = 200
 RMS_ARCSEC, INSIDE_3SIGMA = 1.0, 0.97
 
 
 @pytest.mark.parametrize(
-    ("name", "light", "scatter_s"), [("30.5E", 0.5, 0.2), ("30W", 0.25, 0.015), ("30W", 0.5, 0.015)]
+    ("name", "light", "scatter_s"),
+    plain_first(1, [("30.5E", 0.5, 0.2), ("30W", 0.25, 0.015), ("30W", 0.5, 0.015)]),
 )
 def test_a_close_approach_costs_no_track_its_satellite(name, light, scatter_s):
     """Within 30 arcsec for most of two hours, as one streak for half an hour of it."""

@@ -19,6 +19,7 @@ from rsoconsole.tracking.frame_by_frame import follow
 from rsoconsole.tracking.gates import updated_with
 from rsoconsole.tracking.initiation.acquisition import initiated
 from rsoconsole.tracking.joint import Weighed, assigned
+from tests.tiers import plain_first
 from tests.tracking.test_rivals import FRAMES, NEAR_ARCSEC, every_day, seen, streak, truth
 
 MISSED = 0.1
@@ -72,7 +73,7 @@ def night(
     "nights", [1, pytest.param(3, marks=pytest.mark.nightly("statistics over many nights"))]
 )
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0])
-@pytest.mark.parametrize("scatter_s", [0.015, 0.2, 1.0])
+@pytest.mark.parametrize("scatter_s", plain_first(1, [0.2, 0.015, 1.0]))
 def test_four_of_a_slot_keep_their_streaks(scatter_s, angle_deg, nights):
     """Across and along the motion; a late shutter shifts all of them along it."""
     found: Counter[str] = Counter()

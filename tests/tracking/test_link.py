@@ -59,6 +59,7 @@ def true_links(owners: list[FloatArray]) -> set[tuple[Point, Point]]:
     return found
 
 
+@pytest.mark.nightly("many real sequences")
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SPOTGEO.exists(), reason=f"{SPOTGEO} is not here")
 @pytest.mark.parametrize("seed", [1, 2])

@@ -15,6 +15,7 @@ from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking.filters import adaptive, bank, estimator
 from tests.makers import geo_measurement
+from tests.tiers import plain_first
 from tests.truth.low_passes import SITE, LowPass, are_there, low_passes
 
 pytestmark = pytest.mark.skipif(not are_there(), reason="the element files are not there")
@@ -128,7 +129,7 @@ def test_where_all_have_run_away_nothing_is_known():
     assert there.P[2][2] > 50.0**2
 
 
-@pytest.mark.parametrize("rate_arcsec_s", [60.0, 200.0, 500.0])
+@pytest.mark.parametrize("rate_arcsec_s", plain_first(1, [200.0, 60.0, 500.0]))
 def test_over_a_long_coast_nobody_grows_surer(rate_arcsec_s):
     """Filters that are believed and have grown wider than the sky keep their say."""
     night = [

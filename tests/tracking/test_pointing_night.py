@@ -204,7 +204,7 @@ CROSSING = Mover(ra_icrs_deg=240.45, ra_rate_deg_s=SIDEREAL_DEG_S - 100.0 / 3600
 STANDING = Mover(ra_icrs_deg=240.2, ra_rate_deg_s=SIDEREAL_DEG_S)
 
 
-@pytest.mark.slow("follows with the observatory over the meridian")
+@pytest.mark.nightly("a whole night")
 def test_a_satellite_is_met_and_met_again_after_the_flip(tmp_path):
     """It passes the meridian while it is followed: one frame after that is enough."""
     search = {"pattern": "stay", "recentre": "every"}

@@ -22,6 +22,7 @@ from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.detector import StreakDetector
 from rsoconsole.vision.detector.network import Network
 from rsoconsole.vision.frame.background import local_background
+from tests.tiers import plain_first
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "simulated" / "geo_single"
 pytestmark = [
@@ -109,7 +110,7 @@ def _is_on(found: Detection, ends: tuple[float, ...]) -> bool:
     return is_near and turn_deg(found.angle_deg, angle) < 4.0
 
 
-@pytest.mark.parametrize("name", ALTERATIONS)
+@pytest.mark.parametrize("name", plain_first(1, ALTERATIONS))
 def test_the_satellite_is_found_and_nothing_else(name: str, detector: Any, frames: Any) -> None:
     for frame, ends in frames:
         pixels = ALTERATIONS[name](frame.pixels, np.random.default_rng(frame.frame_id))

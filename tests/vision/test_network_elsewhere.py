@@ -33,6 +33,7 @@ def _proposed(pixels: np.ndarray, scale: float | None = None, exposure: float | 
     return Network.load(threads=1).run(make_map(pixels, "fast", block))
 
 
+@pytest.mark.nightly("many independent frames")
 @pytest.mark.parametrize("sequence", ["geo_single", "geo_pair_dim"])
 def test_it_believes_in_an_independent_simulators_satellites_most(sequence):
     folder = DATA / "simulated" / sequence

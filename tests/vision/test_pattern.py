@@ -96,7 +96,7 @@ def test_a_frame_without_noise_has_none():
 @pytest.mark.parametrize(
     "most", [1, pytest.param(3, marks=pytest.mark.nightly("looks at every frame"))]
 )
-@pytest.mark.slow("detects in whole frames")
+@pytest.mark.nightly("many independent frames")
 def test_independent_frames_are_untouched_and_when_striped_their_streaks_are_found_still(most):
     """Of five with row and column noise of 1.5 and 0.7 sigma none was found before."""
     network = Network.load(None, 1)

@@ -128,6 +128,7 @@ def test_stars_are_found_on_a_sloping_sky_of_real_numbers() -> None:
     assert np.abs(errors_px(stars, truth)).max() < 0.15
 
 
+@pytest.mark.nightly("many independent frames")
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is not here")
 def test_the_satellite_of_an_independent_renderer_is_not_among_the_stars() -> None:

@@ -14,6 +14,7 @@ from rsoconsole.vision.streaks.streak_class import Evidence, classify, probabili
 from rsoconsole.vision.streaks.streak_light import Fading
 from rsoconsole.vision.streaks.streak_names import named
 from tests.drawn.drawn_classes import Drawn, drawn
+from tests.tiers import plain_first
 
 SEEDS = range(1000, 1025)
 TELESCOPE = {"scale_arcsec_px": 1.3, "exposure_s": 10.0}
@@ -32,7 +33,7 @@ def classes(what: str, **frame: float) -> Counter[str]:
     return Counter(seen(drawn(what, seed, **frame)).object_class for seed in SEEDS)
 
 
-@pytest.mark.parametrize("what", ["even", "tumbling", "into shadow"])
+@pytest.mark.parametrize("what", plain_first(1, ["tumbling", "even", "into shadow"]))
 @pytest.mark.parametrize("frame", [{}, TELESCOPE, ALL_SKY], ids=["any", "telescope", "all sky"])
 def test_a_satellite_is_hardly_ever_taken_for_what_starts_no_track(what, frame):
     found = classes(what, **frame)

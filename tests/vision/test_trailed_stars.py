@@ -16,6 +16,7 @@ from rsoconsole.vision.detector.set_aside import not_along
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.stars.trailed_stars import Trail
 from tests.makers import straight_detection
+from tests.tiers import plain_first
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here")
@@ -86,7 +87,9 @@ def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
 
 @needs_data
 @pytest.mark.shared_data
-@pytest.mark.parametrize("pattern", ["simulated/*/*.bz2", "real/pocs_*", "real/tetra3_*"])
+@pytest.mark.parametrize(
+    "pattern", plain_first(1, ["real/pocs_*", "simulated/*/*.bz2", "real/tetra3_*"])
+)
 @pytest.mark.parametrize(
     "step", [4, pytest.param(1, marks=pytest.mark.nightly("looks at every frame"))]
 )
