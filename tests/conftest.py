@@ -17,7 +17,7 @@ from tests.nights.record_differences import differences
 from tests.rigs.seat_rig import FakeWire, written
 
 # How fast this machine was while it did something else says nothing of the program.
-settings.register_profile("plain", deadline=None, derandomize=True)
+settings.register_profile("plain", deadline=None, derandomize=True, max_examples=50)
 settings.register_profile("nightly", deadline=None)
 
 TOOK = durations.read()

@@ -1,6 +1,6 @@
 """How long each test file takes, on record in ``durations.txt``; what the tiers are made of.
 
-    .venv/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder --all --write-durations
+    .venv/bin/pytest -n 3 --dist loadfile --no-loadscope-reorder --all --write-durations
 
 writes it on a machine that does nothing else; a run of some files writes the lines of those alone,
 an ordinary run nothing. The slowest files are started first. ``--fast`` takes the files whose tests

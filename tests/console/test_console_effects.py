@@ -134,7 +134,7 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
 
 
 @pytest.mark.parametrize("command", EFFECTS)
-def test_a_key_does_in_the_engine_what_it_says(tmp_path: Path, command: str):
+def test_a_key_does_in_the_engine_what_it_says(tmp_path: Path, impatient_seat: None, command: str):
     acting = {each.name for each in COMMANDS if each.acts or each.priority}
     assert acting - {"give_seat", "keep_seat"} <= set(EFFECTS)
     r = night(set(range(1, FRAMES + 1)))

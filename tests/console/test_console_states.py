@@ -57,6 +57,7 @@ from tests.rigs.whole_engine import (
     wait_for,
     whole_engine,
 )
+from tests.tiers import plain_first
 
 EXPOSURE = {"exposure_s": 4.0, "cadence_s": 8.0}
 SPEED = 10.0
@@ -252,7 +253,7 @@ def test_a_clock_that_is_set_harms_no_figure_and_the_first_line_has_the_new_time
     play(wire, scene)
 
 
-@pytest.mark.parametrize("size", [FULL, LARGE, (200, 60), (60, 20)])
+@pytest.mark.parametrize("size", plain_first(2, [(FULL,), ((60, 20),), (LARGE,), ((200, 60),)]))
 def test_a_clock_that_is_not_synchronised_is_in_sight(wire, size):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         wire.status["health"] = [{"name": "clock", "ok": False, "text": "not synchronised"}]
@@ -481,7 +482,7 @@ def test_a_terminal_is_made_small_and_large_again_and_stops_at_any_size(told, ho
 
 
 @pytest.mark.parametrize("keys", ["f1", "q", "t", "p", "g", "l", "e", "n", "slash", "ctrl+p"])
-@pytest.mark.parametrize("size", [SMALL, TINY])
+@pytest.mark.parametrize("size", plain_first(1, [(TINY,), (SMALL,)]))
 def test_no_dialog_breaks_in_a_small_terminal(wire, size, keys):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)

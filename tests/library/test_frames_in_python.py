@@ -70,6 +70,7 @@ def test_columns_have_units_and_survive_ecsv(found, tmp_path):
     assert again.meta == found.meta
 
 
+@pytest.mark.nightly("whole frames")
 def test_frames_of_every_make_give_the_same_streak(found, pixels, header, tmp_path):
     zipped = tmp_path / "frame.fits.gz"
     some = fits.Header({key: header[key] for key in ("EXPTIME", "FOCALLEN", "XPIXSZ")})

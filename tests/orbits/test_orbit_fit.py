@@ -128,6 +128,7 @@ def when_high(state, since_s: np.ndarray) -> tuple[Flight, np.ndarray]:
     return flight, since_s[height > np.sin(np.radians(15.0))]
 
 
+@pytest.mark.nightly("many nights")
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=ONE_MORE)])
 def test_the_turns_between_two_nights_of_a_navigation_satellite_are_counted(seed: int) -> None:
     flight, high_s = medium(seed)

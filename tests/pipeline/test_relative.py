@@ -57,7 +57,10 @@ def truth_of(night: PairNight, motion: PairMotion) -> tuple[np.ndarray, np.ndarr
     return ways[0], rate, float(at_s[0]), float(nearest[0])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param("", marks=pytest.mark.nightly("statistics over many nights"))],
+)
 def judged() -> list[tuple[PairMotion, tuple]]:
     nights = random_nights(np.random.default_rng(20230622), NIGHTS)
     found = [(night, motion_of(night)) for night in nights]

@@ -43,6 +43,7 @@ def test_what_spreads_a_line_of_light_takes_of_its_signal():
     assert snr_of("drift", 0) == pytest.approx(plain, rel=0.2)
 
 
+@pytest.mark.nightly("statistics over many streaks")
 def test_a_row_tells_whether_the_satellite_is_found():
     row = independent.row_of("plain", 0)
     assert row["confidence"] > 0.9

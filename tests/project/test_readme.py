@@ -73,4 +73,4 @@ def test_the_two_blocks_that_a_reader_pastes_come_first_and_are_whole(readme: st
     blocks = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
     assert len(blocks) == 2
     assert blocks[0].rstrip().endswith("rsoconsole demo")
-    assert blocks[1].rstrip().endswith("pytest -n 2 --dist loadfile --no-loadscope-reorder")
+    assert blocks[1].rstrip().endswith("pytest -n 3 --dist loadfile --no-loadscope-reorder")

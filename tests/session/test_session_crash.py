@@ -33,7 +33,7 @@ CUTS = 200
 CUTS_IN_CLOSING = 40
 TRUNCATIONS = 200
 GARBAGE = 60
-FEW = 5
+FEW = 10
 """Times fewer in the plain tier."""
 MOST_WORDS = 6
 LONGEST_DELAY_S = 0.03

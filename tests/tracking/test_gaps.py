@@ -9,6 +9,7 @@ import pytest
 
 from rsoconsole.records import TrackState
 from tests.pipeline.test_orbit_online import CADENCE_S, GEO, INCLINED, MEO, Watched, config, flight
+from tests.tiers import plain_first
 
 REGIMES = {"geostationary": GEO, "inclined geosynchronous": INCLINED, "navigation": MEO}
 BEFORE = 30
@@ -19,7 +20,7 @@ BEFORE = 30
     "gap_min",
     [0.5, 70.0, *(pytest.param(m, marks=pytest.mark.nightly("more gaps")) for m in (10.0, 30.0))],
 )
-@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("regime", plain_first(2, REGIMES))
 def test_after_a_gap_it_is_where_the_track_says_and_taken_up_again(regime, gap_min):
     true, watched = flight(*REGIMES[regime]), Watched(config())
     first_s = np.arange(BEFORE) * float(CADENCE_S)

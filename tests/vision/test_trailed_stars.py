@@ -50,6 +50,7 @@ def plain() -> np.ndarray:
     return read_frame(folder / name, 1).pixels
 
 
+@pytest.mark.nightly("many independent frames")
 @needs_data
 @pytest.mark.shared_data
 def test_a_warm_sensors_hot_pixels_do_not_hide_them(plain):
