@@ -2,7 +2,6 @@
 
 import os
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -49,13 +48,16 @@ class _Durations:
     """Notes what each test takes, with what is set up for it."""
 
     def __init__(self) -> None:
-        self._seconds: Counter[str] = Counter()
+        self._took: dict[str, durations.NodeTook] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self._seconds[report.nodeid] += report.duration  # type: ignore[assignment]
+        before = self._took.get(report.nodeid)
+        self._took[report.nodeid] = durations.NodeTook(
+            report.duration + (before.seconds if before else 0.0), "nightly" in report.keywords
+        )
 
     def pytest_sessionfinish(self) -> None:
-        durations.write(self._seconds)
+        durations.write(self._took)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -68,23 +70,25 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The slowest files first; what is nightly waits for ``--all``, or for its file's name."""
-    items.sort(key=lambda item: -_seconds_of(item.path))
+    part, does_all = config.getoption("--part"), config.getoption("--all")
+
+    def seconds_of(path: Path) -> float:
+        took = TOOK.get(path.relative_to(durations.HERE).as_posix()) or durations.Took()
+        of_plain = 0.0 if part else took.seconds
+        return of_plain + (took.nightly_s if part or does_all else 0.0)
+
+    items.sort(key=lambda item: -seconds_of(item.path))
     nightly = {item for item in items if item.get_closest_marker("nightly")}
-    if part := config.getoption("--part"):
-        files = durations.part(part, {item.path for item in nightly}, _seconds_of)
+    if part:
+        files = durations.part(part, {item.path for item in nightly}, seconds_of)
         run = {item for item in nightly if item.path in files}
-    elif config.getoption("--all"):
+    elif does_all:
         return
     else:
         named = {Path(each.partition("::")[0]).resolve() for each in config.args if ".py" in each}
         run = {item for item in items if item not in nightly or item.path in named}
     config.hook.pytest_deselected(items=[item for item in items if item not in run])
     items[:] = [item for item in items if item in run]
-
-
-def _seconds_of(path: Path) -> float:
-    each = TOOK.get(path.relative_to(durations.HERE).as_posix())
-    return each.seconds if each else 0.0
 
 
 def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:

@@ -19,7 +19,10 @@ FAST_CORE_S = 50.0
 """The fast tier's seconds of all processes together, without those of reading its files."""
 SLOW_S = 5.0
 """A test that takes longer says why."""
-_HEAD = "# Seconds and tests of each file; a test over 5 s below its file. See durations.py.\n"
+_HEAD = (
+    "# Seconds of each file in the plain tier, of what it has nightly, tests of the plain tier;\n"
+    "# a test over 5 s below its file. See durations.py.\n"
+)
 
 
 @dataclass(slots=True)
@@ -27,9 +30,19 @@ class Took:
     """Of one file."""
 
     seconds: float = 0.0
+    nightly_s: float = 0.0
     tests: int = 0
+    """Of the plain tier, as ``seconds``."""
     slow: dict[str, float] = field(default_factory=dict)
     """Each test over ``SLOW_S``, the slowest of its parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeTook:
+    """Of one test, with what was set up for it."""
+
+    seconds: float
+    is_nightly: bool = False
 
 
 def read(record: Path = RECORD) -> dict[str, Took]:
@@ -39,28 +52,41 @@ def read(record: Path = RECORD) -> dict[str, Took]:
         match line.split():
             case ["#", *_]:
                 pass
-            case [seconds, tests, name]:
-                took[name] = Took(float(seconds), int(tests))
+            case [seconds, nightly_s, tests, name]:
+                took[name] = Took(float(seconds), float(nightly_s), int(tests))
             case [seconds, name]:
                 path, _, test = name.partition("::")
                 took[path].slow[test] = float(seconds)
     return took
 
 
-def write(node_seconds: Mapping[str, float], record: Path = RECORD) -> None:
-    """Put down a run: seconds of each test by its node's name; other files stay as they are."""
+def write(nodes: Mapping[str, NodeTook], record: Path = RECORD) -> None:
+    """Put down a run, by the tests' node names; what was not run stays as it was on record."""
+    took = {name: each for name, each in read(record).items() if (HERE / name).exists()}
     new: dict[str, Took] = defaultdict(Took)
-    for node, seconds in node_seconds.items():
-        path, _, test = node.removeprefix("tests/").partition("::")
-        each = new[path]
-        each.seconds, each.tests = each.seconds + seconds, each.tests + 1
-        name = test.partition("[")[0]
-        if seconds > max(SLOW_S, each.slow.get(name, 0.0)):
-            each.slow[name] = seconds
-    merged = {name: each for name, each in read(record).items() if (HERE / name).exists()} | new
+    ran: set[tuple[str, bool]] = set()
+    for node, test in nodes.items():
+        path, _, name = node.removeprefix("tests/").partition("::")
+        name = name.partition("[")[0]
+        each, old = new[path], took.setdefault(path, Took())
+        old.slow.pop(name, None)
+        ran.add((path, test.is_nightly))
+        if test.is_nightly:
+            each.nightly_s += test.seconds
+        else:
+            each.seconds, each.tests = each.seconds + test.seconds, each.tests + 1
+        if test.seconds > max(SLOW_S, each.slow.get(name, 0.0)):
+            each.slow[name] = test.seconds
+    for path, each in new.items():
+        old = took[path]
+        old.slow |= each.slow
+        if (path, False) in ran:
+            old.seconds, old.tests = each.seconds, each.tests
+        if (path, True) in ran:
+            old.nightly_s = each.nightly_s
     lines = [_HEAD]
-    for path, each in sorted(merged.items()):
-        lines.append(f"{each.seconds:8.1f} {each.tests:5} {path}\n")
+    for path, each in sorted(took.items()):
+        lines.append(f"{each.seconds:8.1f} {each.nightly_s:8.1f} {each.tests:5} {path}\n")
         lines += [f"{seconds:8.1f}       {path}::{n}\n" for n, seconds in sorted(each.slow.items())]
     record.write_text("".join(lines), encoding="utf-8")
 
@@ -68,7 +94,8 @@ def write(node_seconds: Mapping[str, float], record: Path = RECORD) -> None:
 def fast_files(took: Mapping[str, Took], core_s: float = FAST_CORE_S) -> frozenset[str]:
     """Files on record that the fast tier runs: most tests in that time."""
     chosen: set[str] = set()
-    for name, each in sorted(took.items(), key=lambda item: item[1].seconds / item[1].tests):
+    plain = [(name, each) for name, each in took.items() if each.tests]
+    for name, each in sorted(plain, key=lambda item: item[1].seconds / item[1].tests):
         core_s -= each.seconds
         if core_s < 0.0:
             break

@@ -582,6 +582,7 @@ def test_what_the_live_engine_raises_is_seen_over_a_review(wire: FakeWire):
     play(wire, scene, LARGE)
 
 
+@pytest.mark.slow("presses every key")
 def test_no_key_of_a_review_reaches_the_engine(wire: FakeWire):
     async def scene(app, pilot: Pilot[str]) -> None:
         app.live.open_session(app.live.night.folder)

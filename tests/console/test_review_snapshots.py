@@ -67,6 +67,7 @@ async def settled(review: ReviewScreen, pilot: Pilot[str], size: tuple[int, int]
     await pilot.pause(0.05)
 
 
+@pytest.mark.slow("opens the night for each of its screens")
 @pytest.mark.parametrize(
     "size", plain_first(2, zip(SIZES)), ids=lambda size: f"{size[0]}x{size[1]}"
 )

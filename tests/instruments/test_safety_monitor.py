@@ -172,6 +172,7 @@ def test_a_device_that_is_not_there_is_silent(observatory):
         assert safety_monitor.look().weather == "silent"
 
 
+@pytest.mark.slow("waits until a silent server is given up")
 def test_a_server_that_goes_is_silence_after_a_while_and_one_that_comes_is_heard():
     with start_observatory("plain", 1, 0, stage=STAGE) as first:
         config = IndiConfig(port=first.port, weather="Weather Simulator")

@@ -64,6 +64,7 @@ def test_a_field_solves_without_any_hint(solver):
     assert off_arcsec(found, 200.0, -3.0) < HALF_ARCSEC
 
 
+@pytest.mark.slow("solves a frame with a program")
 @pytest.mark.shared_data
 @pytest.mark.parametrize(
     ("sequence", "index"),

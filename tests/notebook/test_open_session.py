@@ -513,6 +513,7 @@ def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
     assert all(frame.is_as_recorded for frame in loose.replay())
 
 
+@pytest.mark.slow("writes every format twice")
 def test_a_night_is_exported_as_the_verb_does(tmp_path):
     night = open_session(SCHEMA_1)
     for name in ("csv", "tdm", "html"):

@@ -81,6 +81,7 @@ def followed(request: pytest.FixtureRequest) -> list[Followed]:
     return [follow(each, random) for each in passes]
 
 
+@pytest.mark.slow("statistics over passes")
 def test_one_streak_says_where_it_is_five_seconds_later(followed) -> None:
     """In one of the two senses, the true one: within the field, and within three sigma."""
     within, far = [], []

@@ -117,6 +117,7 @@ def test_a_view_of_88_degrees_is_said_to_be_too_wide(solver):
     assert "89 deg long is wider than the 60 deg" in found.reason
 
 
+@pytest.mark.slow("looks at real frames of many cameras")
 def test_every_frame_is_looked_at_and_what_is_unusual_is_said():
     stars = sorted((FIELD / "stars").iterdir())
     run = subprocess.run(

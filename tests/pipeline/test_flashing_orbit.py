@@ -75,6 +75,7 @@ def test_its_orbit_states_what_the_parts_leave_open():
     assert np.sqrt(np.mean(shared**2)) < 2.0
 
 
+@pytest.mark.slow("fits an orbit with each frame")
 def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong():
     assert np.sqrt(np.mean(np.square(shortfalls("single")))) > 5.0
 

@@ -72,6 +72,7 @@ def refined_of(places: Places) -> tuple[OnlineOrbit, list[int]]:
     return online, on_record
 
 
+@pytest.mark.slow("seeks an orbit with each frame")
 def test_what_follows_no_orbit_is_tried_from_every_start_only_as_its_arc_grows(attempts):
     refined_of(astray(FRAMES))
     assert attempts[0] == 3

@@ -163,6 +163,7 @@ def busy_night() -> Night:
     return Night([decode(*encode(record)[::2]) for record in r.memory.records], followed)
 
 
+@pytest.mark.slow("makes the night that its file replays")
 def test_the_night_has_seen_it_all(busy_night):
     reasons = " | ".join(text(change.reason) for change in busy_night.of(StateChange))
     for word in ("armed", "moves the mount", "resumed", "limit met", "STOP", "camera", "coasted"):

@@ -188,6 +188,7 @@ def test_the_log_that_is_asked_of_again_and_again_is_the_same_however_much_is_ke
 # -- the log retold ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow("makes the night that its file retells")
 def test_a_busy_night_retold_with_nothing_tried_is_itself(busy_night):
     log = [(n, record) for n, record in enumerate(busy_night.records)]
     assert list(rewrite_log(log, CONFIG).log) == log

@@ -4,19 +4,27 @@ from pathlib import Path
 
 import pytest
 
-from tests.durations import HERE, SLOW_S, fast_files, part, read, reasons, write
+from tests.durations import HERE, SLOW_S, NodeTook, fast_files, part, read, reasons, write
 
 
-def test_a_run_is_put_on_record_and_leaves_other_files_lines(tmp_path: Path) -> None:
+def test_a_run_is_put_on_record_and_leaves_the_rest_as_it_was(tmp_path: Path) -> None:
     record = tmp_path / "durations.txt"
-    here = "project/test_durations.py"
-    write({f"tests/{here}::test_a[x]": 7.0, f"tests/{here}::test_a[y]": 9.0}, record)
-    write({"tests/project/test_words.py::test_b": 0.5}, record)
+    here, words = "project/test_durations.py", "project/test_words.py"
+    write(
+        {f"tests/{here}::test_a[x]": NodeTook(7.0), f"tests/{here}::test_a[y]": NodeTook(9.0)},
+        record,
+    )
+    write({f"tests/{here}::test_n": NodeTook(30.0, is_nightly=True)}, record)
+    write({f"tests/{words}::test_b": NodeTook(0.5)}, record)
     took = read(record)
-    assert (took[here].seconds, took[here].tests, took[here].slow) == (16.0, 2, {"test_a": 9.0})
-    assert took["project/test_words.py"].seconds == 0.5
-    assert fast_files(took, 1.0) == {"project/test_words.py"}
+    assert (took[here].seconds, took[here].nightly_s, took[here].tests) == (16.0, 30.0, 2)
+    assert took[here].slow == {"test_a": 9.0, "test_n": 30.0}
+    assert took[words].seconds == 0.5
+    assert fast_files(took, 1.0) == {words}
     assert fast_files(took, 17.0) == set(took)
+    write({f"tests/{here}::test_a[x]": NodeTook(1.0)}, record)
+    again = read(record)[here]
+    assert (again.seconds, again.nightly_s, again.slow) == (1.0, 30.0, {"test_n": 30.0})
 
 
 def test_each_file_is_in_one_of_the_parts() -> None:

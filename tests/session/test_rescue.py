@@ -200,6 +200,7 @@ def test_a_lost_log_is_saved_as_soon_as_a_place_can_be_had(session, tmp_path, mo
     assert texts(rescued(tmp_path)) == facts(1, 22)
 
 
+@pytest.mark.slow("waits until a full disk is given up")
 def test_a_session_whose_end_lies_elsewhere_is_not_called_complete(session, tmp_path):
     writer = SessionWriter.create(session, Config(), {"title": "night"})
     writer.append(said(1), T0_UTC_NS)

@@ -139,6 +139,7 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     return found.state
 
 
+@pytest.mark.slow("kills a writer twenty times")
 @FEW_IN_PLAIN
 def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, share: int) -> None:
     cuts = CUTS // share
