@@ -419,6 +419,8 @@ def test_a_figure_on_the_keyboard_begins_a_number_for_the_chosen_setting(wire: F
         await until(pilot, lambda: isinstance(app.focused, Input))
         await pilot.press(*".25", "enter")
         await until(pilot, lambda: "→ 0.25" in pane(app, "tune"))
+        # Nothing is under way that would draw it again.
+        await until(pilot, lambda: app.live.tune.figures[1] is not None)
         await pilot.press("enter")
         await until(pilot, lambda: ("set", {"name": "detector.tau", "value": 0.25}) in wire.sent)
         await until(pilot, lambda: "sent" in pane(app, "tune"))

@@ -221,6 +221,7 @@ class TuneActions:
             return
         wanted = self.tuning.apply()
         self._set(wanted)
+        self.show()
         if not wanted:
             self._seat.say("nothing is tried: ←→ changes the chosen setting")
 
