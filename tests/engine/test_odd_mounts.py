@@ -17,6 +17,7 @@ import pytest
 from rsoconsole.engine.tasks import parking
 from tests.rigs.odd_engine import OddEngine, odd_engine
 from tests.rigs.odd_mount import COORDINATES, PARK, TRACKING, Oddities
+from tests.tiers import plain_first
 
 Make = Callable[..., OddEngine]
 EASILY_PARKED = "ha_deg=50"
@@ -82,8 +83,8 @@ def test_a_driver_that_says_idle_and_moves_on_is_not_believed(make: Make):
     assert not any("stands" in words or "confirmed" in words for words in seat.said)
 
 
-@pytest.mark.nightly("a real engine at a mount in real time")
-@pytest.mark.parametrize("oddity", ["abortalert", "abortignored", "noabort"])
+@pytest.mark.slow("a real engine at a mount in real time")
+@pytest.mark.parametrize("oddity", plain_first(1, ["abortalert", "abortignored", "noabort"]))
 def test_a_mount_that_does_not_obey_is_said_to_move_until_it_rests(make: Make, oddity: str):
     seat = slewing(make(oddity))
     answer = seat.ask("stop")
@@ -163,7 +164,7 @@ def test_a_second_stop_acts_at_once(make: Make):
     seat.until(lambda: (each := seat.status().last_stop) and each.motion == "tracks", "rest")
 
 
-@pytest.mark.nightly("a real engine at a mount in real time")
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_driver_that_dies_in_a_slew_is_told_to_stop_when_it_is_back(make: Make):
     """TheSkyX went on behind Paramount's driver, and nobody sent ABORT."""
     seat = slewing(make())
@@ -252,7 +253,7 @@ def test_another_client_s_slew_below_the_horizon_is_stopped_before_it(make: Make
     assert any("limit" in words for words in seat.alarms)
 
 
-@pytest.mark.nightly("a real engine at a mount in real time")
+@pytest.mark.slow("a real engine at a mount in real time")
 def test_a_mount_without_tracking_state_is_measured_all_the_same(make: Make):
     seat = slewing(make("notrackstate"))
     last = seat.stop()

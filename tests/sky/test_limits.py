@@ -616,7 +616,7 @@ def agree(observatory, count, seed):
     return said
 
 
-@pytest.mark.parametrize("observatory", plain_first(2, OBSERVATORIES))
+@pytest.mark.parametrize("observatory", plain_first(3, OBSERVATORIES))
 def test_no_unsafe_slew_passes_and_no_safe_one_is_refused(observatory):
     """2,500 requests; a hundredth of a degree from a bound either answer is right."""
     said = agree(observatory, 500, seed=0)

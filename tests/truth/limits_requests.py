@@ -30,6 +30,11 @@ OBSERVATORIES = {
         LimitsConfig(),
         MountConfig(),
     ),
+    "polar fork": (
+        Site(latitude_deg=69.6, longitude_deg=19.0, elevation_m=100.0),
+        LimitsConfig(min_altitude_deg=5.0, max_hour_angle_deg=180.0, sun_cone_deg=20.0),
+        MountConfig(type="fork", slew_rate_deg_s=8.0),
+    ),
     "in the south, walled, no grace at the meridian": (
         Site(latitude_deg=-30.2, longitude_deg=-70.8, elevation_m=2200.0),
         LimitsConfig(
@@ -38,11 +43,6 @@ OBSERVATORIES = {
             horizon=((0.0, 20.0), (90.0, 35.0), (200.0, 10.0), (300.0, 40.0)),
         ),
         MountConfig(slew_rate_deg_s=2.0),
-    ),
-    "polar fork": (
-        Site(latitude_deg=69.6, longitude_deg=19.0, elevation_m=100.0),
-        LimitsConfig(min_altitude_deg=5.0, max_hour_angle_deg=180.0, sun_cone_deg=20.0),
-        MountConfig(type="fork", slew_rate_deg_s=8.0),
     ),
     "wide grace, wide cone": (
         Site(latitude_deg=45.0, longitude_deg=7.0, elevation_m=300.0),
