@@ -21,7 +21,7 @@ SLOW_S = 5.0
 """A test that takes longer says why."""
 _HEAD = (
     "# Seconds of each file in the plain tier, of what it has nightly, tests of the plain tier;\n"
-    "# a test over 5 s below its file. See durations.py.\n"
+    "# one of these over 5 s below its file. See durations.py.\n"
 )
 
 
@@ -34,7 +34,7 @@ class Took:
     tests: int = 0
     """Of the plain tier, as ``seconds``."""
     slow: dict[str, float] = field(default_factory=dict)
-    """Each test over ``SLOW_S``, the slowest of its parameters."""
+    """Each of these over ``SLOW_S``, the slowest of its parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +69,13 @@ def write(nodes: Mapping[str, NodeTook], record: Path = RECORD) -> None:
         path, _, name = node.removeprefix("tests/").partition("::")
         name = name.partition("[")[0]
         each, old = new[path], took.setdefault(path, Took())
-        old.slow.pop(name, None)
+        if not test.is_nightly:
+            old.slow.pop(name, None)
         ran.add((path, test.is_nightly))
         if test.is_nightly:
             each.nightly_s += test.seconds
-        else:
-            each.seconds, each.tests = each.seconds + test.seconds, each.tests + 1
+            continue
+        each.seconds, each.tests = each.seconds + test.seconds, each.tests + 1
         if test.seconds > max(SLOW_S, each.slow.get(name, 0.0)):
             each.slow[name] = test.seconds
     for path, each in new.items():
