@@ -21,7 +21,10 @@ __all__ = ["house"]
 SIZE = (120, 40)
 SPEED = "8"
 FAR_LEFT, FAR_RIGHT = "\x1b[1;2D", "\x1b[1;2C"
-pytestmark = [pytest.mark.timeout(240), pytest.mark.nightly("a night by hand in a terminal")]
+pytestmark = [
+    pytest.mark.timeout(240),
+    pytest.mark.nightly("a night by hand in a terminal, on a quiet machine"),
+]
 
 
 def test_a_track_is_started_by_hand_and_handed_over(tmp_path: Path, house: dict[str, str]):
