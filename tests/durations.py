@@ -8,9 +8,8 @@ are the quickest, until they fill its time; a file without a line is quick: new 
 """
 
 import ast
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -63,28 +62,21 @@ def read(record: Path = RECORD) -> dict[str, Took]:
 def write(nodes: Mapping[str, NodeTook], record: Path = RECORD) -> None:
     """Put down a run, by the tests' node names; what was not run stays as it was on record."""
     took = {name: each for name, each in read(record).items() if (HERE / name).exists()}
-    new: dict[str, Took] = defaultdict(Took)
-    ran: set[tuple[str, bool]] = set()
+    begun: set[tuple[str, bool]] = set()
     for node, test in nodes.items():
         path, _, name = node.removeprefix("tests/").partition("::")
-        name = name.partition("[")[0]
-        each, old = new[path], took.setdefault(path, Took())
-        if not test.is_nightly:
-            old.slow.pop(name, None)
-        ran.add((path, test.is_nightly))
+        each, name = took.setdefault(path, Took()), name.partition("[")[0]
+        if (path, test.is_nightly) not in begun:
+            begun.add((path, test.is_nightly))
+            took[path] = each = (
+                replace(each, nightly_s=0.0) if test.is_nightly else Took(nightly_s=each.nightly_s)
+            )
         if test.is_nightly:
             each.nightly_s += test.seconds
             continue
         each.seconds, each.tests = each.seconds + test.seconds, each.tests + 1
         if test.seconds > max(SLOW_S, each.slow.get(name, 0.0)):
             each.slow[name] = test.seconds
-    for path, each in new.items():
-        old = took[path]
-        old.slow |= each.slow
-        if (path, False) in ran:
-            old.seconds, old.tests = each.seconds, each.tests
-        if (path, True) in ran:
-            old.nightly_s = each.nightly_s
     lines = [_HEAD]
     for path, each in sorted(took.items()):
         lines.append(f"{each.seconds:8.1f} {each.nightly_s:8.1f} {each.tests:5} {path}\n")

@@ -362,7 +362,7 @@ def test_a_session_of_another_version_is_shown_as_one_of_this(told_night, tmp_pa
     assert play(wire, scene, session=folder) == "quit"
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 @pytest.mark.parametrize("which", SHOWN_IN_FULL)
 def test_a_session_of_another_version_is_shown_to_its_last_frame(told_night, tmp_path, home, which):
     folder = changed(told_night, tmp_path / "night", SHOWN_IN_FULL[which])
@@ -453,7 +453,7 @@ def told(told_night: Path, home: dict[str, str]) -> Iterator[Told]:
         yield speaking
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_the_smallest_terminal_has_state_holder_clock_and_stop(told, home):
     with console(home, size=SMALL) as seat:
         wait_for(lambda: seat.shows("TRACK", "AUTO has the mount", "x STOP"), "what matters")
@@ -498,7 +498,7 @@ def test_no_dialog_breaks_in_a_small_terminal(wire, size, keys):
     play(wire, scene, size)
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_without_colour_every_cell_is_grey_and_the_picture_is_still_there(told, home):
     with console(home, "NO_COLOR=1") as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} · 10 s"), "a screen")
@@ -517,7 +517,7 @@ def colours(raw: str) -> tuple[set[tuple[str, ...]], set[str]]:
     return true, {found for style in rest for found in PALETTE.findall(style)}
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_the_colours_that_no_color_takes_away_are_there_without_it(told, home):
     with console(home) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} · 10 s"), "a screen")
@@ -562,7 +562,7 @@ def test_without_unicode_the_terminal_gets_ascii_alone(told, home, settings):
         assert seat.raw.isascii()
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_a_language_of_c_is_one_of_ascii_whatever_python_makes_of_it(told, home):
     """Python puts LC_CTYPE=C.UTF-8 into its own environment then (PEP 538)."""
     with console(home, "-u", "LC_ALL", "-u", "LC_CTYPE", "LANG=C") as seat:
@@ -570,7 +570,7 @@ def test_a_language_of_c_is_one_of_ascii_whatever_python_makes_of_it(told, home)
         assert seat.raw.isascii()
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_where_the_configuration_wants_ascii_the_terminal_gets_ascii_alone(told, home):
     Path(home["RSOCONSOLE_CONFIG"]).write_text("[console]\nascii = true\n", encoding="utf-8")
     with console(home) as seat:
@@ -635,7 +635,7 @@ def into_a_pipe(home: dict[str, str], what: str) -> "subprocess.CompletedProcess
         os.close(slave)
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_a_screen_never_goes_into_a_file_that_errors_were_sent_to(told, home, tmp_path):
     errors = tmp_path / "errors.txt"
     words = ["sh", "-c", f'exec "$@" 2>{errors}', "sh", *COMMAND, "console"]
@@ -653,7 +653,7 @@ def test_a_screen_never_goes_into_a_file_that_errors_were_sent_to(told, home, tm
 KEYS_AS_TYPED = {"up": "\x1b[A", "down": "\x1b[B", "right": "\x1b[C", "left": "\x1b[D"}
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_a_seat_that_only_looks_touches_nothing_whatever_is_pressed(told, home):
     acting = [c.keys for c in COMMANDS if c.acts]
     assert len(acting) > 15
@@ -672,10 +672,8 @@ def test_a_seat_that_only_looks_touches_nothing_whatever_is_pressed(told, home):
         wait_for(lambda: seat.process.poll() is not None, "the console's end")
 
 
-@pytest.mark.parametrize(
-    "size",
-    [FULL, pytest.param((200, 60), marks=pytest.mark.nightly("the same at another size"))],
-)
+@pytest.mark.slow("presses every key")
+@pytest.mark.parametrize("size", plain_first(1, [(FULL,), ((200, 60),)]))
 def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
@@ -696,7 +694,7 @@ def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
     play(wire, scene, size, read_only=True)
 
 
-@pytest.mark.nightly("drives a terminal")
+@DRIVES
 def test_a_seat_that_only_looks_says_so_before_anything_is_pressed(told, home):
     with console(home, "--read-only", size=LARGE) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"{FRAMES} frames"), "a screen")

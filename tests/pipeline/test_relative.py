@@ -57,10 +57,7 @@ def truth_of(night: PairNight, motion: PairMotion) -> tuple[np.ndarray, np.ndarr
     return ways[0], rate, float(at_s[0]), float(nearest[0])
 
 
-@pytest.fixture(
-    scope="module",
-    params=[pytest.param("", marks=pytest.mark.nightly("statistics over many nights"))],
-)
+@pytest.fixture(scope="module")
 def judged() -> list[tuple[PairMotion, tuple]]:
     nights = random_nights(np.random.default_rng(20230622), NIGHTS)
     found = [(night, motion_of(night)) for night in nights]
@@ -78,6 +75,7 @@ def is_nominal(within_one: float, within_two: float) -> bool:
     return 0.58 < within_one < 0.80 and within_two > 0.90
 
 
+@pytest.mark.nightly("statistics over many nights")
 @needs_elements
 def test_ways_and_rates_of_real_pairs_are_as_sure_as_is_said(judged):
     ways, rates = [], []
@@ -96,6 +94,7 @@ def test_ways_and_rates_of_real_pairs_are_as_sure_as_is_said(judged):
     assert not is_nominal(*shares(2.0 * np.array(ways)))
 
 
+@pytest.mark.nightly("statistics over many nights")
 @needs_elements
 def test_separation_and_position_angle_of_real_pairs_are_as_sure_as_is_said(judged):
     separations, angles, changes = [], [], []
@@ -113,6 +112,7 @@ def test_separation_and_position_angle_of_real_pairs_are_as_sure_as_is_said(judg
         assert is_nominal(*shares(each)), shares(each)
 
 
+@pytest.mark.nightly("statistics over many nights")
 @needs_elements
 def test_the_next_closest_approach_of_real_pairs_is_as_sure_as_is_said(judged):
     within_68 = [m.closest_low_arcsec <= t[3] <= m.closest_high_arcsec for m, t in judged]
@@ -128,6 +128,7 @@ def test_the_next_closest_approach_of_real_pairs_is_as_sure_as_is_said(judged):
     assert shares(off)[1] > 0.85
 
 
+@pytest.mark.nightly("statistics over many nights")
 @needs_elements
 def test_what_both_share_is_no_error_of_the_difference(judged):
     """A plate that is 5 arcsec off in each frame, and streaks that err by 3 at most."""
