@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
-from rsoconsole.records import Measurement, TrackState
+from rsoconsole.records import Measurement, NotFollowed, TrackState
 from rsoconsole.tracking.association.following import Following, FollowSettings
 from rsoconsole.tracking.frame_by_frame import follow
 from rsoconsole.tracking.initiation.pairing import UNPAIRED_COST, paired
@@ -140,3 +140,22 @@ def test_one_right_pair_is_worth_more_than_two_wrong_ones():
     assert len(paired(firsts, seconds, 10.0)) == 2
     told = paired(firsts, seconds, 10.0, [(float(rate), 0.0)], unpaired=UNPAIRED_COST)
     assert told == {b: a}
+
+
+def test_a_whole_streak_close_beside_a_track_s_own_is_a_track_with_its_second_frame():
+    """Their measurements are within each other's gates: which one the track takes is not all."""
+    beside = {"dec_deg": -5.0 + 10.0 / 3600.0, "confidence": 0.8}
+    following, begun, refused = Following(), [], set()
+    for n in range(1, 6):
+        shown = (
+            [geo_measurement(n)] if n < 4 else [geo_measurement(n), geo_measurement(n, **beside)]
+        )
+        following, records = follow(following, seen(n, *shown), SETTINGS)
+        begun += [
+            (r.frame_id, r.track_id)
+            for r in records
+            if isinstance(r, TrackState) and r.kind == "initial"
+        ]
+        refused |= {r.reason.kind for r in records if isinstance(r, NotFollowed)}
+    assert "another taken" in refused
+    assert begun == [(2, 1), (5, 2)]
