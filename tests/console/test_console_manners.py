@@ -130,7 +130,7 @@ def test_an_engine_that_has_ended_as_it_was_asked_to_is_not_gone(
         wire.is_gone = True
         await until(pilot, lambda: "ENGINE ENDED" in pane(app, "top"))
         assert "GONE" not in pane(app, "top")
-        assert "'rsoconsole engine' starts one" in pane(app, "alert")
+        await until(pilot, lambda: "'rsoconsole engine' starts one" in pane(app, "alert"))
         assert alerts_between(before, (app.live.night, app.live.engine)) == []
 
     play(wire, scene)
@@ -154,7 +154,7 @@ def test_an_engine_that_dies_before_the_mount_stood_is_gone_though_it_was_asked_
         await until(pilot, lambda: app.live.night.seq > before[0].seq)
         wire.is_gone = True
         await until(pilot, lambda: "ENGINE GONE" in pane(app, "top"))
-        assert "'rsoconsole stop' stops the mount" in pane(app, "alert")
+        await until(pilot, lambda: "'rsoconsole stop' stops the mount" in pane(app, "alert"))
         now = app.live.night, app.live.engine
         assert alerts_between(before, now) == [("fault", "the engine is gone")]
 
