@@ -884,7 +884,7 @@ def test_a_vanished_engine_is_said_and_its_night_stays(wire: FakeWire) -> None:
         await until(pilot, lambda: "ENGINE GONE" in pane(app, "top"))
         assert "was TRACK" in pane(app, "top")
         assert "AUTO has the mount" not in pane(app, "top")
-        assert "rsoconsole engine" in screen_text(app)
+        await until(pilot, lambda: "rsoconsole engine" in screen_text(app))
         assert len(app.live.night.rows) == FRAMES
         await pilot.press("a")
         assert wire.verbs == []
