@@ -3,6 +3,7 @@
 The mount of these tests has two axes that speed up and slow down; the watch looks once a second.
 """
 
+import contextlib
 import dataclasses
 import math
 import random
@@ -10,8 +11,8 @@ import random
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.instrument_controller import Ordered
-from rsoconsole.engine.aim.states import LimitMet
+from rsoconsole.engine.aim.instrument_controller import Interrupted, Ordered
+from rsoconsole.engine.aim.states import LimitMet, Taken
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments.motion import DirectionReport, Motion, MotionMeter
 from rsoconsole.instruments.ports import MountAbilities, MountReport, PierSide, StopResult
@@ -480,6 +481,26 @@ def test_the_sun_acts_on_a_tracking_mount_although_nobody_is_armed():
     pass_looks(r, mount, 6)
     assert mount.aborts >= 1
     assert "from the Sun" in alarms_of(r)[0]
+
+
+def test_an_exposure_that_would_end_behind_a_limit_ends_tracking_once():
+    config = Config.model_validate({"limits": {"past_meridian_deg": 20}})
+    r, mount = watched(config)
+    mount.at_deg = icrs_of_hour_angle(SITE, 19.98, 10.0, r.clock.t_utc_ns)
+    mount.pier_side, mount.measured = "west", Motion(kind="tracks")
+    r.engine.handle(Taken(by="operator"))
+    r.engine.watch.look()
+    assert r.engine.watch.next_limit is not None
+    mount.measured = None
+    for _ in range(5):  # no second has passed in which the watch could look again
+        with contextlib.suppress(Interrupted):
+            r.engine.commands.heed_alarms()
+            r.engine._one_turn(is_bounded=False)
+        if r.engine.frame_id:
+            break
+    assert r.engine.frame_id == 1
+    assert not mount.is_tracking
+    assert sum("before the end of this exposure" in text for text in said(r)) == 1
 
 
 # --- a mount that cannot be told to stand

@@ -210,7 +210,12 @@ class Watch:
         return self._refusal(report, pose, seen, own)
 
     def end_at_limit(self, words: str) -> None:
-        """End motion and tracking for a limit that the loop sees ahead; it hears of it then."""
+        """End motion and tracking for a limit that the loop sees ahead; it hears of it then.
+
+        Nothing counts as ahead until the next look: a loop that nothing keeps from exposing would
+        meet it again at once.
+        """
+        self._next = self._forecast_of = None
         parks = not self._is_responsible
         end = functools.partial(
             self._stop.end, "tracks", self._instruments.clock.now_utc_ns(), parks=parks
