@@ -281,6 +281,7 @@ def test_a_direction_that_is_no_number_is_refused() -> None:
         )
 
 
+@pytest.mark.slow("an orbit is fitted to each of the drawn arcs")
 @settings(max_examples=10, deadline=None)
 @given(
     begun_deg=st.tuples(st.floats(0.0, 359.99), st.floats(-89.0, 89.0)),

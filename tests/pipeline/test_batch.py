@@ -177,6 +177,7 @@ def _double(number: int) -> int:
     return 2 * number
 
 
+@pytest.mark.slow("a pool of processes is started again")
 def test_a_worker_that_is_killed_costs_its_own_task_alone():
     tasks = [1, 13, 3, 4]
     results = share_out(

@@ -116,13 +116,13 @@ def test_what_an_operator_gave_is_called_given(solver, stars):
 def test_a_field_that_matches_nothing_keeps_the_first_reason_and_the_deadline(solver):
     rng = np.random.default_rng(0)
     nothing = np.column_stack([rng.uniform((0, 0), (WIDTH, HEIGHT), (60, 2)), np.arange(60.0)])
-    hurried = Config.model_validate({"solver": {"deadline_s": 2.0}})
+    hurried = Config.model_validate({"solver": {"deadline_s": 4.0}})
     began_s = time.monotonic()
     found = PlateFinder(solver, hurried).solve(frame(), nothing)
     assert isinstance(found, NotSolved)
     assert "within 3 deg of RA 40.000" in found.reason
     # The deadline, and as much again for a process that has to be replaced on a busy machine.
-    assert time.monotonic() - began_s < 4.0
+    assert time.monotonic() - began_s < 8.0
     assert found.ms >= 0.0
 
 
