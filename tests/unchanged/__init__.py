@@ -1,0 +1,1 @@
+"""What must not change while code is moved and renamed: orders to the mount, figures of nights."""
