@@ -261,6 +261,9 @@ def first_difference(one: Any, other: Any, at: str = "") -> str | None:
             if (where := first_difference(left, right, f"{at}/{n}")) is not None:
                 return where
         return None if len(one) == len(other) else f"{at}: {len(one)} and {len(other)}"
+    if isinstance(one, dict) and isinstance(other, dict):  # a figure may come, none may go
+        parted = (first_difference(one[key], other.get(key), f"{at}/{key}") for key in one)
+        return next((where for where in parted if where is not None), None)
     if isinstance(one, float) and isinstance(other, float):
         near = abs(one - other) <= 2.0 * 10.0 ** (1 - DIGITS) * max(abs(one), abs(other))
         return None if near else f"{at}: {one} and {other}"
