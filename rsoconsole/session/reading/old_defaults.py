@@ -6,11 +6,6 @@ _OLD_FILTER = {
     "preset": "tuned",
     "max_coast_s": 3600.0,
     "most_tracks": 1,
-    "initiation": "pairs",
-    "part_errors": "single",
-    "across_errors": "own",
-    "most_ambiguous": 0,
-    "blend_width": "stars",
 }
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 
