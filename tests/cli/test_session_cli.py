@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.session.upkeep.verify import verify_session
 from tests.nights.made_up_night import begin
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented
 from tests.rigs.session_rig import cut_off, flip, make
 
@@ -68,7 +68,7 @@ def test_an_empty_place_is_said_and_is_no_failure(tmp_path: Path) -> None:
 
 
 def test_verify_ends_with_1_where_anything_is_damaged_and_looks_at_all(night: Path) -> None:
-    assert "sound, closed" in run("verify", night, SCHEMA_1).stdout
+    assert "sound, closed" in run("verify", night, SAMPLE).stdout
     shutil.copytree(night, night.parent / "bad")
     flip(night.parent / "bad" / "frames" / "000001.fits.fz")
     cut_off(night)

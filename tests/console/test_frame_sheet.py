@@ -35,7 +35,7 @@ from rsoconsole.pipeline.replay.reprocess import Reprocessed, Reprocessor, recor
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.detector.network import Network
 from tests.console.test_graphics import kitty_pictures
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.screen_text import expect_as_agreed, screen_text
 from tests.rigs.seat_rig import PATIENCE_S, FakeWire, opened, until
 from tests.rigs.terminal import Terminal
@@ -53,9 +53,7 @@ def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sample's frame is read once for all tests, and the network loaded: they take a second."""
 
     def read(path: Path, frame_id: int):
-        return (
-            _read(path, frame_id) if path.is_relative_to(SCHEMA_1) else read_frame(path, frame_id)
-        )
+        return _read(path, frame_id) if path.is_relative_to(SAMPLE) else read_frame(path, frame_id)
 
     def load(path: Path | None, threads: int):
         return _network(threads) if path is None else Network.load(path, threads)
@@ -91,7 +89,7 @@ def _network(threads: int) -> Network:
 def look(
     act: Act,
     *,
-    folder: Path = SCHEMA_1,
+    folder: Path = SAMPLE,
     frame_id: int = KEPT,
     config: Config | None = None,
     size: tuple[int, int] = (80, 24),
@@ -229,7 +227,7 @@ def test_it_is_said_what_was_recorded_and_what_is_said_now(impatient_seat: None)
 
 
 def test_the_cross_reads_pixel_light_and_direction(impatient_seat: None):
-    path = SessionReader(SCHEMA_1).frame_path(KEPT)
+    path = SessionReader(SAMPLE).frame_path(KEPT)
     assert path is not None
     pixels = _read(path, KEPT).pixels
 
@@ -311,7 +309,7 @@ def test_another_tau_says_what_the_detector_would_have_said(impatient_seat: None
 
 def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
     sheet = Sheet(frame_id=KEPT)
-    recorded = recorded_frame(SessionReader(SCHEMA_1), KEPT)
+    recorded = recorded_frame(SessionReader(SAMPLE), KEPT)
     sheet.opened = Opened(
         recorded=recorded, detail=FrameDetail(), preview=None, bytes=0, candidates=()
     )
@@ -397,7 +395,7 @@ def test_a_frame_that_was_not_kept_says_why_and_shows_its_preview(impatient_seat
 
 @pytest.mark.parametrize("harm", ["truncated", "empty", "no frame", "no session"])
 def test_what_cannot_be_read_is_one_clear_line(tmp_path: Path, impatient_seat: None, harm: str):
-    folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
+    folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
     path = folder / "frames" / "000009.fits.fz"
     said = {
         "truncated": "is truncated",
@@ -441,7 +439,7 @@ def test_a_missing_network_is_said_and_the_pixels_are_shown(tmp_path: Path, impa
 
 def test_enter_opens_the_frame_that_is_shown_and_escape_goes_back(impatient_seat: None):
     async def run() -> None:
-        app = ConsoleApp(lambda: FakeWire(SCHEMA_1), session=SCHEMA_1)
+        app = ConsoleApp(lambda: FakeWire(SAMPLE), session=SAMPLE)
         async with opened(app, (80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await pilot.press("enter")
@@ -575,7 +573,7 @@ def test_a_step_is_said_in_squares_and_in_pixels(impatient_seat: None, size: tup
 
 def test_the_other_kept_frames_are_reached_from_an_opened_one(tmp_path: Path, impatient_seat: None):
     folder = tmp_path / "night"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     _keep_newest_too(folder)
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
@@ -647,7 +645,7 @@ def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):
 
 @pytest.mark.parametrize("key", ["x", "ctrl+x"])
 def test_stop_works_over_a_frame_and_shows_what_came_of_it(impatient_seat: None, key: str):
-    wire = FakeWire(SCHEMA_1)
+    wire = FakeWire(SAMPLE)
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await pilot.press(key)
@@ -770,7 +768,7 @@ def test_a_click_puts_the_cross_there(impatient_seat: None):
 
 @pytest.mark.nightly("drives a terminal")
 def test_kitty_is_sent_the_frame_with_what_is_seen_now(tmp_path: Path):
-    folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
+    folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
     # The newest frame, which the console shows, gets the pixels and records of the kept one.
     _keep_as_newest(folder)
     command = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "console"]

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.console.run import run_review
 from rsoconsole.errors import SessionError
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import EVERY_S, Terminal
 
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "review"]
@@ -42,7 +42,7 @@ def shown_after(terminal: Terminal, keys: str, *words: str) -> None:
 
 
 def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SCHEMA_1)], home, (120, 40)) as seat:
+    with Terminal([*COMMAND, str(SAMPLE)], home, (120, 40)) as seat:
         wait_for(lambda: seat.shows("frame 1 of 22", "frame 0001 · 10 s", "space Play"), "a screen")
         shown_after(seat, "]]]", "×300")
         shown_after(seat, " ", "space Pause", "frame 0022 · 10 s", "space Play")
@@ -62,7 +62,7 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
 
 @pytest.mark.nightly("drives a terminal")
 def test_it_begins_where_it_is_told_to(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "05:36"], home, (80, 24)) as seat:
+    with Terminal([*COMMAND, str(SAMPLE), "--at", "05:36"], home, (80, 24)) as seat:
         wait_for(lambda: seat.shows("frame 12 of 22"), "the frame of that time")
 
 
@@ -70,12 +70,12 @@ def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
     def state() -> dict[str, tuple[int, int]]:
         return {
             str(path): (path.stat().st_mtime_ns, path.stat().st_size)
-            for path in sorted(SCHEMA_1.rglob("*"))
+            for path in sorted(SAMPLE.rglob("*"))
             if path.is_file()
         }
 
     before = state()
-    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "5"], home, (120, 40)) as seat:
+    with Terminal([*COMMAND, str(SAMPLE), "--at", "5"], home, (120, 40)) as seat:
         wait_for(lambda: seat.shows("frame 5 of 22"), "a screen")
         seat.press("t")
         wait_for(lambda: seat.shows("frames to here"), "the tuning pane")
@@ -92,7 +92,7 @@ def run(home: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[st
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([str(SCHEMA_1)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
+        ([str(SAMPLE)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
         pytest.param(
             ["no-such-night"],
             1,
@@ -116,7 +116,7 @@ def test_what_cannot_be_is_said_in_one_line(
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([str(SCHEMA_1), "--at", "soon"], 2, "no frame and no UTC"),
+        ([str(SAMPLE), "--at", "soon"], 2, "no frame and no UTC"),
         (["--help"], 0, "Example: rsoconsole review"),
     ],
     ids=["no moment", "help"],

@@ -24,7 +24,7 @@ from rsoconsole.session.log import schema
 from rsoconsole.session.reading.reader import SessionReader
 from tests.nights import made_up_night as made
 from tests.nights import orbit_night
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 PLOTS = {"confidence": 1, "track": 2, "about_line": 2, "residuals": 2, "nis": 1}
 """Figures by name, and their panels."""
@@ -45,7 +45,7 @@ HEAVY = (
 
 @pytest.fixture(scope="module")
 def night() -> session_room.Session:
-    return open_session(SCHEMA_1)
+    return open_session(SAMPLE)
 
 
 # -- what is read, and when ------------------------------------------------------------------
@@ -113,7 +113,7 @@ def test_what_is_no_session_is_said(tmp_path):
 
 
 def test_the_database_itself_may_be_named(night):
-    assert open_session(SCHEMA_1 / "session.db").path == night.path
+    assert open_session(SAMPLE / "session.db").path == night.path
 
 
 def test_a_session_that_goes_on_is_read_further(tmp_path):
@@ -154,7 +154,7 @@ def says_the_same(value, told):
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_says_what_the_view_says(name, night, tmp_path):
     """SQL is the other implementation; it may round the last digit."""
-    reader = SessionReader(SCHEMA_1)
+    reader = SessionReader(SAMPLE)
     viewed = reader.view(name)
     columns, made_rows = night._rows(name)
     assert len(made_rows) == len(viewed)
@@ -265,7 +265,7 @@ def test_empty_tables_have_their_columns(night):
 
 def test_an_instant_that_is_missing_is_masked(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     with sqlite3.connect(folder / "session.db") as database:
         database.execute(
             "UPDATE log SET body = json_set(body, '$.t_start_utc_ns', NULL)"
@@ -477,11 +477,11 @@ def test_a_setting_that_cannot_be_is_refused(night):
 
 def test_branches_are_sessions_by_name(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     (folder / "branches" / "figures").mkdir(parents=True)
     branch = folder / "branches" / "loose"
     branch.mkdir()
-    shutil.copy(SCHEMA_1 / "session.db", branch)
+    shutil.copy(SAMPLE / "session.db", branch)
     with sqlite3.connect(branch / "session.db") as database:
         values = {"branch_of": "../..", "tried": {"filter.q_arcsec2_s3": 1e-3}}
         for key, value in values.items():
@@ -496,7 +496,7 @@ def test_branches_are_sessions_by_name(tmp_path):
 
 def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     night = open_session(folder)
     changes = night.what_if(q=1e-3)
     assert changes.save("loose") == folder / "branches" / "loose"
@@ -515,7 +515,7 @@ def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
 
 @pytest.mark.slow("writes every format twice")
 def test_a_night_is_exported_as_the_verb_does(tmp_path):
-    night = open_session(SCHEMA_1)
+    night = open_session(SAMPLE)
     for name in ("csv", "tdm", "html"):
         path = night.export(name, tmp_path / f"night.{name}")
         assert "315.93682958" in path.read_text(encoding="utf-8") or name == "html"

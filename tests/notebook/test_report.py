@@ -18,13 +18,13 @@ from rsoconsole.notebook.report.report_facts import figures_on_record
 from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reasons import Unclassified, done
+from rsoconsole.reasons import Cause, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reading.reader import SessionReader
 from tests.nights.export_nights import MISSED, T0, closed_night, written_night
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 MOST_BYTES = 8_000_000
 NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'
@@ -71,7 +71,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def sample_html() -> str:
-    return render_report(SCHEMA_1).html
+    return render_report(SAMPLE).html
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,10 @@ def nasty(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, str]:
     )
     writer.append(ParameterChange(name="x", before=NASTY, after=2.0, by=NASTY), T0)
     writer.append(
-        StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=Unclassified(words=NASTY)), T0
+        StateChange(
+            frame_id=3, before="IDLE", after="SEARCH", reason=Cause(kind="instrument", detail=NASTY)
+        ),
+        T0,
     )
     writer.close()
     html = render_report(folder).html
@@ -158,8 +161,8 @@ def test_every_picture_says_in_words_what_it_shows(sample: Page):
 
 def test_it_says_what_the_record_says(sample: Page):
     text = sample.text
-    rows = read_rows(SCHEMA_1).rows
-    figures = figures_of(replay([r for _, _, r in SessionReader(SCHEMA_1).records()], _config()))
+    rows = read_rows(SAMPLE).rows
+    figures = figures_of(replay([r for _, _, r in SessionReader(SAMPLE).records()], _config()))
     assert "One object was followed from 05:31:05 to 05:40:35 UTC" in text
     assert f"measured {len(rows)} times in 22 exposures, with one miss" in text
     assert "It moves as a geostationary satellite does." in text
@@ -173,7 +176,7 @@ def test_it_says_what_the_record_says(sample: Page):
 
 
 def _config():
-    return SessionReader(SCHEMA_1).config()
+    return SessionReader(SAMPLE).config()
 
 
 def test_it_says_how_tracks_moved_to_each_other_and_who_was_expected_in_vain(tmp_path: Path):
@@ -237,13 +240,13 @@ def test_a_night_without_leaps_has_no_section_of_passes(sample: Page):
 
 
 def test_its_figures_are_those_that_a_replay_gives():
-    records = [record for _, _, record in SessionReader(SCHEMA_1).records()]
+    records = [record for _, _, record in SessionReader(SAMPLE).records()]
     replayed = figures_of(replay(records, _config()))
-    assert figures_on_record(SCHEMA_1, read_night(SCHEMA_1), replayed.state) == replayed
+    assert figures_on_record(SAMPLE, read_night(SAMPLE), replayed.state) == replayed
 
 
 def test_rings_lie_on_the_streaks(sample: Page):
-    rows = [row for row in read_rows(SCHEMA_1).rows if row.is_taken]
+    rows = [row for row in read_rows(SAMPLE).rows if row.is_taken]
     styles = [
         dict(part.split(":") for part in style.split(";"))
         for (tag, name, style), (_, _, kind) in zip(
@@ -309,7 +312,7 @@ def test_pictures_are_chosen_evenly(count):
 
 
 def test_the_same_session_gives_the_same_page(tmp_path: Path, sample_html: str):
-    path = write_report(SCHEMA_1, tmp_path / "a" / "report.html")
+    path = write_report(SAMPLE, tmp_path / "a" / "report.html")
     assert path.read_text(encoding="utf-8") == sample_html
 
 
