@@ -96,4 +96,4 @@ class LowPass:
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
     scatter_s: float | None
-    """Of the shutter, one sigma: as calibrated, or as these streaks told; None where one was all."""
+    """Of the shutter, one sigma: as calibrated, or as these streaks told; None of one streak."""

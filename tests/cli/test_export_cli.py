@@ -47,7 +47,7 @@ def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
     )
     assert run.returncode == 0
     lines = run.stdout.splitlines()
-    assert len(lines) == 19
+    assert len(lines) == 27
     assert {parse_iod(line).norad_id for line in lines} == {36097}
     assert "simulated" in run.stderr
 
@@ -117,7 +117,7 @@ def test_a_file_that_is_there_is_left_alone_unless_forced(tmp_path: Path):
         export(SAMPLE, "csv", path)
     assert path.read_text() == "mine"
     export(SAMPLE, "csv", path, ExportOptions(is_forced=True))
-    assert len(read_csv(path)) == 19
+    assert len(read_csv(path)) == 28
     with pytest.raises(ExportError, match="is a folder"):
         export(SAMPLE, "csv", tmp_path, ExportOptions(is_forced=True))
     (tmp_path / "file").write_text("")
@@ -131,7 +131,7 @@ def test_frames_that_are_there_are_left_alone_too(tmp_path: Path):
     with pytest.raises(ExportError, match=r"000009\.reg is there already"):
         export(SAMPLE, "regions", tmp_path)
     assert not (tmp_path / "000001.reg").exists()
-    assert len(export(SAMPLE, "regions", tmp_path, ExportOptions(is_forced=True)).files) == 22
+    assert len(export(SAMPLE, "regions", tmp_path, ExportOptions(is_forced=True)).files) == 35
 
 
 def test_a_full_disk_leaves_nothing_half(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -43,9 +43,9 @@ def shown_after(terminal: Terminal, keys: str, *words: str) -> None:
 
 def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, str]):
     with Terminal([*COMMAND, str(SAMPLE)], home, (120, 40)) as seat:
-        wait_for(lambda: seat.shows("frame 1 of 22", "frame 0001 · 10 s", "space Play"), "a screen")
+        wait_for(lambda: seat.shows("frame 1 of 36", "frame 0001 · 10 s", "space Play"), "a screen")
         shown_after(seat, "]]]", "×300")
-        shown_after(seat, " ", "space Pause", "frame 0022 · 10 s", "space Play")
+        shown_after(seat, " ", "space Pause", "frame 0036 · 10 s", "space Play")
         shown_after(seat, "\x1b[H", "frame 0001")  # home
         shown_after(seat, "E", "events: ○ miss (1 in the night)")
         shown_after(seat, ">", "frame 0018 · 10 s", "COAST")
@@ -63,7 +63,7 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
 @pytest.mark.nightly("drives a terminal")
 def test_it_begins_where_it_is_told_to(home: dict[str, str]):
     with Terminal([*COMMAND, str(SAMPLE), "--at", "05:36"], home, (80, 24)) as seat:
-        wait_for(lambda: seat.shows("frame 12 of 22"), "the frame of that time")
+        wait_for(lambda: seat.shows("frame 12 of 36"), "the frame of that time")
 
 
 def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
@@ -76,7 +76,7 @@ def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
 
     before = state()
     with Terminal([*COMMAND, str(SAMPLE), "--at", "5"], home, (120, 40)) as seat:
-        wait_for(lambda: seat.shows("frame 5 of 22"), "a screen")
+        wait_for(lambda: seat.shows("frame 5 of 36"), "a screen")
         seat.press("t")
         wait_for(lambda: seat.shows("frames to here"), "the tuning pane")
         seat.press("\x1b[C\r")

@@ -282,12 +282,15 @@ def test_nights_that_are_done_are_skipped_until_something_differs(nights, tmp_pa
 
 
 def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
-    """The shipped sample has kept its ninth frame: it stays the ninth."""
+    """The shipped sample has kept its frames 9 and 11: they stay the ninth and the eleventh."""
     sample = SAMPLE
     (night,) = nights_in([sample], tmp_path, Config())
-    assert [(number, path.name) for number, path in night.frames] == [(9, "000009.fits.fz")]
+    assert [(number, path.name) for number, path in night.frames] == [
+        (9, "000009.fits.fz"),
+        (11, "000011.fits.fz"),
+    ]
     (outcome,) = process_nights([night], lambda _: SERIAL)
-    assert (outcome.frames, outcome.measurements) == (1, 1)
+    assert (outcome.frames, outcome.measurements) == (2, 2)
 
 
 @pytest.mark.slow("starts the program twice")
