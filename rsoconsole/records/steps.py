@@ -177,12 +177,12 @@ class TrackState:
     """Preset ``adaptive`` only."""
     is_kept: bool = False
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
-    replaces: int | None = field(default=None, compare=False)
+    replaces: int | None = None
     """Of a track that began as what another one had lost: that other track's number, which ended
     with it."""
     shared_with: int | None = None
     """The track that took the same streak: the frame could not show both apart."""
-    filter_nis: float | None = field(default=None, compare=False)
+    filter_nis: float | None = None
     """Where it was updated by the orbit's prediction: NIS by the filter's own, which the gate had
     refused; None elsewhere, and where another reason refused it."""
     memory: object | None = field(
