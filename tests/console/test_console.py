@@ -303,7 +303,9 @@ def test_nothing_that_is_written_in_the_log_reaches_the_terminal_as_a_command() 
 
 
 def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:
-    line = _asked("refused: the way there passes the Sun at 11 degrees", ra_icrs_deg=1.0)
+    line = _asked(
+        CommandResult.refused("the way there passes the Sun at 11 degrees"), ra_icrs_deg=1.0
+    )
     for width in (30, 39, 79):
         rows = log_rows(line, width)
         assert all(len(row) <= width for row in rows)
