@@ -398,12 +398,12 @@ def test_branches_are_listed_and_dropped(mine):
 
 
 def test_detector_and_solver_run_again_over_what_was_kept_and_say_of_how_much(tmp_path):
-    """The sample has kept one of its frames; with the recorded settings it shows the same."""
+    """The sample has kept two of its frames; with the recorded settings it shows the same."""
     seen: list[int] = []
     found = what_if_session(SAMPLE, detector=True, solver=True, on_frame=lambda: seen.append(1))
     assert found.rerun is not None
-    assert (found.rerun.rerun, found.rerun.not_kept, found.rerun.unreadable) == (1, 21, 0)
-    assert len(seen) == 22
+    assert (found.rerun.rerun, found.rerun.not_kept, found.rerun.unreadable) == (2, 34, 0)
+    assert len(seen) == 36
     recorded = [r for _, r in log_of(SAMPLE) if isinstance(r, Measurement)]
     again = [r for _, r in found.log if isinstance(r, Measurement)]
     assert len(again) == len(recorded)
@@ -411,14 +411,14 @@ def test_detector_and_solver_run_again_over_what_was_kept_and_say_of_how_much(tm
         half_an_arcsec = 0.5 / 3600
         assert other.ra_icrs_deg == pytest.approx(one.ra_icrs_deg, abs=half_an_arcsec)
         assert other.dec_icrs_deg == pytest.approx(one.dec_icrs_deg, abs=half_an_arcsec)
-        assert (other == one) or one.frame_id == 9
+        assert (other == one) or one.frame_id in {9, 11}
 
 
 def test_another_detector_is_tried_with_the_recorded_plate_where_the_solver_is_not():
     """Centroid box: the paper's midpoint, whose ends are not known."""
     found = what_if_session(SAMPLE, {"detector.centroid": "box"}, detector=True)
     assert found.rerun is not None
-    assert found.rerun.rerun == 1
+    assert found.rerun.rerun == 2
     ninth = next(frame for frame in found.frames if frame.taken.frame_id == 9)
     eighth = next(frame for frame in found.frames if frame.taken.frame_id == 8)
     (measured,) = ninth.shown.measurements
