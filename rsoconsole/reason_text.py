@@ -20,7 +20,6 @@ from rsoconsole.reasons import (
     SlewRefusalKind,
     StopOutcome,
     TrackLost,
-    Unclassified,
 )
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
@@ -132,8 +131,6 @@ _MISSED: dict[MissKind, str] = {
 def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
     """The sentence."""
     match reason:
-        case Unclassified():
-            return reason.words
         case BelowTau():
             return f"confidence {reason.confidence:.2f} below tau {reason.tau:.2f}"
         case NotAStreak():

@@ -8,13 +8,6 @@ from typing import Literal, TypeAlias
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unclassified:
-    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
-
-    words: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class BelowTau:
     """A candidate that passed every gate, and is not likely enough."""
 
@@ -248,7 +241,7 @@ class HiddenBy:
     kind: HiddenKind
     """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
     before, "few stars"; eclipse is "shadow" and "penumbra"."""
-    refusal: SlewRefusal | Unclassified | None = None
+    refusal: SlewRefusal | None = None
     """Of "slew refused": why the slew to the track was."""
     stars: int | None = None
     """Of "fewer stars" and "few stars"."""
@@ -322,9 +315,9 @@ class Missed:
     """"instrument": it failed, and there was nothing to fold."""
     detail: str = ""
     """Of kinds "not solved" and "instrument": what was said, for people."""
-    hidden_by: tuple[HiddenBy | Unclassified, ...] = ()
+    hidden_by: tuple[HiddenBy, ...] = ()
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
-    lost: TrackLost | Unclassified | None = None
+    lost: TrackLost | None = None
     """Why the track ends with it; None where it goes on."""
 
 
@@ -364,7 +357,7 @@ class Cause:
     """By how much the clock was set."""
     detections: int | None = None
     """How many wait for a second frame."""
-    missed: Missed | Unclassified | None = None
+    missed: Missed | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
@@ -446,5 +439,4 @@ Reason: TypeAlias = (
     | TrackLost
     | Cause
     | CommandResult
-    | Unclassified
 )

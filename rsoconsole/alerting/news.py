@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -68,7 +67,7 @@ class News:
                 pass
 
     def _of_state(self, change: StateChange) -> Iterator[tuple[AlertKind, str]]:
-        cause = change.reason.kind if isinstance(change.reason, Cause) else ""
+        cause = change.reason.kind
         words = text(change.reason)
         if cause == "night ended":
             yield "dawn", f"the night is over: {words}"
@@ -98,8 +97,7 @@ class News:
             )
 
     def _of_miss(self, miss: Miss) -> Iterator[tuple[AlertKind, str]]:
-        hidden = miss.reason.hidden_by if isinstance(miss.reason, Missed) else ()
-        cloud = [each for each in hidden if isinstance(each, HiddenBy) and each.kind in _CLOUD]
+        cloud = [each for each in miss.reason.hidden_by if each.kind in _CLOUD]
         if cloud and not self.is_cloudy:
             self.is_cloudy = True
             yield "clouds", f"clouds, from frame {miss.frame_id}: {text(miss.reason)}"

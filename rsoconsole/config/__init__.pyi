@@ -16,7 +16,6 @@ from .night import AimConfig as AimConfig
 from .night import CatalogueConfig as CatalogueConfig
 from .night import DetectorConfig as DetectorConfig
 from .night import FilterConfig as FilterConfig
-from .night import OrbitConfig as OrbitConfig
 from .night import SearchConfig as SearchConfig
 from .night import SolverConfig as SolverConfig
 from .night import TargetConfig as TargetConfig

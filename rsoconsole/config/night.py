@@ -68,34 +68,12 @@ class FilterConfig(Section):
         le=24,
         description="satellites followed at a time, by preset adaptive; 1: the lead alone",
     )
-    initiation: Literal["chains", "pairs"] = Field(
-        "chains",
-        description="what begins a track, by preset adaptive; chains: two frames that agree, points"
-        " without a direction by a line through five, and what a frame between has hidden; pairs:"
-        " two successive frames alone",
-    )
-    part_errors: Literal["flashing", "shared", "single"] = Field(
-        "flashing",
-        description="along-track errors of a satellite whose streaks show a part of their length,"
-        " as of one that flashes; single: each its own; shared: one of all that follow each other;"
-        " flashing: so, the first may lie anywhere, and shorter ones are its own",
-    )
-    across_errors: Literal["direction", "own"] = Field(
-        "direction",
-        description="errors across a streak, by preset adaptive; direction: larger by how far it"
-        " points and reaches otherwise than its track moves; own: as they were measured",
-    )
     most_ambiguous: int = Field(
         4,
-        ge=0,
+        ge=1,
         le=1000,
         description="frames in a row whose streak fits two tracks alike, after which the likelier"
-        " takes it, by preset adaptive; 0: none ever does",
-    )
-    blend_width: Literal["streaks", "stars"] = Field(
-        "streaks",
-        description="by whose width two satellites beside each other are found as one streak;"
-        " streaks: by the frame's streaks, where stars that drift are wider",
+        " takes it, by preset adaptive",
     )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from rsoconsole.judge.objects import TrackStep
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed, TrackLost, Unclassified
+from rsoconsole.reasons import TrackLost
 from rsoconsole.records import Identified, Miss, OrbitEstimate
 
 
@@ -24,13 +24,12 @@ class TracksOnRecord:
 
     orbits: dict[int, OrbitEstimate] = field(default_factory=dict)
     names: dict[int, Identified] = field(default_factory=dict)
-    lost: dict[int, TrackLost | Unclassified] = field(default_factory=dict)
+    lost: dict[int, TrackLost] = field(default_factory=dict)
 
     def miss(self, record: Miss) -> None:
         """The last one of a lost track says so."""
-        reason = record.reason
-        if record.track_id is not None and isinstance(reason, Missed) and reason.lost is not None:
-            self.lost[record.track_id] = reason.lost
+        if record.track_id is not None and record.reason.lost is not None:
+            self.lost[record.track_id] = record.reason.lost
 
 
 @dataclass(slots=True)
@@ -93,7 +92,7 @@ def _figures(satellite: _Satellite, known: TracksOnRecord, newest: int) -> dict[
     }
 
 
-def _state(satellite: _Satellite, lost: TrackLost | Unclassified | None, newest: int) -> str:
+def _state(satellite: _Satellite, lost: TrackLost | None, newest: int) -> str:
     if lost is not None:
         return "LOST"
     if satellite.last_frame < newest:

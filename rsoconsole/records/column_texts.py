@@ -45,12 +45,12 @@ y1_px=box_px.3 real the network's box
 unevenness real how much light and path vary more than noise explains
 kind text streak, clipped or crossing: both its ends in the frame, one, none
 sigma_angle_deg real one sigma of its direction
-object_class?undetermined text satellite, aircraft, meteor, cosmic ray, star chain or undetermined
-class_probability?1 real of that class, given that it is a real streak
+object_class text satellite, aircraft, meteor, cosmic ray, star chain or undetermined
+class_probability real of that class, given that it is a real streak
 modulation_period_px real along it, of light that comes and goes regularly
 modulation_period_s real the same in time
 modulation_depth real most less least over their sum, of that light
-train?0 integer lines that run parallel as a train, itself among them; 0: none
+train integer lines that run parallel as a train, itself among them; 0: none
 light_offset_px real towards end b from the midpoint: the middle of a steady light by ends and light
 light_sigma_px real one sigma of that
 light_length_px real length of the even motion, likewise
@@ -79,8 +79,8 @@ y_px real the streak's midpoint, row
 confidence real of the detection
 source text network or operator
 is_clipped truth the frame cuts the streak
-is_crossing?0 truth neither end is in the frame
-object_class?undetermined text what its own frame makes of it
+is_crossing truth neither end is in the frame
+object_class text what its own frame makes of it
 cov_ee_arcsec2=cov_sky_arcsec2.0 real covariance, east-east
 cov_en_arcsec2=cov_sky_arcsec2.1 real covariance, east-north
 cov_nn_arcsec2=cov_sky_arcsec2.2 real covariance, north-north
@@ -110,13 +110,13 @@ innovation_north_arcsec=innovation_arcsec.1 real measured minus predicted
 sigma_east_arcsec=sigma_innovation_arcsec.0 real one sigma of that
 sigma_north_arcsec=sigma_innovation_arcsec.1 real one sigma of that
 misses integer exposures since the last measurement
-foretold_by?filter text filter or orbit: whose prediction it is
+foretold_by text filter or orbit: whose prediction it is
 track_id integer the track, from 1 in the order in which they began
 measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
-begun_through?[] json the measurements between the two, where a chain of them began it
+begun_through json the measurements between the two, where a chain of them began it
 is_lead truth the telescope follows this one
-is_kept?0 truth the operator keeps it: no miss ends it in the field
+is_kept truth the operator keeps it: no miss ends it in the field
 replaces integer the track that ended where this one took it up again; empty: it took up none
 turn=mixture.turn real of its path to the left, radians for each radian that it goes on
 scatter_s=mixture.scatter_s real excess scatter along the motion, as of the shutter's time
@@ -184,7 +184,7 @@ runner_up_separation_arcsec=matches.1.separation_arcsec real how far off it is
 matches json the best of them, best first
 track_id integer the track that it is of
 not_catalogued real probability that no catalogue knows it
-named_with?0 integer other tracks that it was named together with
+named_with integer other tracks that it was named together with
 ledger_number=ledger.number integer the object of an earlier night that it is or may be
 ledger_name=ledger.name text its name
 ledger_probability=ledger.probability real that it is that one

@@ -89,8 +89,6 @@ class Column:
     the part's number or key, "=" its value. Empty: the column's own name."""
     shape: tuple[int, ...] = ()
     """Of a column of matrices; those of other shapes are JSON."""
-    default: str = ""
-    """What it was before the record had it; empty: nothing."""
     source: Source = "log"
 
     @property
@@ -134,14 +132,13 @@ class Table:
 
 
 def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
-    """Columns from lines such as ``name=path?default type[shape] meaning``."""
+    """Columns from lines such as ``name=path type[shape] meaning``."""
     return tuple(_column(line, source) for line in spec.strip().splitlines())
 
 
 def _column(line: str, source: Source) -> Column:
     named, kind, meaning = line.split(None, 2)
-    place, _, default = named.partition("?")
-    name, _, path = place.partition("=")
+    name, _, path = named.partition("=")
     plain, _, shape = kind.partition("[")
     sizes = tuple(int(size) for size in shape.removesuffix("]").split(",") if size)
     if plain not in {"integer", "real", "text", "truth", "json"}:
@@ -152,7 +149,6 @@ def _column(line: str, source: Source) -> Column:
         meaning=meaning,
         path=path,
         shape=sizes,
-        default=default,
         source=source,
     )
 
@@ -200,7 +196,6 @@ _ABOUT: tuple[Table, ...] = (
                     type=each.type,
                     meaning=each.meaning,
                     path=f"detection.{each.place}",
-                    default=each.default,
                 )
                 for each in columns_of(OF_CANDIDATE)
             ),

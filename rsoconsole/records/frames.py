@@ -10,7 +10,6 @@ import numpy.typing as npt
 from rsoconsole.reasons import (
     BelowTau,
     NotAStreak,
-    Unclassified,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -118,7 +117,7 @@ class Detection:
     """By how much its light and path vary more than noise explains, as a natural logarithm of
     variances; 0: by nothing, or too long to be a cosmic ray, or not measured."""
     kind: StreakKind = "streak"
-    """Never "streak" where ``is_clipped``: what says no kind, as an older record, is "clipped"."""
+    """Never "streak" where ``is_clipped``: what says no kind is "clipped"."""
     sigma_angle_deg: float | None = None
     """One sigma of its direction: with ``sigma_across_px`` the covariance of its line, as the two
     are all but independent at its midpoint. None where not measured."""
@@ -162,7 +161,7 @@ class Rejection:
     """A candidate that was not taken, and why."""
 
     detection: Detection
-    reason: BelowTau | NotAStreak | Unclassified
+    reason: BelowTau | NotAStreak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,8 +53,8 @@ class LeapDone:
     readout_s: float
     """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
     wait_s: float
-    subframe: float = 1.0
-    """Share of each side of the sensor that was read out; 1 in sessions of before it was set."""
+    subframe: float
+    """Share of each side of the sensor that was read out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +95,5 @@ class LowPass:
     """When it comes again within a day, above the limit of altitude; None: not found."""
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
-    scatter_s: float | None = None
-    """Of the shutter, one sigma: as calibrated, or as these streaks told; None where one was all,
-    and in sessions of before it was learned."""
+    scatter_s: float | None
+    """Of the shutter, one sigma: as calibrated, or as these streaks told; None of one streak."""

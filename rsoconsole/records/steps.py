@@ -17,7 +17,6 @@ from rsoconsole.reasons import (
     Missed,
     NotTaken,
     SlewRefusal,
-    Unclassified,
 )
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import (
@@ -178,15 +177,14 @@ class TrackState:
     """Preset ``adaptive`` only."""
     is_kept: bool = False
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
-    replaces: int | None = field(default=None, compare=False)
+    replaces: int | None = None
     """Of a track that began as what another one had lost: that other track's number, which ended
-    with it. Sessions from before it was on record come out the same without it."""
+    with it."""
     shared_with: int | None = None
     """The track that took the same streak: the frame could not show both apart."""
-    filter_nis: float | None = field(default=None, compare=False)
+    filter_nis: float | None = None
     """Where it was updated by the orbit's prediction: NIS by the filter's own, which the gate had
-    refused; None elsewhere, where another reason refused it, and in sessions from before it was
-    on record."""
+    refused; None elsewhere, and where another reason refused it."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )
@@ -213,7 +211,7 @@ class NotFollowed:
 
     frame_id: int
     measurement: Measurement
-    reason: NotTaken | Unclassified
+    reason: NotTaken
     nis: float | None = None
     """Its normalised innovation squared, where there was a prediction to compare with."""
     track_id: int | None = None
@@ -225,7 +223,7 @@ class Miss:
     """A frame in which the followed object was not measured, and why."""
 
     frame_id: int
-    reason: Missed | Unclassified
+    reason: Missed
     track_id: int | None = None
     """The track that misses it; None where there was none."""
 
@@ -313,7 +311,7 @@ class Identified:
     matches: tuple[CatalogueMatch, ...]
     """Best first; the second is the runner-up."""
     not_catalogued: float | None = None
-    """Probability that no catalogue knows it; None in records from before that was kept."""
+    """Probability that no catalogue knows it."""
     named_with: int = 0
     """Other tracks with which it was named: one catalogued object is one of them at most."""
     ledger: LedgerName | None = None
@@ -327,10 +325,10 @@ class StateChange:
     frame_id: int
     before: LoopState
     after: LoopState
-    reason: Cause | Unclassified
+    reason: Cause
     kept_track_id: int | None = None
     """The track that can be followed again from here on, 0 where there is none; None for a change
-    that a frame led to, and in sessions from before this was on record."""
+    that a frame led to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -366,10 +364,9 @@ class FrameTaken:
     height_px: int
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
-    blocked: SlewRefusal | Unclassified | None = None
+    blocked: SlewRefusal | None = None
     """Why the slew to what is followed was refused before it; None where nothing was."""
     camera: CameraMode | None = None
-    """None in sessions from before it was on record."""
 
     @property
     def t_mid_utc_ns(self) -> int | None:

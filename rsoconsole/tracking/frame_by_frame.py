@@ -299,12 +299,11 @@ def _weighed_by(
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = refusals(predicted, expected, updated, before, seen, settings)
-    most = settings.filter.most_ambiguous
     return Weighed(
         predicted=predicted,
         updated=updated,
         reasons=reasons,
-        must_decide=most > 0 and before.ambiguous >= most,
+        must_decide=before.ambiguous >= settings.filter.most_ambiguous,
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsoconsole.reasons import Missed, NotTaken, TrackLost
+from rsoconsole.reasons import TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
 from rsoconsole.tracking.association import (
     MAY_BE_FOLLOWED,
@@ -114,9 +114,7 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
     if lost is None:
         return step
     records = tuple(
-        replace(r, reason=replace(r.reason, lost=lost))
-        if isinstance(r, Miss) and isinstance(r.reason, Missed)
-        else r
+        replace(r, reason=replace(r.reason, lost=lost)) if isinstance(r, Miss) else r
         for r in step.records
     )
     return Step(records=records, after=None)
@@ -184,7 +182,6 @@ def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[
         for step in steps
         for r in step.records
         if isinstance(r, NotFollowed)
-        and isinstance(r.reason, NotTaken)
         and (
             r.reason.kind == "cannot be told apart"
             or (r.reason.kind == "another taken" and not (is_wide and _is_whole(r, step, seen)))

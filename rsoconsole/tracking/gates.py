@@ -70,7 +70,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if settings.filter.preset == "adaptive":
-        shares = (_most_missing(expected, before, settings), LONGER_TOLERANCE)
+        shares = (_most_missing(expected, before), LONGER_TOLERANCE)
     bent_deg = BENT_TOLERANCE_DEG if chains.is_wide(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
         mismatch = disagreement(measurement, expected, *shares, bent_deg)
@@ -93,11 +93,9 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     return reasons
 
 
-def _most_missing(expected: Motion, before: Tracked, settings: FollowSettings) -> float:
+def _most_missing(expected: Motion, before: Tracked) -> float:
     """Which share of its length a streak of the track may lack."""
-    is_flashing = settings.filter.part_errors == "flashing" and shows_parts(
-        before.excesses_arcsec, expected.length_arcsec
-    )
+    is_flashing = shows_parts(before.excesses_arcsec, expected.length_arcsec)
     return FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE
 
 

@@ -59,15 +59,14 @@ def stepped_track(
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
-    is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
-    if isinstance(reason, Missed) and is_nothing_fitting and INDISTINGUISHABLE in reasons.values():
+    if reason.kind == "nothing fits" and INDISTINGUISHABLE in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
         before = replace(before, ambiguous=before.ambiguous + 1)
     records: tuple[FoldRecord, ...] = (predicted, *rejections(reasons, updated))
     step = _coast(before, predicted, seen, settings, records, reason)
     if settings.filter.preset != "adaptive" or step.after is None:
         return step
-    is_absent = isinstance(reason, Missed) and reason.kind in _ABSENT and not reason.hidden_by
+    is_absent = reason.kind in _ABSENT and not reason.hidden_by
     is_absent = is_absent and is_in_field(predicted, seen.field)
     return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.seat_rig import FakeWire
 
 RESULTS = Path(__file__).parent / "results" / "sheet.json"
@@ -43,10 +43,10 @@ def _drawn_ms(sheet: FrameSheet, change: Any) -> float:
 
 
 async def _measure(size: tuple[int, int]) -> dict[str, float]:
-    app = ConsoleApp(lambda: FakeWire(SCHEMA_1), session=SCHEMA_1)
+    app = ConsoleApp(lambda: FakeWire(SAMPLE), session=SAMPLE)
     async with app.run_test(size=size):
         await _until(lambda: app.live.picture is not None)
-        sheet = FrameSheet(SCHEMA_1, KEPT)
+        sheet = FrameSheet(SAMPLE, KEPT)
         began = time.perf_counter()
         app.push_screen(sheet)
         await _until(lambda: sheet.sheet.pixels is not None)

@@ -43,7 +43,7 @@ _DRAWS = 2000
 
 
 @cache
-def settings(initiation: str = "chains") -> FollowSettings:
+def settings() -> FollowSettings:
     """The everyday ones, of a camera with such pixels."""
     optics = {
         "focal_length_mm": _FOCUS_MM / SCALE_ARCSEC_PX,
@@ -60,7 +60,7 @@ def settings(initiation: str = "chains") -> FollowSettings:
         pointing_ra_icrs_deg=None,
         pointing_dec_icrs_deg=None,
     )
-    config = Config.model_validate({"optics": optics, "filter": {"initiation": initiation}})
+    config = Config.model_validate({"optics": optics})
     return follow_settings(config, frame)
 
 
@@ -84,9 +84,7 @@ def measured(frame: int, number: int, point: FloatArray) -> Measurement:
     )
 
 
-def linked(
-    points: Sequence[FloatArray], by: FollowSettings | None = None
-) -> set[tuple[Point, Point]]:
+def linked(points: Sequence[FloatArray]) -> set[tuple[Point, Point]]:
     """What the tracks hold together, from the records of the fold."""
     following, chains = Following(), defaultdict[int, list[Point]](list)
     for frame, shown in enumerate(points):
@@ -96,7 +94,7 @@ def linked(
             exposure_s=EXPOSURE_S,
             measurements=tuple(measured(frame, n, each) for n, each in enumerate(shown)),
         )
-        following, records = follow(following, seen, by or settings())
+        following, records = follow(following, seen, settings())
         for record in records:
             if isinstance(record, TrackState) and record.kind != "predicted":
                 chains[record.track_id] += [_point(each) for each in _ids(record)]

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Event, Frame, Miss
 from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
 from rsoconsole.session.writing.writer import SessionWriter
@@ -35,7 +35,7 @@ LONGEST_S = 20.0
 def record(seq: int) -> Miss | Event:
     """What stands at this place of the log in every life."""
     if seq % 3:
-        return Miss(frame_id=seq, reason=Unclassified(words="cloud " * (seq % 40)))
+        return Miss(frame_id=seq, reason=Missed(kind="not solved", detail="cloud " * (seq % 40)))
     return Event(level="info", text=f"line {seq} " + "é" * (seq % 17))
 
 

@@ -19,7 +19,7 @@ from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.sky.times import NS_PER_S, IntArray, utc_ns_to_iso
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented
 from tests.truth.seen_satellites import DAYTONA, SHARED, geostationary, instants
 
@@ -518,7 +518,7 @@ def test_a_long_silence_parts_arcs(tmp_path: Path) -> None:
 
 
 def test_the_sample_session_is_intelsat_14(tle: Path) -> None:
-    sample = SCHEMA_1
+    sample = SAMPLE
     found = run("orbit", sample)
     assert found["label"] == "constrained by prior"
     assert found["a_km"] == pytest.approx(42_165.0, abs=3.0 * found["sigma_a_km"])

@@ -11,7 +11,7 @@ import pytest
 
 from rsoconsole.cli.words import completion
 from rsoconsole.config import Config, walk
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.in_process import run_here
 
 PROGRAM = Path(sys.executable).with_name("rsoconsole")
@@ -38,7 +38,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Two nights under session.root, a third and a folder in the working folder."""
     root = tmp_path / "root"
     for place in (root / "night-1", root / "night-2", tmp_path / "here" / "below" / "night-3"):
-        shutil.copytree(SCHEMA_1, place)
+        shutil.copytree(SAMPLE, place)
     (tmp_path / "here" / "nothing").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setenv("RSOCONSOLE_SESSION__ROOT", str(root))

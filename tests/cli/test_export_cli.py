@@ -20,7 +20,7 @@ from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
 from tests.nights.orbit_night import identified_of
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.in_process import run_here
 
 
@@ -42,12 +42,12 @@ def test_json_says_what_was_written_and_where(session: Path):
 
 def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
     run = run_here(
-        *("export", SCHEMA_1, "--format", "iod", "--out", "-"),
+        *("export", SAMPLE, "--format", "iod", "--out", "-"),
         *("--norad", "36097", "--cospar", "2009-064A", "--station", "1234", "--sky", "E"),
     )
     assert run.returncode == 0
     lines = run.stdout.splitlines()
-    assert len(lines) == 19
+    assert len(lines) == 27
     assert {parse_iod(line).norad_id for line in lines} == {36097}
     assert "simulated" in run.stderr
 
@@ -90,7 +90,7 @@ def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
     ],
 )
 def test_wrong_usage_is_told_from_what_cannot_be_done(arguments, says):
-    run = run_here("export", SCHEMA_1, *arguments)
+    run = run_here("export", SAMPLE, *arguments)
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stdout == ""
@@ -104,7 +104,7 @@ def test_a_folder_that_is_made_is_named(session: Path, tmp_path: Path):
 
 
 def test_what_cannot_be_done_is_one_line():
-    run = run_here("export", SCHEMA_1, "--format", "iod", "--out", "-", "--track", "3")
+    run = run_here("export", SAMPLE, "--format", "iod", "--out", "-", "--track", "3")
     assert run.returncode == 1
     assert run.stderr.count("\n") == 1
     assert "no track 3; it has 1" in run.stderr
@@ -114,24 +114,24 @@ def test_a_file_that_is_there_is_left_alone_unless_forced(tmp_path: Path):
     path = tmp_path / "x.csv"
     path.write_text("mine")
     with pytest.raises(ExportError, match="--force"):
-        export(SCHEMA_1, "csv", path)
+        export(SAMPLE, "csv", path)
     assert path.read_text() == "mine"
-    export(SCHEMA_1, "csv", path, ExportOptions(is_forced=True))
-    assert len(read_csv(path)) == 19
+    export(SAMPLE, "csv", path, ExportOptions(is_forced=True))
+    assert len(read_csv(path)) == 28
     with pytest.raises(ExportError, match="is a folder"):
-        export(SCHEMA_1, "csv", tmp_path, ExportOptions(is_forced=True))
+        export(SAMPLE, "csv", tmp_path, ExportOptions(is_forced=True))
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="folder"):
-        export(SCHEMA_1, "regions", tmp_path / "file")
+        export(SAMPLE, "regions", tmp_path / "file")
 
 
 def test_frames_that_are_there_are_left_alone_too(tmp_path: Path):
     one = ExportOptions(frames=(9,))
-    export(SCHEMA_1, "regions", tmp_path, one)
+    export(SAMPLE, "regions", tmp_path, one)
     with pytest.raises(ExportError, match=r"000009\.reg is there already"):
-        export(SCHEMA_1, "regions", tmp_path)
+        export(SAMPLE, "regions", tmp_path)
     assert not (tmp_path / "000001.reg").exists()
-    assert len(export(SCHEMA_1, "regions", tmp_path, ExportOptions(is_forced=True)).files) == 22
+    assert len(export(SAMPLE, "regions", tmp_path, ExportOptions(is_forced=True)).files) == 35
 
 
 def test_a_full_disk_leaves_nothing_half(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -143,7 +143,7 @@ def test_a_full_disk_leaves_nothing_half(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ExportError, match=r"No space left on device.*--out"):
-        export(SCHEMA_1, "csv", path, ExportOptions(is_forced=True))
+        export(SAMPLE, "csv", path, ExportOptions(is_forced=True))
     assert path.read_text() == "the last one"
     assert [each.name for each in tmp_path.iterdir()] == ["x.csv"]
 
@@ -242,7 +242,7 @@ def _later(record, shift, by, replace):
 
 def test_what_is_no_session_and_what_is_no_format_is_refused(tmp_path: Path):
     with pytest.raises(ExportError, match="none of csv"):
-        export(SCHEMA_1, "html", tmp_path / "x")
+        export(SAMPLE, "html", tmp_path / "x")
     with pytest.raises(SessionError, match="does not exist"):
         export(tmp_path / "none", "csv")
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.cli.words.usage import UsageError
 from rsoconsole.errors import RsoconsoleError
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -119,7 +119,7 @@ def test_it_runs_on_the_sample_night(
         monkeypatch.setenv(f"XDG_{name}_HOME", str(tmp_path / name))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RSOCONSOLE_CONFIG", raising=False)
-    night = str(SCHEMA_1 if "what-if" in command else NIGHT)
+    night = str(SAMPLE if "what-if" in command else NIGHT)
     words = [night if word in {"NIGHT", "SESSION"} else word for word in words_of(command)]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, (done.output, done.exception)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.session.upkeep.verify import verify_session
 from tests.nights.made_up_night import begin
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented
 from tests.rigs.session_rig import cut_off, flip, make
 
@@ -49,7 +49,7 @@ def test_the_list_is_one_line_a_session_and_one_object_with_json(night: Path) ->
     broken, later, last = told("--root", root)
     assert set(broken) == set(later) == set(last)
     expect_documented("sessions", last)
-    assert (last["schema"], last["session_schema"], last["json_schema"]) == (4, 4, 1)
+    assert (last["schema"], last["session_schema"], last["json_schema"]) == (1, 1, 1)
     assert (later["state"], last["state"], broken["state"]) == ("cut off", "closed", "unreadable")
     assert last["session"] == str(night)
     assert last["t_first_utc"].endswith("Z")
@@ -68,7 +68,7 @@ def test_an_empty_place_is_said_and_is_no_failure(tmp_path: Path) -> None:
 
 
 def test_verify_ends_with_1_where_anything_is_damaged_and_looks_at_all(night: Path) -> None:
-    assert "sound, closed" in run("verify", night, SCHEMA_1).stdout
+    assert "sound, closed" in run("verify", night, SAMPLE).stdout
     shutil.copytree(night, night.parent / "bad")
     flip(night.parent / "bad" / "frames" / "000001.fits.fz")
     cut_off(night)

@@ -39,7 +39,7 @@ from rsoconsole.control import ControlClient, ControlServer, Found, Outcome, Req
 from rsoconsole.control.stop import StopNews
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.reasons import Cause, Missed, NotTaken, Unclassified, done
+from rsoconsole.reasons import ACCEPTED, DONE, Cause, CommandResult, Missed, NotTaken, done
 from rsoconsole.records import (
     Event,
     Miss,
@@ -49,7 +49,6 @@ from rsoconsole.records import (
     SlewCommand,
     StateChange,
 )
-from rsoconsole.session.reading.old_reasons import result
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.makers import NS, geo_measurement
@@ -227,7 +226,7 @@ def test_every_pane_lies_in_the_terminal_while_it_is_resized(wire: FakeWire) -> 
 
 def test_misses_in_a_row_are_one_line() -> None:
     log: list[LogLine] = []
-    cloud = Unclassified(words="cloud")
+    cloud = Missed(kind="nothing fits")
     records = [
         *(Miss(frame_id=n, reason=Missed(kind="no detection")) for n in range(1, 6)),
         Miss(frame_id=6, reason=cloud),
@@ -241,7 +240,7 @@ def test_misses_in_a_row_are_one_line() -> None:
         append_line(log, line)
     assert [(line.frame_id, line.text, line.times) for line in log] == [
         (5, "miss: no detection", 5),
-        (6, "COAST → LOST: cloud", 1),
+        (6, "COAST → LOST: nothing fits the prediction", 1),
     ]
 
 
@@ -260,8 +259,8 @@ def test_a_neighbour_that_is_not_taken_frame_after_frame_is_one_line() -> None:
     assert log[0].text == "not taken: NIS 328.9 above the gate 11.8"
 
 
-def _asked(outcome: str, verb: str = "goto", **arguments: Any) -> LogLine:
-    record = OperatorAction(verb=verb, arguments=arguments, outcome=result(outcome), by="console")
+def _asked(outcome: CommandResult, verb: str = "goto", **arguments: Any) -> LogLine:
+    record = OperatorAction(verb=verb, arguments=arguments, outcome=outcome, by="console")
     line = line_of(record, night.T0_UTC_NS)
     assert line is not None
     return line
@@ -269,20 +268,20 @@ def _asked(outcome: str, verb: str = "goto", **arguments: Any) -> LogLine:
 
 def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing() -> None:
     direction = {"ra_icrs_deg": 285.0, "dec_icrs_deg": -5.5}
-    plain = _asked("on its way", **direction, override=[])
+    plain = _asked(done("on its way"), **direction, override=[])
     assert plain.text == "console: go to α 19:00:00.0 δ -05:30:00: on its way"
-    lifted = _asked("on its way", **direction, override=["sun", "wall"])
+    lifted = _asked(done("on its way"), **direction, override=["sun", "wall"])
     assert lifted.text.endswith("δ -05:30:00, overriding sun, wall: on its way")
-    assert _asked("done", "hold", override=[]).text == "console: hold"
-    assert _asked("done", "hold", until="clear").text == "console: hold until it clears"
-    assert _asked("done", "set", name="detector.tau", value=0).text == "console: detector.tau 0"
-    lent = _asked("done", "set", name="detector.tau", value=0.05, frames=5)
+    assert _asked(DONE, "hold", override=[]).text == "console: hold"
+    assert _asked(DONE, "hold", until="clear").text == "console: hold until it clears"
+    assert _asked(DONE, "set", name="detector.tau", value=0).text == "console: detector.tau 0"
+    lent = _asked(DONE, "set", name="detector.tau", value=0.05, frames=5)
     assert lent.text == "console: detector.tau 0.05 for 5 frames"
-    nudged = _asked("on its way", "nudge", east_arcmin=-0.029663, north_arcmin=-0.99956)
+    nudged = _asked(done("on its way"), "nudge", east_arcmin=-0.029663, north_arcmin=-0.99956)
     assert nudged.text == "console: nudge 1′ south: on its way"
-    assert _asked("done", "nudge", east_arcmin=0.0).text == "console: nudge, east_arcmin 0.0"
+    assert _asked(DONE, "nudge", east_arcmin=0.0).text == "console: nudge, east_arcmin 0.0"
     log: list[LogLine] = []
-    for line in (_asked("accepted", **direction), _asked("accepted", "hold"), plain):
+    for line in (_asked(ACCEPTED, **direction), _asked(ACCEPTED, "hold"), plain):
         append_line(log, line)
     assert [line.text for line in log] == ["console: hold: accepted", plain.text]
 
@@ -304,7 +303,9 @@ def test_nothing_that_is_written_in_the_log_reaches_the_terminal_as_a_command() 
 
 
 def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:
-    line = _asked("refused: the way there passes the Sun at 11 degrees", ra_icrs_deg=1.0)
+    line = _asked(
+        CommandResult.refused("the way there passes the Sun at 11 degrees"), ra_icrs_deg=1.0
+    )
     for width in (30, 39, 79):
         rows = log_rows(line, width)
         assert all(len(row) <= width for row in rows)
@@ -952,7 +953,10 @@ def test_a_new_engine_brings_its_new_session(wire: FakeWire, tmp_path: Path) -> 
     second = night.begin(tmp_path / "second")
     second.append(
         StateChange(
-            frame_id=0, before="IDLE", after="SEARCH", reason=Unclassified(words="the second night")
+            frame_id=0,
+            before="IDLE",
+            after="SEARCH",
+            reason=Cause(kind="instrument", detail="the second night"),
         ),
         night.t_of(100),
     )

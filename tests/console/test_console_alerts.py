@@ -12,7 +12,7 @@ from rsoconsole.console.night.alerts import alerts_between, notification
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.night.log_lines import line_of
 from rsoconsole.console.night.night_view import NightView
-from rsoconsole.reasons import Cause, Unclassified
+from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights import made_up_night as night
@@ -130,9 +130,9 @@ def test_the_seat_rings_for_a_loss_where_that_is_wanted(
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         assert rung == []
-        change = StateChange(
-            frame_id=FRAMES, before="TRACK", after="LOST", reason=Unclassified(words="coasted")
-        )
+        missed = Missed(kind="no detection", lost=TrackLost.by_time(900.0))
+        coasted = Cause(kind="missed", missed=missed)
+        change = StateChange(frame_id=FRAMES, before="TRACK", after="LOST", reason=coasted)
         writer.append(change, night.t_of(FRAMES))
         assert writer.flush()
         await until(pilot, lambda: app.live.night.state == "LOST")

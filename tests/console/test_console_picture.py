@@ -18,7 +18,7 @@ from rsoconsole.console.picture.picture import (
     light_of,
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import pixel_to_sky
@@ -200,11 +200,9 @@ def test_the_outline_is_drawn_where_it_is_larger_than_a_cell():
 
 
 def test_rejected_candidates_are_pointed_at_only_from_near():
-    no = Rejection(
-        detection=straight_detection(confidence=0.07), reason=Unclassified(words="too wide")
-    )
+    no = Rejection(detection=straight_detection(confidence=0.07), reason=NotAStreak(kind="no line"))
     never = Rejection(
-        detection=straight_detection(confidence=0.001), reason=Unclassified(words="too wide")
+        detection=straight_detection(confidence=0.001), reason=NotAStreak(kind="no line")
     )
     found = Detections(
         frame_id=1, width_px=WIDE, height_px=HIGH, detections=(), rejected=(no, never)

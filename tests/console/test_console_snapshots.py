@@ -13,7 +13,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
 from rsoconsole.control import Outcome
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import StateChange
 from tests.nights import eight_tracks, orbit_night
 from tests.nights import made_up_night as night
@@ -31,6 +31,10 @@ AIM = {
     "reason": "orbit, 8 of 8 in the field",
     "moves_arcmin": 7.5,
 }
+WIDE = Cause(
+    kind="missed",
+    missed=Missed(kind="no detection", lost=TrackLost.by_bounds(40.0, fits_field=True)),
+)
 Act = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
 
 
@@ -45,7 +49,7 @@ def told(folder: Path, frames: int, *, after: str = "") -> Path:
             frame_id=frames,
             before="COAST",
             after=after,
-            reason=Unclassified(words="3 sigma of 40′"),
+            reason=WIDE,
         )
         writer.append(change, night.t_of(frames))
     writer.close()

@@ -12,9 +12,8 @@ from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
 from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.night.ahead import OrbitAhead, ahead_of_record, orbit_ahead
+from rsoconsole.console.night.ahead import OrbitAhead, orbit_ahead
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night import Night
 from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.orbit.lines import orbit_lines, target_words
 from rsoconsole.console.orbit.orbit_view import OrbitShown, orbit_shown
@@ -27,7 +26,6 @@ from rsoconsole.console.watches.outlook_watch import OutlookWatch
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
 from rsoconsole.records import FollowedAgain
-from rsoconsole.session.reading.reader import SessionReader
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.nights import orbit_night
@@ -41,7 +39,6 @@ from tests.nights.orbit_night import (
     state,
     to,
 )
-from tests.nights.samples import SCHEMA_1
 from tests.rigs.review_rig import frame_shown, play_review, press
 from tests.rigs.seat_rig import FakeWire, pane, play, until
 
@@ -79,7 +76,6 @@ OUTLOOK = OrbitOutlook(
 )
 AHEAD = OrbitAhead(
     folder=None,
-    seq=0,
     estimate=estimate_of(20),
     from_utc_ns=NOW,
     outlook=OUTLOOK,
@@ -274,27 +270,6 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
     assert said(shown).startswith("─ last orbit 02:15:50 · ")
     assert "aims by" not in said(shown)
     assert target_words(shown) == ("", "")
-
-
-def test_an_old_session_has_its_orbit_computed_from_its_measurements() -> None:
-    reader = SessionReader(SCHEMA_1)
-    found = Night(SCHEMA_1, reader.about(), reader.config())
-    for seq, t, record in reader.records():
-        found.take(t, record, seq)
-        if len([row for row in found.view().rows if row.is_followed]) >= 12:
-            break
-    view = found.view()
-    assert view.last_utc_ns is not None
-    ahead = ahead_of_record(view, view.last_utc_ns)
-    assert ahead is not None
-    assert ahead.is_computed
-    shown = orbit_shown(view, EngineView(reach="recorded"), ahead)
-    assert shown.estimate is not None
-    # INTELSAT 14 stands in a slot: its axis is that of one sidereal day, to 100 km.
-    assert abs(shown.estimate.a_km - 42_165.0) < 100.0
-    assert "orbit, computed now" in said(shown)
-    earlier = replace(view, seq=view.seq - 5)
-    assert orbit_shown(earlier, EngineView(reach="recorded"), ahead).estimate is None
 
 
 def test_where_it_leads_agrees_with_the_orbit_itself() -> None:

@@ -96,7 +96,7 @@ def test_a_ruling_changes_an_earlier_frame_only_from_its_own_moment_on(
     assert row(seq - 1).is_followed
     assert row(seq - 1).miss is None
     assert not row(end).is_followed
-    assert row(end).miss == "rejected by the operator"
+    assert row(end).miss == "nothing fits the prediction"
     assert row(seq - 1).is_followed  # and going back takes it back
 
 

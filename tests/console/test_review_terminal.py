@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.console.run import run_review
 from rsoconsole.errors import SessionError
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import EVERY_S, Terminal
 
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "review"]
@@ -42,17 +42,17 @@ def shown_after(terminal: Terminal, keys: str, *words: str) -> None:
 
 
 def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SCHEMA_1)], home, (120, 40)) as seat:
-        wait_for(lambda: seat.shows("frame 1 of 22", "frame 0001 · 10 s", "space Play"), "a screen")
+    with Terminal([*COMMAND, str(SAMPLE)], home, (120, 40)) as seat:
+        wait_for(lambda: seat.shows("frame 1 of 36", "frame 0001 · 10 s", "space Play"), "a screen")
         shown_after(seat, "]]]", "×300")
-        shown_after(seat, " ", "space Pause", "frame 0022 · 10 s", "space Play")
+        shown_after(seat, " ", "space Pause", "frame 0036 · 10 s", "space Play")
         shown_after(seat, "\x1b[H", "frame 0001")  # home
-        shown_after(seat, "E", "events: ○ miss (1 in the night)")
-        shown_after(seat, ">", "frame 0018 · 10 s", "COAST")
+        shown_after(seat, "E", "events: ○ miss (9 in the night)")
+        shown_after(seat, ">", "frame 0011 · 10 s", "COAST")
         shown_after(seat, "K", "A is kept")
-        shown_after(seat, ".", "frame 0019 · 10 s")
-        shown_after(seat, "K", "compare A with B", "0018", "0019", "between")
-        shown_after(seat, "B", "frame 0018 · 10 s")
+        shown_after(seat, ".", "frame 0012 · 10 s")
+        shown_after(seat, "K", "compare A with B", "0011", "0012", "between")
+        shown_after(seat, "B", "frame 0011 · 10 s")
         shown_after(seat, "g", "go to a moment")
         shown_after(seat, "05:35\r", "frame 0010 · 10 s")
         seat.press("q")
@@ -62,21 +62,21 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
 
 @pytest.mark.nightly("drives a terminal")
 def test_it_begins_where_it_is_told_to(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "05:36"], home, (80, 24)) as seat:
-        wait_for(lambda: seat.shows("frame 12 of 22"), "the frame of that time")
+    with Terminal([*COMMAND, str(SAMPLE), "--at", "05:36"], home, (80, 24)) as seat:
+        wait_for(lambda: seat.shows("frame 12 of 36"), "the frame of that time")
 
 
 def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
     def state() -> dict[str, tuple[int, int]]:
         return {
             str(path): (path.stat().st_mtime_ns, path.stat().st_size)
-            for path in sorted(SCHEMA_1.rglob("*"))
+            for path in sorted(SAMPLE.rglob("*"))
             if path.is_file()
         }
 
     before = state()
-    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "5"], home, (120, 40)) as seat:
-        wait_for(lambda: seat.shows("frame 5 of 22"), "a screen")
+    with Terminal([*COMMAND, str(SAMPLE), "--at", "5"], home, (120, 40)) as seat:
+        wait_for(lambda: seat.shows("frame 5 of 36"), "a screen")
         seat.press("t")
         wait_for(lambda: seat.shows("frames to here"), "the tuning pane")
         seat.press("\x1b[C\r")
@@ -92,7 +92,7 @@ def run(home: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[st
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([str(SCHEMA_1)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
+        ([str(SAMPLE)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
         pytest.param(
             ["no-such-night"],
             1,
@@ -116,7 +116,7 @@ def test_what_cannot_be_is_said_in_one_line(
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([str(SCHEMA_1), "--at", "soon"], 2, "no frame and no UTC"),
+        ([str(SAMPLE), "--at", "soon"], 2, "no frame and no UTC"),
         (["--help"], 0, "Example: rsoconsole review"),
     ],
     ids=["no moment", "help"],

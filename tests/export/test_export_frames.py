@@ -21,7 +21,7 @@ from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
 from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
 from tests.nights.export_nights import HEIGHT_PX, NS, T0, WIDTH_PX, plate, taken, written_night
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 KEPT = {3: np.uint16, 5: np.uint16, 6: np.float32}
 WRONG_PLATE = {
@@ -144,9 +144,9 @@ def test_the_streaks_stand_in_a_table_behind_the_image(session: Path, exported: 
 
 
 def test_the_sample_is_exported_with_its_streak_on_its_pixels(tmp_path: Path):
-    made = export(SCHEMA_1, "fits", tmp_path / "out")
-    (path,) = made.files
-    with fits.open(path) as ours, fits.open(SCHEMA_1 / "frames" / "000009.fits.fz") as theirs:
+    made = export(SAMPLE, "fits", tmp_path / "out")
+    path, _ = made.files
+    with fits.open(path) as ours, fits.open(SAMPLE / "frames" / "000009.fits.fz") as theirs:
         assert np.array_equal(ours[1].data, theirs[1].data)
         streak = ours["STREAKS"].data[0]
         x, y = WCS(ours[1].header).all_world2pix(streak["RA_ICRS"], streak["DEC_ICRS"], 0)

@@ -24,7 +24,7 @@ from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.nights.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "iod"
 ANSWERED_BOTH_WAYS = {
@@ -180,7 +180,7 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
     ],
 )
 def test_small_and_large_declinations_keep_their_sign(dec_deg, written):
-    row = replace(read_night(SCHEMA_1).rows[0], dec_icrs_deg=dec_deg)
+    row = replace(read_night(SAMPLE).rows[0], dec_icrs_deg=dec_deg)
     line = to_iod(night_of([row]), (1,), target=Target())
     assert line[54:61] == written
 
@@ -190,7 +190,7 @@ def test_small_and_large_declinations_keep_their_sign(dec_deg, written):
     [(359.9999, "0000000"), (359.9998, "2359999"), (0.0, "0000000"), (14.99999, "0100000")],
 )
 def test_right_ascension_goes_round_and_no_minute_is_60(ra_deg, written):
-    row = replace(read_night(SCHEMA_1).rows[0], ra_icrs_deg=ra_deg)
+    row = replace(read_night(SAMPLE).rows[0], ra_icrs_deg=ra_deg)
     assert to_iod(night_of([row]), (1,), target=Target())[47:54] == written
 
 
@@ -206,7 +206,7 @@ def test_right_ascension_goes_round_and_no_minute_is_60(ra_deg, written):
     ],
 )
 def test_seconds_are_rounded_as_time_goes(iso, written):
-    row = replace(read_night(SCHEMA_1).rows[0], t_mid_utc_ns=iso_to_utc_ns(iso))
+    row = replace(read_night(SAMPLE).rows[0], t_mid_utc_ns=iso_to_utc_ns(iso))
     assert to_iod(night_of([row]), (1,), target=Target())[23:40] == written
 
 
@@ -242,7 +242,7 @@ def test_uncertainties_beyond_the_field_are_its_ends(value, text):
 
 
 def test_the_position_is_as_sure_as_in_its_worst_direction():
-    row = read_night(SCHEMA_1).rows[0]
+    row = read_night(SAMPLE).rows[0]
     along = replace(row, sigma_ra_arcsec=10.0, sigma_dec_arcsec=10.0, correlation=0.99)
     # The rounding adds 0.26 arcsec times cos Dec and 0.17; of 14 it makes nothing.
     assert position_sigma_arcsec(along) == pytest.approx(10.0 * math.sqrt(1.99), rel=1e-3)
@@ -252,7 +252,7 @@ def test_the_position_is_as_sure_as_in_its_worst_direction():
 
 def test_the_shutters_error_is_read_back_once(tmp_path: Path):
     """A low satellite, 3,000 arcsec/s to the east: 15 ms of shutter are 45 arcsec of its place."""
-    night = read_night(SCHEMA_1)
+    night = read_night(SAMPLE)
     begin = night.rows[0]
     rate, own, shutter_s, exposure_s = 3000.0, 2.0, 0.015, 0.2
     rows = []
@@ -290,21 +290,21 @@ def test_the_shutters_error_is_read_back_once(tmp_path: Path):
 
 
 def test_the_clocks_offset_is_part_of_the_times_error():
-    rows = read_night(SCHEMA_1).rows[:1]
+    rows = read_night(SAMPLE).rows[:1]
     assert to_iod(night_of(rows), (1,), target=Target())[41:43] == "26"
     late = to_iod(night_of(rows, clock_offset_s=-0.3), (1,), target=Target())
     assert late[41:43] == "37"
 
 
 def test_names_of_known_and_of_unknown_objects(tmp_path: Path):
-    text, made = render(SCHEMA_1, "iod", ExportOptions())
+    text, made = render(SAMPLE, "iod", ExportOptions())
     assert text.startswith("99901 23 999A   9999   ")
     known = ExportOptions(
         target=Target(norad_id=36097, cospar="2009-064A"), station="TRU7", sky="G"
     )
-    text, _ = render(SCHEMA_1, "iod", known)
+    text, _ = render(SAMPLE, "iod", known)
     assert all(line.startswith("36097 09 064A   TRU7 G ") for line in text.splitlines())
-    assert made.measurements == len(text.splitlines()) == 19
+    assert made.measurements == len(text.splitlines()) == 27
     path = tmp_path / "night.iod"
     path.write_text(text)
     assert {each.cospar for each in read_iod(path)} == {"2009-064A"}
@@ -322,7 +322,7 @@ def test_names_of_known_and_of_unknown_objects(tmp_path: Path):
 )
 def test_what_cannot_be_written_is_refused(options, says):
     with pytest.raises(ExportError, match=says):
-        render(SCHEMA_1, "iod", ExportOptions(**options))
+        render(SAMPLE, "iod", ExportOptions(**options))
 
 
 @pytest.mark.parametrize(

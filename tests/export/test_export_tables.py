@@ -24,7 +24,7 @@ from tests.nights.export_nights import (
     measurement,
     night_of,
 )
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.pipeline.test_rulings import CONFIG, night, say
 
 READERS = {"csv": read_csv, "jsonl": read_jsonl, "ecsv": lambda path: read_ecsv(path)[0]}
@@ -85,7 +85,7 @@ def test_the_first_measurement_of_a_track_is_its_own_though_no_state_speaks_of_i
 
 @pytest.mark.parametrize("kind", READERS)
 def test_a_session_comes_back_as_it_was(kind, session: Path, scratch: Path):
-    for source in (session, SCHEMA_1):
+    for source in (session, SAMPLE):
         path = scratch / f"{source.name}.{kind}"
         made = export(source, kind, path)
         rows = read_night(source).rows

@@ -28,7 +28,7 @@ from rsoconsole.records import Site
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.nights.export_nights import NS, closed_night, night_of, read_tdm, taken_rows
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "formats" / "tdm"
 HALF_A_STEP_DEG = 0.51e-9
@@ -86,7 +86,7 @@ def instant(day: str, clock: list[float]) -> int:
 
 @pytest.mark.parametrize("source", ["sample", "across-0h"])
 def test_orekit_reads_the_same_angles_at_the_same_epochs(source, orekit: Judge, tmp_path: Path):
-    session = SCHEMA_1 if source == "sample" else closed_night(tmp_path / source)
+    session = SAMPLE if source == "sample" else closed_night(tmp_path / source)
     path = tmp_path / "night.tdm"
     made = export(session, "tdm", path)
     verdict = orekit(path)
@@ -178,7 +178,7 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
 
 
 def test_edges_are_written_so_that_orekit_reads_them(orekit: Judge, tmp_path: Path):
-    base = read_night(SCHEMA_1).of_track(1)[:4]
+    base = read_night(SAMPLE).of_track(1)[:4]
     edges = [(359.9999999999, -0.5 / 60), (1e-12, 90.0), (0.0, -90.0), (180.0, -1e-13)]
     leap = iso_to_utc_ns("2017-01-01T00:00:00Z")
     instants = [leap - NS, leap - 400_000, leap, leap + 1]
@@ -274,9 +274,9 @@ def test_who_and_what_are_named(tmp_path: Path):
 
 
 def test_a_title_of_two_lines_stays_a_comment():
-    night = replace(night_of(read_night(SCHEMA_1).rows), title="a\nANGLE_1 = 1\nµ")
+    night = replace(night_of(read_night(SAMPLE).rows), title="a\nANGLE_1 = 1\nµ")
     message = parse_tdm(to_tdm(night, (1,), target=Target(), created_utc_ns=CREATED))
-    assert len(message.segments[0].angles) == 19
+    assert len(message.segments[0].angles) == 27
 
 
 def test_aberration_is_what_the_almanac_says():

@@ -19,7 +19,7 @@ from rsoconsole.pipeline.orbits.sightings_of import read_observed
 from rsoconsole.records import Site
 from rsoconsole.sky.equinox import chart_to_icrs
 from rsoconsole.sky.times import iso_to_utc_ns
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 IOD, OBSERVED = DATA / "formats" / "iod", DATA / "observations"
@@ -48,9 +48,9 @@ def printed(*words: object) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["tdm", "tdm-xml", "iod", "udl", "ecsv", "csv", "jsonl"])
 def test_each_export_is_read_back_as_the_sessions_own_directions(kind: Any, tmp_path: Path) -> None:
-    (own,) = read_observed(SCHEMA_1)
+    (own,) = read_observed(SAMPLE)
     path = tmp_path / f"night.{kind}"
-    text, _ = render(SCHEMA_1, kind, ExportOptions(site_line=True))
+    text, _ = render(SAMPLE, kind, ExportOptions(site_line=True))
     path.write_text(text)
     ask = ReadAs(site=own.site) if kind in {"csv", "jsonl"} else ReadAs()
     ((read,),) = read_observations(path, ask)
@@ -69,16 +69,16 @@ def test_each_export_is_read_back_as_the_sessions_own_directions(kind: Any, tmp_
 
 def test_orbit_of_an_export_is_the_orbit_of_the_session(tmp_path: Path) -> None:
     path = tmp_path / "night.xml"
-    text, _ = render(SCHEMA_1, "tdm-xml", ExportOptions())
+    text, _ = render(SAMPLE, "tdm-xml", ExportOptions())
     path.write_text(text)
-    own, read = printed("orbit", SCHEMA_1, "--json"), printed("orbit", path, "--json")
+    own, read = printed("orbit", SAMPLE, "--json"), printed("orbit", path, "--json")
     assert read["label"] == own["label"]
     assert read["a_km"] == pytest.approx(own["a_km"], abs=0.1 * own["sigma_a_km"])
     assert (read["frame"], read["tle_frame"]) == ("GCRS", "TEME")
 
 
 def test_both_forms_of_a_message_say_the_same() -> None:
-    forms = [render(SCHEMA_1, kind, ExportOptions())[0] for kind in ("tdm", "tdm-xml")]
+    forms = [render(SAMPLE, kind, ExportOptions())[0] for kind in ("tdm", "tdm-xml")]
     line, xml = (parse_tdm(each) for each in forms)
     assert line.segments == xml.segments
     assert line.header.keys() == xml.header.keys()
@@ -87,9 +87,9 @@ def test_both_forms_of_a_message_say_the_same() -> None:
 
 def test_ccsds_ndm_reads_both_forms(tmp_path: Path) -> None:
     ndm_io = pytest.importorskip("ccsds_ndm.ndm_io", reason="pip install ccsds-ndm")
-    rows = read_night(SCHEMA_1).of_track(1)
+    rows = read_night(SAMPLE).of_track(1)
     for kind in ("tdm", "tdm-xml"):
-        text, _ = render(SCHEMA_1, kind, ExportOptions(target=Target(norad_id=100_001)))
+        text, _ = render(SAMPLE, kind, ExportOptions(target=Target(norad_id=100_001)))
         path = tmp_path / kind
         path.write_text(text)
         (segment,) = ndm_io.NdmIo().from_path(path).body.segment
@@ -111,7 +111,7 @@ def test_ccsds_ndm_reads_both_forms(tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_xml_is_one_sentence(old: str, new: str, words: str) -> None:
-    text, _ = render(SCHEMA_1, "tdm-xml", ExportOptions())
+    text, _ = render(SAMPLE, "tdm-xml", ExportOptions())
     with pytest.raises(ExportError, match=words) as refused:
         parse_tdm(text.replace(old, new))
     assert "\n" not in str(refused.value)
@@ -120,11 +120,11 @@ def test_a_damaged_xml_is_one_sentence(old: str, new: str, words: str) -> None:
 def test_udl_records_have_the_interfaces_names_units_and_words(tmp_path: Path) -> None:
     """Names as in the UDL's published schema of EOObservation; read by pandas."""
     path = tmp_path / "udl.json"
-    text, _ = render(SCHEMA_1, "udl", ExportOptions(target=Target(norad_id=100_001)))
+    text, _ = render(SAMPLE, "udl", ExportOptions(target=Target(norad_id=100_001)))
     path.write_text(text)
     table = pandas.read_json(path)
-    rows = read_night(SCHEMA_1).of_track(1)
-    site = read_night(SCHEMA_1).config.site
+    rows = read_night(SAMPLE).of_track(1)
+    site = read_night(SAMPLE).config.site
     assert set(table["dataMode"]) == {"SIMULATED"}
     assert set(table["classificationMarking"]) == {"U"}
     assert set(table["satNo"]) == {100_001}
@@ -138,23 +138,23 @@ def test_udl_records_have_the_interfaces_names_units_and_words(tmp_path: Path) -
     assert math.sqrt(details["raCov"]) == pytest.approx(table["raUnc"][0])
     times = pandas.to_datetime(table["obTime"], utc=True)
     assert times.diff().min() > pandas.Timedelta(0)
-    unknown, _ = render(SCHEMA_1, "udl", ExportOptions())
+    unknown, _ = render(SAMPLE, "udl", ExportOptions())
     assert all(each["uct"] and "satNo" not in each for each in json.loads(unknown))
 
 
 def test_catalogue_numbers_beyond_five_digits_go_where_there_is_room() -> None:
     known = ExportOptions(target=Target(norad_id=100_001))
-    text, _ = render(SCHEMA_1, "tdm", known)
+    text, _ = render(SAMPLE, "tdm", known)
     assert "PARTICIPANT_2 = 100001" in text
     with pytest.raises(ExportError, match="five columns"):
-        render(SCHEMA_1, "iod", known)
+        render(SAMPLE, "iod", known)
 
 
 def test_times_have_the_digits_that_the_record_has() -> None:
-    text, _ = render(SCHEMA_1, "tdm", ExportOptions())
+    text, _ = render(SAMPLE, "tdm", ExportOptions())
     (segment,) = parse_tdm(text).segments
     assert [each.t_utc_ns for each in segment.angles] == [
-        row.t_mid_utc_ns for row in read_night(SCHEMA_1).of_track(1)
+        row.t_mid_utc_ns for row in read_night(SAMPLE).of_track(1)
     ]
     epochs = [line.split()[2] for line in text.splitlines() if line.startswith("ANGLE_1")]
     assert all(len(each.partition(".")[2]) == 3 or each[-1] != "0" for each in epochs)
@@ -163,14 +163,14 @@ def test_times_have_the_digits_that_the_record_has() -> None:
 
 def test_an_iod_file_begins_with_the_station_and_its_place(tmp_path: Path) -> None:
     path = tmp_path / "night.iod"
-    words = ("export", SCHEMA_1, "--format", "iod", "--station", "4171", "--out", path)
+    words = ("export", SAMPLE, "--format", "iod", "--station", "4171", "--out", path)
     printed(*words, "--json")
     first, second, *_ = path.read_text().splitlines()
     assert first.startswith("# 4171 ")
     assert second[16:20] == "4171"
     ((read,),) = read_observations(path, ReadAs())
     assert read.site.latitude_deg == pytest.approx(
-        read_night(SCHEMA_1).config.site.latitude_deg, abs=1e-5
+        read_night(SAMPLE).config.site.latitude_deg, abs=1e-5
     )
 
 
@@ -352,7 +352,7 @@ def test_old_star_charts_are_turned_to_icrs() -> None:
 
 def test_cospar_and_long_numbers_go_into_elements(tmp_path: Path) -> None:
     out = tmp_path / "o.tle"
-    words = ("orbit", SCHEMA_1, "--cospar", "2009-064A", "--norad", "100001")
+    words = ("orbit", SAMPLE, "--cospar", "2009-064A", "--norad", "100001")
     printed(*words, "--out", out, "--json")
     line = out.read_text().splitlines()[1]
     assert (line[2:7], line[9:17].strip()) == ("A0001", "09064A")
@@ -361,7 +361,7 @@ def test_cospar_and_long_numbers_go_into_elements(tmp_path: Path) -> None:
     (told,) = json.loads(out.read_text())
     assert (told["OBJECT_ID"], told["NORAD_CAT_ID"]) == ("2009-064A", 100_001)
     for option, wrong in (("--cospar", "09-64A"), ("--site", "47"), ("--site", "91,0,0")):
-        assert CliRunner().invoke(app, ["orbit", str(SCHEMA_1), option, wrong]).exit_code == 2
+        assert CliRunner().invoke(app, ["orbit", str(SAMPLE), option, wrong]).exit_code == 2
 
 
 def test_degrees_that_look_like_radians_are_taken_where_somebody_says_so(tmp_path: Path) -> None:
@@ -400,7 +400,7 @@ def test_elements_are_read_by_ccsds_ndm_and_skyfield(tmp_path: Path) -> None:
 
     for ending in ("kvn", "xml", "json"):
         out = tmp_path / f"o.{ending}"
-        words = ("orbit", SCHEMA_1, "--cospar", "2009-064A", "--norad", "100001")
+        words = ("orbit", SAMPLE, "--cospar", "2009-064A", "--norad", "100001")
         printed(*words, "--out", out, "--json")
         if ending == "json":
             row = {key: str(value) for key, value in json.loads(out.read_text())[0].items()}

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from rsoconsole.reasons import DONE, CommandResult, Unclassified, done
+from rsoconsole.reasons import DONE, Cause, CommandResult, Missed, NotTaken, TrackLost, done
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -20,6 +20,11 @@ from tests.nights import made_up_night as night
 
 MISSES, REFUSALS, NOTES, CHANGES, RULINGS, LOSSES, ALARMS = 17, 51, 73, 90, 40, 205, 333
 """One of each, so many frames apart; a refusal is a miss too."""
+
+WIDE = Cause(
+    kind="missed",
+    missed=Missed(kind="no detection", lost=TrackLost.by_bounds(40.0, fits_field=True)),
+)
 
 
 def missed_in(frames: Iterable[int]) -> list[int]:
@@ -58,7 +63,7 @@ def _refusal(writer: SessionWriter, n: int) -> None:
         refused = NotFollowed(
             frame_id=n,
             measurement=seen,
-            reason=Unclassified(words="NIS 31 above the gate"),
+            reason=NotTaken.by_gate(31.0, 11.83),
             nis=31.0,
         )
         writer.append(refused, night.t_of(n))
@@ -99,9 +104,7 @@ def _decision(writer: SessionWriter, n: int) -> None:
         writer.append(FollowedAgain(frame_id=again), ns)
         writer.append(night.state_of(again, ra, dec, "predicted"), ns)
         if again == ruled:
-            writer.append(
-                Miss(frame_id=again, reason=Unclassified(words="rejected by the operator")), ns
-            )
+            writer.append(Miss(frame_id=again, reason=Missed(kind="nothing fits")), ns)
         else:
             named = geo_measurement(again, cadence_s=night.CADENCE_S).measurement_id
             writer.append(night.state_of(again, ra, dec, "updated", named), ns)
@@ -116,7 +119,7 @@ def _loss(writer: SessionWriter, n: int) -> None:
                 frame_id=n,
                 before=before,
                 after=after,
-                reason=Unclassified(words="3 sigma of 40\u2032"),
+                reason=WIDE,
             )  # type: ignore[arg-type]
             writer.append(change, ns)
             ns += 60 * 10**9 // 10

@@ -32,6 +32,7 @@ def leap_of(n: int, **others) -> LeapDone:
         "open_s": 0.25,
         "readout_s": 0.0,
         "wait_s": 0.25,
+        "subframe": 1.0,
     }
     return LeapDone(**{**fields, **others})
 

@@ -9,7 +9,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.console.night.night import Night
 from rsoconsole.orbits.motion.point_mass import MU_EARTH_KM3_S2
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Cause
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate, StateChange
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights import made_up_night as night
@@ -125,7 +125,9 @@ def state(n: int, kind: str = "updated", track_id: int = 1) -> Any:
 
 def to(n: int, before: Any, after: Any) -> StateChange:
     """The loop passes from one state to another."""
-    return StateChange(frame_id=n, before=before, after=after, reason=Unclassified(words="so"))
+    return StateChange(
+        frame_id=n, before=before, after=after, reason=Cause(kind="operator's word", detail="so")
+    )
 
 
 FOLLOWED = (state(4, "initial"), to(4, "ACQUIRE", "TRACK"), state(5), estimate_of(5))

@@ -8,15 +8,15 @@ import pytest
 
 from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.session.reading.reader import SessionReader
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 
 @pytest.fixture(scope="module")
 def records() -> list[Any]:
-    return [record for _, _, record in SessionReader(SCHEMA_1).records()]
+    return [record for _, _, record in SessionReader(SAMPLE).records()]
 
 
 @pytest.fixture(scope="module")
@@ -56,18 +56,19 @@ def test_what_a_person_could_see_makes_one(track: TrackState) -> None:
 
 
 def test_records_that_say_something_else_are_not_alike() -> None:
-    miss = Miss(frame_id=3, reason=Unclassified(words="no stars"))
+    missed = Missed(kind="no time")
+    miss = Miss(frame_id=3, reason=missed)
     change = StateChange(
-        frame_id=3, before="TRACK", after="COAST", reason=Unclassified(words="no stars")
+        frame_id=3, before="TRACK", after="COAST", reason=Cause(kind="missed", missed=missed)
     )
     assert are_alike((miss, change), (miss, change))
     assert not are_alike((miss, change), (change, miss))
     assert not are_alike((miss,), (miss, change))
-    assert not is_alike(miss, replace(miss, reason=Unclassified(words="no detection")))
+    assert not is_alike(miss, replace(miss, reason=Missed(kind="no detection")))
 
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:
-    config = SessionReader(SCHEMA_1).config()
+    config = SessionReader(SAMPLE).config()
     q = config.filter.q_arcsec2_s3 * 1.0001
     changes = list(replay(records, config, changes={"filter.q_arcsec2_s3": q}))
     assert not all(frame.is_alike for frame in changes)

@@ -31,7 +31,7 @@ from rsoconsole.records import Event
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.reading.reader import SessionReader
 from tests.cli.test_cli_frames import objects, rsoconsole
-from tests.nights.samples import SCHEMA_1, SESSIONS
+from tests.nights.samples import SAMPLE, SESSIONS
 
 HEIGHT, WIDTH = 480, 640
 NAMES = ("2023-06-22", "2023-06-23", "2023-06-24")
@@ -283,12 +283,15 @@ def test_nights_that_are_done_are_skipped_until_something_differs(nights, tmp_pa
 
 
 def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
-    """The shipped sample has kept its ninth frame: it stays the ninth."""
-    sample = SCHEMA_1
+    """The shipped sample has kept its frames 9 and 11: they stay the ninth and the eleventh."""
+    sample = SAMPLE
     (night,) = nights_in([sample], tmp_path, Config())
-    assert [(number, path.name) for number, path in night.frames] == [(9, "000009.fits.fz")]
+    assert [(number, path.name) for number, path in night.frames] == [
+        (9, "000009.fits.fz"),
+        (11, "000011.fits.fz"),
+    ]
     (outcome,) = process_nights([night], lambda _: SERIAL)
-    assert (outcome.frames, outcome.measurements) == (1, 1)
+    assert (outcome.frames, outcome.measurements) == (2, 2)
 
 
 @pytest.mark.slow("starts the program twice")

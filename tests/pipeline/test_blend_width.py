@@ -4,10 +4,8 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import Shown, _width_arcsec
 from rsoconsole.records import Detections, FrameTaken, Solution
-from rsoconsole.session.reading.old_defaults import with_old_defaults
 from rsoconsole.session.reading.reader import SessionReader
 from tests.nights.samples import SAMPLE
 
@@ -51,13 +49,6 @@ def shown(frame: Shown, star_px: float | None, streaks_px: list[float]) -> Shown
 )
 def test_the_narrower_of_stars_and_streaks_counts(frame, star_px, streaks_px, width_px):
     assert isinstance(frame.solution, Solution)
-    found = _width_arcsec(shown(frame, star_px, streaks_px), Config())
+    found = _width_arcsec(shown(frame, star_px, streaks_px))
     expected = None if width_px is None else width_px * frame.solution.scale_arcsec_px
     assert found == (expected if expected is None else pytest.approx(expected))
-
-
-def test_older_nights_go_by_the_stars(frame):
-    old = Config.model_validate(with_old_defaults({}))
-    assert isinstance(frame.solution, Solution)
-    found = _width_arcsec(shown(frame, 9.3, [7.4]), old)
-    assert found == pytest.approx(9.3 * frame.solution.scale_arcsec_px)

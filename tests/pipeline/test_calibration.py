@@ -23,7 +23,7 @@ from rsoconsole.records import Event, Frame
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.vision.frame.mosaic import evened
 from tests.drawn.uneven_camera import STREAK, UnevenCamera
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 SHAPE = HEIGHT, WIDTH = 120, 160
 OFFSET, SKY, SIGMA = 500.0, 1000.0, 20.0
@@ -361,7 +361,7 @@ def test_a_kept_frame_is_processed_again_with_the_masters(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ):
     """A dark that holds the frame's own light leaves nothing to be found."""
-    folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
+    folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
     recorded = recorded_frame(SessionReader(folder), 9)
     frame = read_pixels(recorded)
     dark = master(tmp_path / "dark.fits", frame.pixels, EXPTIME=frame.exposure_s)

@@ -7,9 +7,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.engine.aim.states import LimitMet
-from rsoconsole.errors import ConfigError, InstrumentError
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay.refold import ReplayedFrame, replay
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
@@ -18,7 +16,6 @@ from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
     Detection,
     Detections,
-    Frame,
     FrameTaken,
     Miss,
     NotFollowed,
@@ -26,141 +23,21 @@ from rsoconsole.records import (
     Rejection,
     StateChange,
     TrackState,
-    measurement_id_of,
 )
-from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.tracking.association.following import Following
 from tests.cli.test_demo import night
 from tests.makers import NS, geo_measurement, straight_detection
-from tests.rigs.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, solution_at
+from tests.nights import engine_nights
+from tests.nights.engine_nights import Night
+from tests.rigs.engine_rig import solution_at
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 """With it every frame orders a slew."""
-AN_ARCSEC = 1.0 / 3600.0
-CLOUDS = {9, 10}
-
-
-class BusyReducer(ScriptedReducer):
-    """Counts stars, sees a neighbour beside the satellite, and breaks where it is told to."""
-
-    breaks: frozenset[int] = frozenset()
-
-    def reduce(self, frame: Frame) -> Reduction:
-        if frame.frame_id in self.breaks:
-            raise InstrumentError("the reduction broke")
-        plain = super().reduce(frame)
-        measured = plain.measurements
-        beside = tuple(
-            dataclasses.replace(
-                m,
-                measurement_id=measurement_id_of(m.frame_id, 1),
-                ra_icrs_deg=m.ra_icrs_deg + 90.0 * AN_ARCSEC,
-                confidence=0.7,
-                cov_sky_arcsec2=(0.09, 0.01, 0.05),
-                ends_icrs_deg=tuple((ra + 90.0 * AN_ARCSEC, dec) for ra, dec in m.ends_icrs_deg),
-            )
-            for m in measured
-        )
-        # A little off its place in every frame: the innovations are not nothing.
-        shaken = tuple(
-            dataclasses.replace(m, dec_icrs_deg=m.dec_icrs_deg + frame.frame_id % 3 * AN_ARCSEC / 3)
-            for m in measured
-        )
-        is_cloudy = frame.frame_id in CLOUDS
-        detections = dataclasses.replace(
-            plain.detections,
-            detections=tuple(
-                straight_detection(frame_id=frame.frame_id) for _ in (*shaken, *beside)
-            ),
-            star_count=12 if is_cloudy else 200 + frame.frame_id,
-            star_flux_adu=1000.0 + frame.frame_id / 7.0,
-        )
-        return dataclasses.replace(plain, detections=detections, measurements=(*shaken, *beside))
-
-
-@dataclasses.dataclass
-class Night:
-    """What was recorded, what it began with, and what the engine followed after each cycle."""
-
-    records: list[Any]
-    followed: dict[int, Following]
-
-    def of(self, kind: type[Any]) -> list[Any]:
-        return [record for record in self.records if isinstance(record, kind)]
-
-
-def busy_rig(frames: set[int]) -> tuple[Rig, dict[int, Following]]:
-    r = rig(frames, CONFIG)
-    r.reducer.__class__ = BusyReducer
-    followed: dict[int, Following] = {}
-    r.engine.frames._on_cycle = lambda _: followed.__setitem__(
-        r.engine.frame_id, r.engine.following
-    )
-    return r, followed
-
-
-def at_frame(r: Rig, frame_id: int, act: Callable[[], object]) -> None:
-    """Do something while the camera reads out this frame."""
-    wait = r.camera.wait_frame
-
-    def acting(timeout_s: float) -> Frame:
-        frame = wait(timeout_s)
-        if frame.frame_id == frame_id:
-            act()
-        return frame
-
-    r.camera.wait_frame = acting  # type: ignore[method-assign]
-
-
-def refuse_one_slew(r: Rig) -> None:
-    slew = r.mount.slew
-
-    def fail_once(*_: float) -> None:
-        r.mount.slew = slew  # type: ignore[method-assign]
-        raise InstrumentError("the mount did not take the order")
-
-    r.mount.slew = fail_once  # type: ignore[method-assign]
 
 
 @pytest.fixture(scope="module")
 def busy_night() -> Night:
-    """Everything that may come between two frames, in one night of 60."""
-    r, followed = busy_rig(set(range(1, 61)) - {7, *CLOUDS, *range(48, 54)})
-    command_handler, engine = command_handler_of(r), r.engine
-    r.reducer.breaks = frozenset({13})
-    at_frame(r, 15, lambda: command_handler.handle(asked("hold")))
-    engine.arm()
-    engine.run(frames=11)  # lock, a miss, two frames of cloud
-    r.camera.broken_for = 1
-    engine.run(frames=16)  # a lost frame, one whose reduction breaks, one cut short by 'hold'
-    command_handler.handle(asked("resume"))
-    r.queue.put(asked("set", arguments={"name": "filter.r_multiplier", "value": 3.0}))
-    r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.2}))
-    engine.run(frames=20)
-    refuse_one_slew(r)
-    engine.run(frames=22)
-    away = {"ra_icrs_deg": r.mount.at_deg[0] + 5.0, "dec_icrs_deg": r.mount.at_deg[1]}
-    command_handler.handle(asked("goto", arguments=away))
-    engine.run(frames=24)
-    command_handler.handle(asked("nudge", arguments={"east_arcmin": 10.0, "north_arcmin": 0.0}))
-    engine.run(frames=26)
-    command_handler.handle(asked("resume"))
-    engine.run(frames=30)
-    r.queue.interrupt(LimitMet(words="altitude 14.9 deg, 15 at least"))
-    engine.run(frames=35)
-    command_handler.handle(asked("stop"))
-    r.queue.put(asked("arm"))
-    r.queue.put(asked("set", arguments={"name": "search.follow", "value": "nearest"}))
-    engine.run(frames=40)
-    r.camera.broken_for = 3
-    with pytest.raises(InstrumentError, match="FAULT"):
-        engine.run(frames=45)
-    r.queue.put(asked("arm"))
-    r.queue.put(asked("set", arguments={"name": "filter.max_coast_s", "value": 80.0}))
-    engine.run(frames=60)  # and lost, and found
-    # As a session would give them back.
-    return Night([decode(*encode(record)[::2]) for record in r.memory.records], followed)
+    return engine_nights.busy(CONFIG)
 
 
 @pytest.mark.slow("makes the night that its file replays")

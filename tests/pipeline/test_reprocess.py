@@ -20,15 +20,16 @@ from rsoconsole.pipeline.replay.reprocess import (
     read_pixels,
     recorded_frame,
 )
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
 from rsoconsole.session.files.kept_frames import compress_frame
 from rsoconsole.session.reading.reader import SessionReader
 from tests.makers import straight_detection
 from tests.nights import made_up_night as night
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 KEPT, LEFT_OUT = 9, 8
+NO_LINE = "no line fits the light in the box"
 A_HUNDREDTH_ARCSEC = 0.01 / 3600
 SIGMA_OF_MIDPOINT_ARCSEC = 0.8
 """On record for this frame's measurement, along the streak."""
@@ -36,7 +37,7 @@ SIGMA_OF_MIDPOINT_ARCSEC = 0.8
 
 @pytest.fixture(scope="module")
 def recorded() -> RecordedFrame:
-    return recorded_frame(SessionReader(SCHEMA_1), KEPT)
+    return recorded_frame(SessionReader(SAMPLE), KEPT)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def processor(recorded: RecordedFrame, frame: Frame):
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The sample, to be damaged."""
-    return Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
+    return Path(shutil.copytree(SAMPLE, tmp_path / "night"))
 
 
 # -- the pixels once more ----------------------------------------------------------------------
@@ -62,7 +63,7 @@ def copy(tmp_path: Path) -> Path:
 
 def test_the_recorded_settings_see_what_was_recorded(processor: Reprocessor):
     found = processor.run()
-    assert (found.tau, found.map_mode) == (0.1, "fast")
+    assert (found.tau, found.map_mode) == (0.75, "fast")
     assert [pair.is_as_recorded for pair in found.candidates] == [True]
     assert found.is_same_network is True
     (was,), (now,) = found.was.measurements, found.now.measurements
@@ -166,10 +167,10 @@ def test_nothing_is_written(copy: Path):
 
 
 def test_a_frame_that_was_not_kept_says_why():
-    recorded = recorded_frame(SessionReader(SCHEMA_1), LEFT_OUT)
+    recorded = recorded_frame(SessionReader(SAMPLE), LEFT_OUT)
     assert recorded.path is None
     assert recorded.seen.detections is not None
-    with pytest.raises(FrameError, match="frame 8 was not kept: left out of the sample"):
+    with pytest.raises(FrameError, match="frame 8 was not kept: pruned on 2023-06-23"):
         read_pixels(recorded)
 
 
@@ -183,12 +184,12 @@ def test_a_frame_that_is_not_written_yet_says_so(tmp_path: Path):
 
 def test_a_frame_that_never_was_is_no_frame():
     with pytest.raises(SessionError, match="holds no frame 999"):
-        recorded_frame(SessionReader(SCHEMA_1), 999)
+        recorded_frame(SessionReader(SAMPLE), 999)
 
 
 def test_a_truncated_file_is_named(copy: Path):
     path = copy / "frames" / "000009.fits.fz"
-    path.write_bytes(path.read_bytes()[:4_000_000])
+    path.write_bytes(path.read_bytes()[:1_000_000])
     with pytest.raises(FrameError, match=r"000009\.fits\.fz is truncated"):
         read_pixels(recorded_frame(SessionReader(copy), KEPT))
 
@@ -199,7 +200,7 @@ def test_the_file_of_another_exposure_is_refused(copy: Path, frame: Frame, what:
     pixels = frame.pixels[:128, :128] if what == "size" else frame.pixels
     other = replace(frame, pixels=pixels, header=header)
     (copy / "frames" / "000009.fits.fz").write_bytes(compress_frame(other))
-    words = "128 x 128 px, but frame 9 was 4656 x 3520" if what == "size" else "another instant"
+    words = "128 x 128 px, but frame 9 was 2328 x 1760" if what == "size" else "another instant"
     with pytest.raises(FrameError, match=words):
         read_pixels(recorded_frame(SessionReader(copy), KEPT))
 
@@ -221,7 +222,7 @@ def test_a_branch_shows_the_pixels_of_its_session_and_why_others_are_missing(cop
     assert kept.path is not None
     assert kept.path.samefile(copy / "frames" / "000009.fits.fz")
     assert kept.not_kept_because == ""
-    assert recorded_frame(reader, LEFT_OUT).not_kept_because == "left out of the sample"
+    assert "pruned on 2023-06-23" in recorded_frame(reader, LEFT_OUT).not_kept_because
 
 
 # -- what was in force -------------------------------------------------------------------------
@@ -258,13 +259,16 @@ def test_candidates_of_one_streak_stand_side_by_side():
     here = straight_detection(frame_id=1, x_px=300.0, y_px=200.0, confidence=0.6)
     moved = replace(here, x_px=300.5, confidence=0.7)
     there = straight_detection(frame_id=1, x_px=700.0, y_px=600.0, confidence=0.9)
-    pairs = compare(found(here, there), found(rejected=((moved, Unclassified(words="too wide")),)))
+    pairs = compare(found(here, there), found(rejected=((moved, NotAStreak(kind="no line")),)))
     seen = [
         (p.was and p.was.detection.confidence, p.now and p.now.detection.confidence) for p in pairs
     ]
     assert seen == [(0.9, None), (0.6, 0.7)]
     assert pairs[1].now is not None
-    assert (pairs[1].now.is_taken, pairs[1].now.reason) == (False, "too wide")
+    assert (pairs[1].now.is_taken, pairs[1].now.reason) == (
+        False,
+        "no line fits the light in the box",
+    )
     assert pairs[0].shown == there
     assert pairs[1].shown == moved
 

@@ -1,6 +1,5 @@
 """The operator's word on frames already followed: what it does to the track, and its replay."""
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, NotTaken, SlewRefusal
+from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -26,43 +25,17 @@ from rsoconsole.records import (
     NotFollowed,
     OperatorAction,
     ParameterChange,
-    Rejection,
     Ruling,
     StateChange,
     TrackState,
 )
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
-from tests.makers import straight_detection
 from tests.nights import made_up_night
-from tests.rigs.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, told
+from tests.nights.engine_nights import Misleading
+from tests.rigs.engine_rig import Rig, asked, command_handler_of, rig, told
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
-FAR_OFF_ARCSEC = 120.0
-
-
-class Misleading(ScriptedReducer):
-    """In some frames the only measurement is a stranger, well beside the satellite."""
-
-    misled: frozenset[int] = frozenset()
-
-    def reduce(self, frame: Frame) -> Reduction:
-        plain = super().reduce(frame)
-        found = tuple(straight_detection(frame_id=frame.frame_id) for _ in plain.measurements)
-        below = Rejection(
-            detection=straight_detection(
-                frame_id=frame.frame_id, x_px=2.0, y_px=1.0, length_px=20.0, confidence=0.05
-            ),
-            reason=BelowTau(confidence=0.05, tau=0.1),
-        )
-        detections = dataclasses.replace(plain.detections, detections=found, rejected=(below,))
-        measured = plain.measurements
-        if frame.frame_id in self.misled:
-            measured = tuple(
-                dataclasses.replace(m, dec_icrs_deg=m.dec_icrs_deg + FAR_OFF_ARCSEC / 3600.0)
-                for m in measured
-            )
-        return dataclasses.replace(plain, detections=detections, measurements=measured)
 
 
 def night(frames: set[int], misled: frozenset[int] = frozenset()) -> Rig:

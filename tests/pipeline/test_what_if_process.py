@@ -15,10 +15,10 @@ from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.replay.what_if_figures import what_if
 from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
 from rsoconsole.session.reading.reader import SessionReader
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.whole_engine import wait_for
 
-CONFIG = SessionReader(SCHEMA_1).config()
+CONFIG = SessionReader(SAMPLE).config()
 WIDER = {"filter.r_multiplier": 2.0}
 
 
@@ -38,11 +38,11 @@ def lasting():
 
 
 def question(changes=WIDER, **more):
-    return Question(folder=SCHEMA_1, config=CONFIG, changes=changes, **more)
+    return Question(folder=SAMPLE, config=CONFIG, changes=changes, **more)
 
 
 def test_the_figures_are_those_computed_here(lasting):
-    log = [(seq, record) for seq, _, record in SessionReader(SCHEMA_1).records()]
+    log = [(seq, record) for seq, _, record in SessionReader(SAMPLE).records()]
     half = log[len(log) // 2][0]
     for until, last in ((None, None), (half, None), (None, 5), (half, 5)):
         records = [record for seq, record in log if until is None or seq <= until]
@@ -56,7 +56,7 @@ def test_one_process_answers_all_and_what_cannot_be_tried_is_said(lasting):
     with pytest.raises(ConfigError, match="must be above 0"):
         lasting.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        lasting.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, changes=WIDER))
+        lasting.ask(Question(folder=SAMPLE.parent, config=CONFIG, changes=WIDER))
     lasting.ask(question())
     assert lasting.pid == pid
 
@@ -86,7 +86,7 @@ def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
 
 def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(lasting, caplog):
     with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
-        lasting.ask(Question(folder=SCHEMA_1, config=cast(Config, None), changes=WIDER))
+        lasting.ask(Question(folder=SAMPLE, config=cast(Config, None), changes=WIDER))
     assert "Traceback" not in str(caught.value)
     assert "Traceback" in caplog.text
     lasting.ask(question())
@@ -151,7 +151,7 @@ def test_the_console_reads_what_was_recorded_without_the_filters_libraries():
         "import sys; from pathlib import Path; import rsoconsole.console.screens.live\n"
         "from rsoconsole.session.reading.reader import SessionReader\n"
         "from rsoconsole.pipeline.replay.what_if_figures import as_recorded\n"
-        f"log = SessionReader(Path({str(SCHEMA_1)!r})).records()\n"
+        f"log = SessionReader(Path({str(SAMPLE)!r})).records()\n"
         "assert as_recorded(r for _, _, r in log).updates > 10\n"
         "print(sorted({'scipy', 'filterpy', 'astropy', 'cv2'} & set(sys.modules)))"
     )

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.reasons import NotTaken, Unclassified
+from rsoconsole.reasons import Cause, Missed, NotTaken
 from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
 from tests.notebook.test_figures import ARCSEC, FRAMES, NS, measurement, taken
 from tests.real_sky.real_sky_judge import judge
@@ -69,16 +69,16 @@ def records():
             told.append(state("predicted", frame_id, misses=frame_id - 4))
             reason = NotTaken.by_gate(frame_id + 0.5, 11.8)
             told.append(NotFollowed(frame_id=frame_id, measurement=seen, reason=reason))
-            told.append(
-                Miss(frame_id=frame_id, reason=Unclassified(words="nothing fits the prediction"))
-            )
+            told.append(Miss(frame_id=frame_id, reason=Missed(kind="nothing fits")))
         if frame_id == 6:
             told.append(change(6, "TRACK", "COAST"))
     return told
 
 
 def change(frame_id, before, after):
-    return StateChange(frame_id=frame_id, before=before, after=after, reason=Unclassified(words=""))
+    return StateChange(
+        frame_id=frame_id, before=before, after=after, reason=Cause(kind="measured again")
+    )
 
 
 def test_a_night_that_coasts_beside_its_satellite_is_called_so(records):

@@ -250,9 +250,11 @@ class Memory:
 
     def __init__(self) -> None:
         self.records: list[Any] = []
+        self.t_utc_ns: list[int] = []
 
     def append(self, record: Any, t_utc_ns: int) -> int:
         self.records.append(record)
+        self.t_utc_ns.append(t_utc_ns)
         return len(self.records)
 
     def save_frame(self, frame: Frame) -> bool:

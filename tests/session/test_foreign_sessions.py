@@ -68,12 +68,8 @@ def test_a_schema_that_is_no_text_any_more_is_damage_and_what_it_holds_is_saved(
     database = foreign / "session.db"
     content = database.read_bytes()
     name, words = b"detectionsdetections", b"CREATE VIEW detections"
-    place = content.index(name + words)
-    database.write_bytes(
-        content[:place]
-        + (b"\xa1" + name[1:] + b"?" + words[1:])
-        + content[place + len(name + words) :]
-    )
+    assert name + words in content
+    database.write_bytes(content.replace(name + words, b"\xa1" + name[1:] + b"?" + words[1:]))
     with pytest.raises(SessionError, match="schema"):
         SessionReader(foreign).about()
     assert not verify_session(foreign).is_sound

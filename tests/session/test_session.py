@@ -19,7 +19,7 @@ from astropy.io import fits
 
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
-from rsoconsole.reasons import DONE, Unclassified
+from rsoconsole.reasons import DONE, Cause, Missed, NotAStreak, NotTaken
 from rsoconsole.records import (
     TABLES,
     CameraMode,
@@ -123,7 +123,7 @@ NIGHT = (
         width_px=4656,
         height_px=3520,
         detections=(STREAK, replace(STREAK, confidence=0.5)),
-        rejected=(Rejection(detection=STREAK, reason=Unclassified(words="too short")),),
+        rejected=(Rejection(detection=STREAK, reason=NotAStreak(kind="no line")),),
         stage_ms={"network": 12.5},
         star_count=212,
         star_fwhm_px=2.75,
@@ -153,7 +153,7 @@ NIGHT = (
     ),
     NotSolved(frame_id=2, reason="7 stars, 8 needed", ms=4.0),
     MEASUREMENT,
-    NotFollowed(frame_id=1, measurement=MEASUREMENT, reason=Unclassified(words="innovation")),
+    NotFollowed(frame_id=1, measurement=MEASUREMENT, reason=NotTaken.by_gate(31.0, 11.83)),
     TrackState(
         track_id=1,
         measurement_id="1-0",
@@ -183,12 +183,12 @@ NIGHT = (
     SlewCommand(
         frame_id=1, ra_icrs_deg=320.2, dec_icrs_deg=-4.8, t_aim_utc_ns=T0_UTC_NS, reason="follow"
     ),
-    Miss(frame_id=2, reason=Unclassified(words="cloud")),
+    Miss(frame_id=2, reason=Missed(kind="not solved", detail="cloud")),
     StateChange(
         frame_id=2,
         before="TRACK",
         after="COAST",
-        reason=Unclassified(words="cloud"),
+        reason=Cause(kind="missed", missed=Missed(kind="no detection")),
         kept_track_id=1,
     ),
     ParameterChange(name="detector.tau", before=0.1, after=0.2, by="operator"),
@@ -296,7 +296,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
     assert rows["rejections"][0] | {"seq": 0} == rows["rejections"][0] | {
         "seq": 0,
         "x_px": 10.5,
-        "reason": "too short",
+        "reason": "no line fits the light in the box",
         "is_clipped": 1,
         "kind": "crossing",
         "object_class": "aircraft",
@@ -377,7 +377,7 @@ def test_a_reader_at_work_does_not_keep_the_session_from_closing(
     writer: SessionWriter, folder: Path
 ) -> None:
     for i in range(2000):
-        writer.append(Miss(frame_id=i, reason=Unclassified(words="")), T0_UTC_NS + i)
+        writer.append(Miss(frame_id=i, reason=Missed(kind="no detection")), T0_UTC_NS + i)
     writer.flush()
     reading = SessionReader(folder).records()
     next(reading)
@@ -406,7 +406,9 @@ def test_a_reader_follows_a_live_session_without_gap_or_repetition(
     thread = threading.Thread(target=follow)
     thread.start()
     for i in range(3000):
-        writer.append(Miss(frame_id=i + 1, reason=Unclassified(words="x" * 50)), T0_UTC_NS)
+        writer.append(
+            Miss(frame_id=i + 1, reason=Missed(kind="not solved", detail="x" * 50)), T0_UTC_NS
+        )
         if i % 500 == 0:
             writer.flush()
     writer.close()
@@ -418,7 +420,9 @@ def test_a_reader_follows_a_live_session_without_gap_or_repetition(
 def test_records_from_many_threads_keep_one_order(writer: SessionWriter, folder: Path) -> None:
     def append(by: int) -> None:
         for i in range(200):
-            writer.append(Miss(frame_id=i, reason=Unclassified(words=str(by))), T0_UTC_NS)
+            writer.append(
+                Miss(frame_id=i, reason=Missed(kind="not solved", detail=str(by))), T0_UTC_NS
+            )
 
     threads = [threading.Thread(target=append, args=(n,)) for n in range(4)]
     for thread in threads:
@@ -432,7 +436,7 @@ def test_records_from_many_threads_keep_one_order(writer: SessionWriter, folder:
         own = [
             r.frame_id
             for _, _, r in found
-            if isinstance(r, Miss) and r.reason == Unclassified(words=by)
+            if isinstance(r, Miss) and r.reason == Missed(kind="not solved", detail=by)
         ]
         assert own == list(range(200))
 
@@ -651,14 +655,14 @@ import json, resource, sys
 from pathlib import Path
 import numpy as np
 from rsoconsole.config import Config
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
 
 alarms = []
 writer = SessionWriter.create(Path(sys.argv[1]), Config(), {}, on_fault=alarms.append)
-writer.append(Miss(frame_id=1, reason=Unclassified(words="before")), 1)
+writer.append(Miss(frame_id=1, reason=Missed(kind="not solved", detail="before")), 1)
 assert writer.flush()
 soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 # No file may grow from here on, as on a full disk.
@@ -666,7 +670,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
 noise = np.random.default_rng(0).integers(0, 65535, (256, 256), dtype=np.uint16)
 writer.save_frame(Frame(frame_id=1, name="", pixels=noise))
 for i in range(2, 5001):
-    writer.append(Miss(frame_id=i, reason=Unclassified(words="x" * 100)), i)
+    writer.append(Miss(frame_id=i, reason=Missed(kind="not solved", detail="x" * 100)), i)
 is_flushed_when_full = writer.flush(1.0)
 assert writer._frames.drain(60)
 faults_when_full = writer.faults
@@ -712,13 +716,13 @@ KILLED = """
 import sys, itertools
 from pathlib import Path
 from rsoconsole.config import Config
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.session.writing.writer import SessionWriter
 
 writer = SessionWriter.create(Path(sys.argv[1]), Config(), {})
 for i in itertools.count(1):
-    writer.append(Miss(frame_id=i, reason=Unclassified(words="x" * 100)), i)
+    writer.append(Miss(frame_id=i, reason=Missed(kind="not solved", detail="x" * 100)), i)
     if i % 1000 == 0:
         assert writer.flush()
         print(i, flush=True)
@@ -792,7 +796,7 @@ def test_missing_foreign_damaged_and_later_sessions_are_told_apart(
     connection = sqlite3.connect(folder / "session.db")
     connection.execute(f"PRAGMA user_version={SCHEMA_VERSION + 1}")
     connection.close()
-    with pytest.raises(SessionError, match="written by a later rsoconsole"):
+    with pytest.raises(SessionError, match="written by another version of rsoconsole"):
         SessionReader(folder)
 
 
@@ -800,7 +804,9 @@ def test_a_session_cut_in_the_middle_says_that_it_is_damaged(
     writer: SessionWriter, folder: Path
 ) -> None:
     for i in range(5000):
-        writer.append(Miss(frame_id=i, reason=Unclassified(words="x" * 100)), T0_UTC_NS)
+        writer.append(
+            Miss(frame_id=i, reason=Missed(kind="not solved", detail="x" * 100)), T0_UTC_NS
+        )
     writer.close()
     database = folder / "session.db"
     content = database.read_bytes()

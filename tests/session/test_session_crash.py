@@ -267,7 +267,7 @@ import sys, os
 from pathlib import Path
 import numpy as np
 from rsoconsole.config import Config
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
@@ -278,7 +278,7 @@ def say(text):
 folder = Path(sys.argv[1])
 writer = SessionWriter.create(folder, Config(), {})
 say("begun")
-writer.append(Miss(frame_id=1, reason=Unclassified(words="cloud")), 1)
+writer.append(Miss(frame_id=1, reason=Missed(kind="not solved", detail="cloud")), 1)
 assert writer.flush()
 say("flushed")
 writer.save_frame(Frame(frame_id=1, name="", pixels=np.ones((64, 64), np.uint16)))

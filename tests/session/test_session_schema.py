@@ -1,4 +1,4 @@
-"""Old sessions through today's views, sessions of hashes and digests, branches and their files."""
+"""Views, hashes and digests of sessions, branches and their files, other schemas."""
 
 import hashlib
 import json
@@ -15,14 +15,17 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Frame, Miss
 from rsoconsole.session.files.digest import LogDigest, digest_rows
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session.upkeep.repair import repair_session
+from rsoconsole.session.upkeep.store import list_sessions
+from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.made_up_night import add_frames, add_previews, armed, begin
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 
 README = Path(__file__).parents[2] / "sessions" / "README.md"
 
@@ -40,30 +43,26 @@ def night(tmp_path: Path) -> Path:
     return tmp_path / "night"
 
 
-def test_the_sample_is_of_schema_1_and_is_read_with_every_column_of_today(tmp_path: Path) -> None:
-    old, new = SessionReader(SCHEMA_1), SessionReader(_empty(tmp_path))
-    assert (old.schema_version, new.schema_version) == (1, SCHEMA_VERSION)
-    for name in VIEWS:
-        with closing(new.connect()) as connection:
-            today = [c[0] for c in connection.execute(f"SELECT * FROM {name}").description]
-        with closing(old.connect()) as connection:
-            assert [c[0] for c in connection.execute(f"SELECT * FROM {name}").description] == today
-    assert {row["file_sha256"] for row in old.view("frames")} == {None}
-    assert old.view("frames")[8]["file"] == "frames/000009.fits.fz"
-    assert len(old.view("measurements")) >= 18
+def test_a_reader_of_sql_cannot_write(night: Path) -> None:
+    with (
+        closing(SessionReader(night).connect()) as connection,
+        pytest.raises(sqlite3.OperationalError, match="readonly"),
+    ):
+        connection.execute("DELETE FROM log")
 
 
-def test_sql_on_an_old_session_sees_the_files_with_a_hash_that_is_not_there() -> None:
-    with closing(SessionReader(SCHEMA_1).connect()) as connection:
-        sql = "SELECT count(*), count(sha256) FROM files WHERE path IS NOT NULL"
-        assert connection.execute(sql).fetchone() == (43, 0)
-        with pytest.raises(sqlite3.OperationalError, match="readonly"):
-            connection.execute("DELETE FROM log")
+def test_the_views_of_the_file_are_what_the_reader_gives(night: Path) -> None:
+    reader = SessionReader(night)
+    with closing(reader.connect()) as connection:
+        connection.row_factory = sqlite3.Row
+        for name in VIEWS:
+            rows = connection.execute(f"SELECT * FROM {name} ORDER BY seq").fetchall()
+            assert [dict(row) for row in rows] == reader.view(name)
 
 
-def test_reading_an_old_session_changes_no_byte_of_it(tmp_path: Path) -> None:
+def test_reading_a_session_changes_no_byte_of_it(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     before = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     reader = SessionReader(folder)
     for name in VIEWS:
@@ -126,7 +125,7 @@ def test_logs_that_differ_have_digests_that_differ(one, other) -> None:
 
 def test_a_session_that_is_not_closed_has_no_digest(tmp_path: Path) -> None:
     writer = SessionWriter.create(tmp_path / "night", Config(), {})
-    writer.append(Miss(frame_id=1, reason=Unclassified(words="")), 1)
+    writer.append(Miss(frame_id=1, reason=Missed(kind="no detection")), 1)
     writer.flush()
     assert "log_digest" not in SessionReader(tmp_path / "night").about()
     writer.close()
@@ -171,7 +170,7 @@ def test_a_medium_that_cannot_be_written_shows_a_session_that_was_cut_off(
 ) -> None:
     live, medium = tmp_path / "live", tmp_path / "medium"
     writer = SessionWriter.create(live, Config(), {})
-    writer.append(Miss(frame_id=1, reason=Unclassified(words="cloud")), 1)
+    writer.append(Miss(frame_id=1, reason=Missed(kind="not solved", detail="cloud")), 1)
     assert writer.flush()
     shutil.copytree(live, medium, ignore=shutil.ignore_patterns("*-shm"))
     writer.close()
@@ -180,7 +179,7 @@ def test_a_medium_that_cannot_be_written_shows_a_session_that_was_cut_off(
     monkeypatch.setattr("os.access", lambda *_: False)
     reader = SessionReader(medium)
     assert [record for _, _, record in reader.records()] == [
-        Miss(frame_id=1, reason=Unclassified(words="cloud"))
+        Miss(frame_id=1, reason=Missed(kind="not solved", detail="cloud"))
     ]
     assert sorted(p.name for p in medium.iterdir() if p.is_file()) == [
         "config.toml",
@@ -189,13 +188,12 @@ def test_a_medium_that_cannot_be_written_shows_a_session_that_was_cut_off(
     ]
 
 
-def test_a_later_schema_is_refused_with_what_to_do(night: Path) -> None:
+@pytest.mark.parametrize("schema", [0, SCHEMA_VERSION + 1])
+def test_another_schema_is_refused_with_what_to_do(night: Path, schema: int) -> None:
     with closing(sqlite3.connect(night / "session.db")) as connection:
-        connection.execute(f"PRAGMA user_version={SCHEMA_VERSION + 1}")
-    with pytest.raises(SessionError, match=r"later rsoconsole.*update rsoconsole"):
-        SessionReader(night)
-
-
-def _empty(folder: Path) -> Path:
-    SessionWriter.create(folder / "empty", Config(), {}).close()
-    return folder / "empty"
+        connection.execute(f"PRAGMA user_version={schema}")
+    for refuses in (SessionReader, verify_session, lambda folder: repair_session(folder, 1)):
+        with pytest.raises(SessionError, match=r"another version of rsoconsole.*with that one"):
+            refuses(night)
+    (listed,) = list_sessions(night.parent)
+    assert "another version" in (listed.fault or "")

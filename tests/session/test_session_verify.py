@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.session.files import upkeep_log as upkeep
+from rsoconsole.session.log.codec import encode
 from rsoconsole.session.log.pages import Pages
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.reading.reader import SessionReader
@@ -28,13 +29,17 @@ from rsoconsole.session.upkeep.repair import repair_session
 from rsoconsole.session.upkeep.store import list_sessions
 from rsoconsole.session.upkeep.verify import verify_session
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.nights.samples import SAMPLE, SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make(tmp_path_factory.mktemp("made") / "night")
+
+
+def missed(frame_id: int) -> Miss:
+    return Miss(frame_id=frame_id, reason=Missed(kind="not solved", detail="x" * 20))
 
 
 @pytest.fixture
@@ -49,12 +54,6 @@ def test_a_night_as_it_was_written_is_sound_to_the_last_byte(night: Path) -> Non
     assert (found.frames, found.files, found.findings) == (4, 12, [])
     size = sum(p.stat().st_size for p in night.rglob("*") if p.suffix in (".fz", ".png"))
     assert found.bytes == size
-
-
-def test_the_sample_of_schema_1_is_judged_by_its_contents() -> None:
-    found = verify_session(SCHEMA_1)
-    assert found.is_sound
-    assert (found.schema, found.digest, found.files) == (1, "none", 43)
 
 
 FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
@@ -122,20 +121,11 @@ def test_each_damage_is_found_where_it_is_with_what_to_do(night: Path, fault: st
     assert all(each.remedy for each in found.findings)
 
 
-def test_a_frame_of_schema_1_is_damaged_when_it_cannot_be_read(tmp_path: Path) -> None:
+def test_a_file_without_a_hash_on_record_is_damage(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SCHEMA_1, folder)
-    os.truncate(folder / "frames/000009.fits.fz", 4_000_000)
-    flip(folder / "previews/000005.png", 20_000)
-    os.truncate(folder / "previews/000006.png", 20_000)
-    places = dict(damage(verify_session(folder)))
-    assert set(places) == {
-        "frames/000009.fits.fz",
-        "previews/000005.png",
-        "previews/000006.png",
-    }
-    assert "a part of the picture is damaged" in places["previews/000005.png"]
-    assert "breaks off" in places["previews/000006.png"]
+    shutil.copytree(SAMPLE, folder)
+    run_sql(folder, "UPDATE files SET sha256 = NULL WHERE path = 'previews/000005.png'")
+    assert damage(verify_session(folder)) == [("previews/000005.png", "no hash of it is on record")]
 
 
 def test_what_a_cut_leaves_is_no_damage_and_is_told(night: Path) -> None:
@@ -156,7 +146,7 @@ def test_what_a_cut_leaves_is_no_damage_and_is_told(night: Path) -> None:
 
 def test_a_live_session_is_called_live_and_is_left_alone(tmp_path: Path) -> None:
     writer = SessionWriter.create(tmp_path / "night", Config(), {})
-    writer.append(Miss(frame_id=1, reason=Unclassified(words="")), 1)
+    writer.append(Miss(frame_id=1, reason=Missed(kind="no detection")), 1)
     writer.flush()
     (tmp_path / "night/frames/000001.fits.fz.part").write_bytes(b"on its way")
     found = verify_session(tmp_path / "night")
@@ -213,15 +203,15 @@ def test_repair_closes_takes_in_what_is_whole_and_removes_what_is_half(night: Pa
     assert (night / "session.db").read_bytes() == before
 
 
-def test_a_session_of_schema_1_is_repaired_without_becoming_another(tmp_path: Path) -> None:
+def test_a_sample_that_was_cut_off_is_repaired(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SCHEMA_1, folder)
+    shutil.copytree(SAMPLE, folder)
     cut_off(folder)
     run_sql(folder, "DELETE FROM files WHERE frame_id = 9 AND role = 'frame'")
     done = repair_session(folder, NOW_UTC_NS)
     assert (done.closed, done.adopted) == (True, ["frames/000009.fits.fz"])
     found = verify_session(folder)
-    assert (found.schema, found.digest, found.is_sound) == (1, "confirmed", True)
+    assert (found.schema, found.digest, found.is_sound) == (SCHEMA_VERSION, "confirmed", True)
 
 
 @pytest.mark.parametrize(
@@ -241,7 +231,7 @@ def test_a_damaged_database_is_saved_beside_and_left_as_it_is(
     with closing(sqlite3.connect(night / "session.db")) as connection, connection:
         connection.executemany(
             "INSERT INTO log VALUES (?, 1, 'Miss', ?, ?)",
-            [(n, n, f'{{"frame_id":{n},"reason":"{"x" * 90}"}}') for n in range(100, 3000)],
+            [(n, n, encode(missed(n))[2]) for n in range(100, 3000)],
         )
     before = {seq: record for seq, _, record in SessionReader(night).records()}
     content = bytearray((night / "session.db").read_bytes())
@@ -318,14 +308,24 @@ def test_pages_say_the_same_rows_as_sqlite(rows, page_bytes: int) -> None:
     assert {fields for rowid, fields in found if rowid is None and len(fields) == 5} == keyed
 
 
-def test_an_old_session_that_lost_its_schema_is_saved_as_an_old_one(tmp_path: Path) -> None:
+def test_a_session_whose_meta_lost_its_schema_is_saved_with_it(tmp_path: Path) -> None:
     night = tmp_path / "night"
-    shutil.copytree(SCHEMA_1, night)
+    shutil.copytree(SAMPLE, night)
     with closing(sqlite3.connect(night / "session.db")) as connection, connection:
         connection.execute("DELETE FROM meta WHERE key = 'schema_version'")
     saved = recover_session(night, 0)
-    before = [record for _, _, record in SessionReader(SCHEMA_1).records()]
+    assert SessionReader(saved.folder).about()["schema_version"] == SCHEMA_VERSION
+    before = [record for _, _, record in SessionReader(SAMPLE).records()]
     assert [record for _, _, record in SessionReader(saved.folder).records()] == before
+
+
+def test_of_another_schema_nothing_is_saved(tmp_path: Path) -> None:
+    night = tmp_path / "night"
+    shutil.copytree(SAMPLE, night)
+    run_sql(night, "UPDATE meta SET value = '7' WHERE key = 'schema_version'")
+    with pytest.raises(SessionError, match="another version of rsoconsole"):
+        recover_session(night, 0)
+    assert not night.with_name("night.recovered").exists()
 
 
 def test_a_record_without_its_id_is_damage_in_a_session_of_today(tmp_path: Path) -> None:

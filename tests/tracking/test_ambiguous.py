@@ -6,7 +6,6 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, Miss, TrackState
-from rsoconsole.session.reading.old_defaults import with_old_defaults
 from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.frame_by_frame import follow
 from tests.makers import NS, T0_UTC_NS, geo_measurement
@@ -61,12 +60,7 @@ def test_after_so_many_frames_the_likelier_takes_it_and_goes_on(most):
     assert taken == list(range(first + most, BOTH + HIDDEN + ONE + 1))
 
 
-def test_without_a_limit_one_waits_until_the_other_has_ended():
-    unclear, taken = ambiguous_and_taken(records(0))
+def test_with_a_far_limit_one_waits_until_the_other_has_ended():
+    unclear, taken = ambiguous_and_taken(records(1000))
     assert len(unclear) > 8
     assert min(taken) > max(unclear)
-
-
-def test_older_nights_replay_as_they_were():
-    old = with_old_defaults({"filter": {"preset": "adaptive"}})
-    assert FilterConfig(**old["filter"]).most_ambiguous == 0

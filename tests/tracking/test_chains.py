@@ -1,5 +1,7 @@
 """What begins a track: pairs of streaks, chains of points, and what a frame between has hidden."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +9,9 @@ import pytest
 
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking.association.following import Following, FollowSettings
+from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.pairing import UNPAIRED_COST, paired
 from tests.makers import GEO_RATE_DEG_S, geo_measurement
 from tests.tracking.test_follow import SETTINGS, seen
@@ -22,20 +25,24 @@ def point(frame_id: int, **other: float) -> Measurement:
 
 
 def followed(
-    frames: dict[int, list[Measurement]], settings: FollowSettings = SETTINGS
+    frames: dict[int, list[Measurement]],
 ) -> tuple[Following, list[TrackState], TracksTaken]:
     following, begun, taken = Following(), [], TracksTaken()
     for frame_id, shown in frames.items():
         sight = replace(seen(frame_id, *shown), **QUICK)
-        following, records = follow(following, sight, settings)
+        following, records = follow(following, sight, SETTINGS)
         for record in (*shown, *records):
             taken.receive(record)
         begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
     return following, begun, taken
 
 
-def by_pairs() -> FollowSettings:
-    return replace(SETTINGS, filter=SETTINGS.filter.model_copy(update={"initiation": "pairs"}))
+@contextmanager
+def by_pairs() -> Iterator[None]:
+    """As presets that ask two successive frames alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chains, "is_wide", lambda _: False)
+        yield
 
 
 def false(frame_id: int, number: int) -> Measurement:
@@ -58,9 +65,9 @@ def test_two_points_alone_begin_nothing_and_three_in_a_line_do():
 
 
 def test_as_pairs_alone_any_two_points_begin_a_track():
-    """So nights were recorded before there were chains, and so they are replayed."""
     frames = {n: [false(n, 1), false(n, 2)] for n in (1, 2)}
-    assert followed(frames, by_pairs())[1]
+    with by_pairs():
+        assert followed(frames)[1]
     assert not followed(frames)[1]
 
 
@@ -80,52 +87,55 @@ def test_two_points_that_move_as_what_is_followed_does_begin_beside_it():
 
 
 def test_a_streak_that_the_frame_between_did_not_show_begins_beside_a_track():
-    def night(settings: FollowSettings) -> list[int]:
+    def night() -> list[int]:
         following, begun = Following(), []
         for n in range(1, 7):
             shown = [geo_measurement(n)]
             if n in (4, 6):
                 shown.append(geo_measurement(n, dec_deg=-5.1))
-            following, records = follow(following, seen(n, *shown), settings)
+            following, records = follow(following, seen(n, *shown), SETTINGS)
             begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
         return [each.frame_id for each in begun]
 
-    assert night(SETTINGS) == [2, 6]
-    assert night(by_pairs()) == [2]
+    assert night() == [2, 6]
+    with by_pairs():
+        assert night() == [2]
 
 
 def test_a_neighbour_that_was_seen_beside_the_lead_begins_while_the_lead_is_missed():
     """The lead does not wait for what cannot be it."""
 
-    def night(settings: FollowSettings) -> list[int]:
+    def night() -> list[int]:
         following, begun = Following(), []
         for n in range(1, 8):
             shown = [geo_measurement(n)] if n not in (6, 7) else []
             if n in (5, 6, 7):
                 shown.append(geo_measurement(n, dec_deg=-5.05))
-            following, records = follow(following, seen(n, *shown), settings)
+            following, records = follow(following, seen(n, *shown), SETTINGS)
             begun += [r for r in records if isinstance(r, TrackState) and r.kind == "initial"]
         return [each.frame_id for each in begun]
 
-    assert night(SETTINGS) == [2, 6]
-    assert night(by_pairs()) == [2]
+    assert night() == [2, 6]
+    with by_pairs():
+        assert night() == [2]
 
 
 def test_two_false_streaks_that_led_lead_no_longer_once_another_track_is_confirmed():
     """Surer than what is there, seen in two frames and never again."""
 
-    def night(settings: FollowSettings) -> list[int | None]:
+    def night() -> list[int | None]:
         following, leads = Following(), []
         for n in range(1, 6):
             shown = [replace(geo_measurement(n), confidence=0.6)]
             if n <= 2:
                 shown.insert(0, geo_measurement(n, dec_deg=-5.3))
-            following, _ = follow(following, seen(n, *shown), settings)
+            following, _ = follow(following, seen(n, *shown), SETTINGS)
             leads.append(following.track_id)
         return leads
 
-    assert night(by_pairs()) == [None, 1, 1, 1, 1]
-    assert night(SETTINGS) == [None, 1, 2, 2, 2]
+    with by_pairs():
+        assert night() == [None, 1, 1, 1, 1]
+    assert night() == [None, 1, 2, 2, 2]
 
 
 def test_one_right_pair_is_worth_more_than_two_wrong_ones():

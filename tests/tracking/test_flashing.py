@@ -26,10 +26,10 @@ def part(frame_id: int, share: float, phase: float) -> Measurement:
     )
 
 
-def records(shares: list[float], seed: int = 1, part_errors: str = "flashing") -> list:
+def records(shares: list[float], seed: int = 1) -> list:
     """Of the frames whose streaks show these shares of their length, somewhere."""
     random = np.random.default_rng(seed)
-    settings = FollowSettings(filter=FilterConfig(part_errors=part_errors), half_field_deg=0.62)
+    settings = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
     after, said = Following(), []
     for frame_id, share in enumerate(shares, 1):
         seen = Seen(
@@ -50,10 +50,7 @@ def took_the_last(said: list) -> bool:
 @pytest.mark.parametrize("seed", range(5))
 def test_of_what_flashes_parts_shorter_than_half_are_its_own(seed):
     shares = [0.9, 0.9, 0.8, *[0.6] * (LAST - 4)]
-    said = records([*shares, 0.42], seed)
-    assert took_the_last(said)
-    # As far as streaks of older nights were believed.
-    assert not took_the_last(records([*shares, 0.42], seed, part_errors="single"))
+    assert took_the_last(records([*shares, 0.42], seed))
 
 
 def test_of_what_shines_evenly_they_are_not():

@@ -13,6 +13,7 @@ from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
 from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking.initiation import chains
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
 
 SETTINGS = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
@@ -193,8 +194,9 @@ def test_drift_bends_a_whole_streak_at_the_right_place_and_it_is_taken(
     assert after.state == ("TRACK" if is_taken else "COAST")
     refused = [r.reason.kind for r in records if isinstance(r, NotFollowed)]
     assert refused == ([] if is_taken else ["moves otherwise"])
-    pairs = SETTINGS.filter.model_copy(update={"initiation": "pairs"})
-    as_ever, _ = follow(following, seen(7, bent), dataclasses.replace(SETTINGS, filter=pairs))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chains, "is_wide", lambda _: False)  # as the other presets
+        as_ever, _ = follow(following, seen(7, bent), SETTINGS)
     assert as_ever.state == "COAST"
 
 

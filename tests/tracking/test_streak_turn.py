@@ -7,11 +7,11 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.session.reading.old_defaults import with_old_defaults
 from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.filters.agreement import Motion
 from rsoconsole.tracking.filters.streak_turn import across_error_arcsec, half_turn_arcsec
 from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking.initiation import acquisition
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 EAST = Motion(150.0, 0.0)
@@ -36,8 +36,8 @@ def streak(frame_id: int, west_arcsec: float, east_arcsec: float, random=None) -
     )
 
 
-def followed(across_errors: str, streaks: list[Measurement]) -> list:
-    settings = FollowSettings(filter=FilterConfig(across_errors=across_errors), half_field_deg=0.62)
+def followed(streaks: list[Measurement]) -> list:
+    settings = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
     after, records = Following(), []
     for m in streaks:
         t_utc_ns = T0_UTC_NS + (m.frame_id - 1) * 30 * NS
@@ -45,6 +45,13 @@ def followed(across_errors: str, streaks: list[Measurement]) -> list:
         after, said = follow(after, seen, settings)
         records += said
     return records
+
+
+def followed_as_measured(streaks: list[Measurement]) -> list:
+    """Where nothing is made of their direction."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(acquisition, "across_error_arcsec", lambda *_: 0.0)
+        return followed(streaks)
 
 
 def night(seed: int, drift_arcsec: float = 0.0, upon_end_arcsec: float = 0.0) -> list[Measurement]:
@@ -64,9 +71,9 @@ def updates(records: list) -> list[TrackState]:
 @pytest.mark.parametrize("drift_arcsec", [0.0, 8.0])
 def test_a_streak_with_a_star_upon_one_end_is_taken_for_what_it_is_worth(seed, drift_arcsec):
     streaks = night(seed, drift_arcsec, upon_end_arcsec=12.0)
-    refused = [r for r in followed("own", streaks) if isinstance(r, NotFollowed)]
+    refused = [r for r in followed_as_measured(streaks) if isinstance(r, NotFollowed)]
     assert [(r.frame_id, r.reason.kind) for r in refused] == [(STAR, "NIS")]
-    records = followed("direction", streaks)
+    records = followed(streaks)
     assert not [r for r in records if isinstance(r, NotFollowed)]
     path = geo_measurement(1).dec_icrs_deg
     off = [abs(r.x[2] - path) * 3600.0 for r in updates(records) if r.frame_id >= STAR]
@@ -75,8 +82,8 @@ def test_a_streak_with_a_star_upon_one_end_is_taken_for_what_it_is_worth(seed, d
 
 
 def test_stars_that_drift_turn_every_streak_and_take_nothing_from_it():
-    still, drifting = (updates(followed("direction", night(9, d))) for d in (0.0, 8.0))
-    own = updates(followed("own", night(9, 8.0)))
+    still, drifting = (updates(followed(night(9, d))) for d in (0.0, 8.0))
+    own = updates(followed_as_measured(night(9, 8.0)))
     sigma = [np.sqrt(each[-1].P[2][2]) * 3600.0 for each in (still, drifting, own)]
     assert sigma[1] == pytest.approx(sigma[0], rel=0.02)
     assert sigma[1] == pytest.approx(sigma[2], rel=0.1)
@@ -96,9 +103,3 @@ def test_the_sense_of_a_streak_is_not_known_and_does_not_matter():
     assert m.ends_icrs_deg is not None
     reverse = dataclasses.replace(m, ends_icrs_deg=m.ends_icrs_deg[::-1])
     assert half_turn_arcsec(m, EAST) == half_turn_arcsec(reverse, EAST)
-
-
-def test_older_nights_replay_as_they_were():
-    old = with_old_defaults({"filter": {"preset": "adaptive"}})
-    assert FilterConfig(**old["filter"]).across_errors == "own"
-    assert FilterConfig().across_errors == "direction"

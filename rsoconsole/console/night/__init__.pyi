@@ -1,5 +1,4 @@
 from .ahead import OrbitAhead as OrbitAhead
-from .ahead import ahead_of_record as ahead_of_record
 from .ahead import orbit_ahead as orbit_ahead
 from .alerts import FOLLOWING as FOLLOWING
 from .alerts import alerts_between as alerts_between

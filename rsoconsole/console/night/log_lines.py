@@ -26,10 +26,7 @@ from rsoconsole.reasons import (
     Cause,
     CauseKind,
     CommandResult,
-    HiddenBy,
     Missed,
-    NotTaken,
-    Unclassified,
 )
 from rsoconsole.records import (
     CatalogueMatch,
@@ -99,7 +96,7 @@ class LogLine:
     """What an operator wanted, without what came of it."""
     topic: Topic = ""
     """What an event is about."""
-    missed: Missed | Unclassified | None = None
+    missed: Missed | None = None
     """Why a frame had no measurement."""
     not_taken: str = ""
     """The kind of reason for which a measurement was not taken."""
@@ -156,8 +153,7 @@ def left_out(found: Detections | None, tau: float) -> str:
 
 def is_put_down_to_cloud(record: Miss) -> bool:
     """Whether cloud is named as the cause."""
-    hidden = record.reason.hidden_by if isinstance(record.reason, Missed) else ()
-    return any(isinstance(each, HiddenBy) and each.kind in CLOUD for each in hidden)
+    return any(each.kind in CLOUD for each in record.reason.hidden_by)
 
 
 def line_of(
@@ -173,7 +169,7 @@ def line_of(
     # Control characters would reach the terminal, no matter who wrote them.
     said = one_line(f"{words[1]}; {beside}" if beside else words[1])
     cause = record.reason if isinstance(record, StateChange) else None
-    kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""
+    kind: CauseKind | Literal[""] = cause.kind if cause is not None else ""
     frame_id = getattr(record, "frame_id", None) or None
     action = record if isinstance(record, OperatorAction) else None
     line = LogLine(
@@ -205,11 +201,9 @@ def line_of(
 def _change_of(record: Record) -> tuple[str, ...]:
     if not isinstance(record, StateChange):
         return ()
-    cause = record.reason
-    kind = cause.kind if isinstance(cause, Cause) else ""
-    missed = cause.missed if isinstance(cause, Cause) else None
-    why = missed.kind if isinstance(missed, Missed) else ""
-    return record.before, record.after, kind, why
+    missed = record.reason.missed
+    why = missed.kind if missed is not None else ""
+    return record.before, record.after, record.reason.kind, why
 
 
 def _is_used_mark(action: OperatorAction) -> bool:
@@ -217,8 +211,7 @@ def _is_used_mark(action: OperatorAction) -> bool:
 
 
 def _not_taken(record: Record) -> str:
-    reason = record.reason if isinstance(record, NotFollowed) else None
-    return reason.kind if isinstance(reason, NotTaken) else ""
+    return record.reason.kind if isinstance(record, NotFollowed) else ""
 
 
 def _cause_of(action: OperatorAction) -> CauseKind | Literal[""]:

@@ -6,7 +6,7 @@ Which records belong together is told by their kinds and their order, never by t
 from dataclasses import replace
 
 from rsoconsole.console.night.log_lines import LogLine
-from rsoconsole.reasons import HiddenBy, Missed, Unclassified
+from rsoconsole.reasons import Missed
 from rsoconsole.sky import utc_ns_to_iso
 
 LOOK_BACK_LINES = 6
@@ -109,16 +109,16 @@ def _goes_on(last: LogLine, line: LogLine) -> bool:
 def _explains(line: LogLine, last: LogLine) -> bool:
     """Whether a miss in cloud says of a frame what its not being plate-solved said."""
     is_of_it = last.kind == "NotSolved" and last.frame_id == line.frame_id and last.times == 1
-    is_hidden = isinstance(line.missed, Missed) and bool(line.missed.hidden_by)
+    is_hidden = line.missed is not None and bool(line.missed.hidden_by)
     return is_of_it and is_hidden
 
 
-def _why(missed: Missed | Unclassified | None) -> object:
+def _why(missed: Missed | None) -> object:
     """A reason by its kinds: cloud of few stars is cloud, however many there are."""
-    if not isinstance(missed, Missed):
-        return missed
-    hidden = (each.kind if isinstance(each, HiddenBy) else each for each in missed.hidden_by)
-    return missed.kind, missed.detail, tuple(hidden), missed.lost
+    if missed is None:
+        return None
+    hidden = tuple(each.kind for each in missed.hidden_by)
+    return missed.kind, missed.detail, hidden, missed.lost
 
 
 def _is_alarm(line: LogLine | None) -> bool:

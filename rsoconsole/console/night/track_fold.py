@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -284,7 +283,7 @@ def _with_miss(now: TracksNow, record: Miss) -> TracksNow:
     known = None if number is None else now.tracks.get(number)
     if known is None or number is None:
         return now
-    if isinstance(record.reason, Missed) and record.reason.lost is not None:
+    if record.reason.lost is not None:
         return replace(now, tracks={n: each for n, each in now.tracks.items() if n != number})
     why = text(record.reason)
     rows = tuple(

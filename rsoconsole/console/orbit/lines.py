@@ -104,10 +104,10 @@ def _name_of(identified: Identified) -> str:
 
 def _title(shown: OrbitShown, width: int) -> Line:
     estimate = shown.estimate
-    head = "orbit, computed now" if shown.is_computed else "orbit"
+    head = "orbit"
     if shown.is_past:
-        at = f"orbit {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else "orbit"
-        head = "last, computed now" if shown.is_computed else f"last {at}"
+        at = f" {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else ""
+        head = f"last orbit{at}"
     if estimate is None:
         return _rule([(head, "title")], "", width)
     label = estimate.label
@@ -298,7 +298,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
 def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     """By what the telescope aims, and how well the orbit fits."""
     items: list[Item] = []
-    if not shown.is_past and not shown.is_computed:
+    if not shown.is_past:
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
     if estimate.nis is not None:
         is_far = estimate.nis > NIS_BAND[1]

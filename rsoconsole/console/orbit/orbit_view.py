@@ -1,4 +1,4 @@
-"""What can be said of the orbit at one instant of a night: from the record, or computed from it."""
+"""What can be said of the orbit at one instant of a night."""
 
 from dataclasses import dataclass
 
@@ -25,8 +25,6 @@ class OrbitShown:
     is_past: bool = False
     since_word_s: float | None = None
     """Its age, where it is from before the operator's last word on a frame; else None."""
-    is_computed: bool = False
-    """Found now, from the measurements on record."""
     absence: str = ""
     """Why there is no orbit; empty where there is one."""
     quality: TrackQuality | None = None
@@ -42,18 +40,6 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
     now = present_utc_ns(night, engine)
     quality = track_quality(night)
     ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
-    if night.orbit is None and ahead is not None and ahead.is_computed:
-        is_past = night.track is None or ahead.estimate.track_id != night.track.track_id
-        return OrbitShown(
-            estimate=ahead.estimate,
-            identified=ahead.identified,
-            ahead=ahead,
-            now_utc_ns=now,
-            is_past=is_past,
-            is_computed=True,
-            quality=quality,
-            has_catalogue=False,
-        )
     return OrbitShown(
         estimate=night.orbit,
         identified=night.identified,
@@ -79,13 +65,13 @@ def _since_word_s(night: NightView, now: int | None) -> float | None:
 
 def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
     """Whether it was computed of this session, and of about this instant."""
-    is_same = ahead.folder == night.folder and (not ahead.is_computed or ahead.seq <= night.seq)
+    is_same = ahead.folder == night.folder
     return is_same and now is not None and abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
 
 
 def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
     """Whether it is of the orbit on record, or until that is computed, of one just before it."""
-    if night.orbit is None or ahead.is_computed:
+    if night.orbit is None:
         return False
     if ahead.estimate == night.orbit:
         return True

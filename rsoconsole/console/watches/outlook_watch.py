@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.night import EngineView, NightView, OrbitAhead, ahead_of_record, orbit_ahead
+from rsoconsole.console.night import EngineView, NightView, OrbitAhead, orbit_ahead
 from rsoconsole.control import Poller
 
 if TYPE_CHECKING:
@@ -64,34 +64,24 @@ class OutlookWatch(Poller):
             self._on_seen(seen)
 
     def _compute_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
-        """Where the orbit on record leads; where a session is too old to hold any, find one."""
+        """Where the orbit on record leads."""
         assert night.config is not None
         found = night.orbit
-        place = (found, now // MINUTE_NS) if found is not None else night.seq
-        of = (night.folder, place)
-        is_same = of == self._orbit_of
+        if found is None:
+            return
+        of = (night.folder, found, now // MINUTE_NS)
         since_s = time.monotonic() - self._orbit_s
-        if is_same and (found is None or since_s < EVERY_S):
+        if of == self._orbit_of and since_s < EVERY_S:
             return
         if engine.is_attached and since_s < BREATH_S:
             return
         self._orbit_of, self._orbit_s = of, time.monotonic()
-        ahead: OrbitAhead | None = None
-        if found is not None:
-            try:
-                ahead = orbit_ahead(found, night.config, now, folder=night.folder, seq=night.seq)
-            except Exception:  # an orbit is worth showing that leads nowhere
-                log.exception("where the orbit leads cannot be computed")
-                ahead = OrbitAhead(
-                    folder=night.folder,
-                    seq=night.seq,
-                    estimate=found,
-                    from_utc_ns=now,
-                    outlook=None,
-                )
-        elif engine.reach == "recorded":
-            ahead = ahead_of_record(night, now)
-        if ahead is not None and not self._is_closing:
+        try:
+            ahead = orbit_ahead(found, night.config, now, folder=night.folder)
+        except Exception:  # an orbit is worth showing that leads nowhere
+            log.exception("where the orbit leads cannot be computed")
+            ahead = OrbitAhead(folder=night.folder, estimate=found, from_utc_ns=now, outlook=None)
+        if not self._is_closing:
             self._on_orbit(ahead)
 
 

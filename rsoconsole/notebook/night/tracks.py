@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from rsoconsole.control import one_line
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     FollowedAgain,
     Identified,
@@ -120,7 +119,7 @@ def tracks_of(records: Iterable[Record]) -> dict[int, NightTrack]:
             case Miss(track_id=int(number)) if number in parts:
                 reason = record.reason
                 parts[number].missed[record.frame_id] = text(reason)
-                if isinstance(reason, Missed) and reason.lost is not None:
+                if reason.lost is not None:
                     parts[number].lost[record.frame_id] = text(reason.lost)
             case OrbitEstimate():
                 parts.setdefault(record.track_id, _Parts()).orbits[record.frame_id] = record

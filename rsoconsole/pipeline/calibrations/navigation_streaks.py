@@ -65,7 +65,7 @@ class Streak:
     time_sigma_s: float
     """What its session took the shutter to scatter by."""
     light: LightAlong | None = None
-    """What its light tells of its middle and length; None in sessions from before it was asked."""
+    """What its light tells of its middle and length; None where it was not asked."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
     rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))

@@ -111,7 +111,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         measurements=measurements,
         absence=absence,
         field=_field_of(shown),
-        star_width_arcsec=_width_arcsec(shown, config),
+        star_width_arcsec=_width_arcsec(shown),
         chosen=chosen,
         refused=refused,
         dropped=decision.dropped,
@@ -127,7 +127,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     )
 
 
-def _width_arcsec(shown: Shown, config: Config) -> float | None:
+def _width_arcsec(shown: Shown) -> float | None:
     """Of the frame's stars, where they and its scale are known; of its streaks, if narrower.
 
     Stars that drift while the shutter is open are wider than what shows two satellites apart.
@@ -136,7 +136,7 @@ def _width_arcsec(shown: Shown, config: Config) -> float | None:
     if width_px is None or not isinstance(shown.solution, Solution):
         return None
     streaks_px = [d.width_px for d in shown.detections.detections if d.kind == "streak"]
-    if config.filter.blend_width == "streaks" and streaks_px:
+    if streaks_px:
         width_px = min(width_px, statistics.median(streaks_px))
     return width_px * shown.solution.scale_arcsec_px
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Unclassified
+from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal
 from rsoconsole.records import Detections, FloatArray, FrameTaken, Site, Solution, TrackState
 from rsoconsole.sky import (
     GEO_RADIUS_KM,
@@ -123,7 +123,7 @@ def explain_absence(
     track: TrackState | None,
     site: Site,
     t_utc_ns: int,
-    blocked: SlewRefusal | Unclassified | None = None,
+    blocked: SlewRefusal | None = None,
 ) -> Missed:
     """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
 

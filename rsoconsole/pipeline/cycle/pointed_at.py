@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from rsoconsole.reasons import Cause, Missed
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     FrameTaken,
     Miss,
@@ -18,7 +18,7 @@ def is_without_detection(record: Record) -> bool:
     """Whether it says that a frame had none."""
     reason = record.reason if isinstance(record, Miss | StateChange) else None
     missed = reason.missed if isinstance(reason, Cause) else reason
-    return isinstance(missed, Missed) and missed.kind == "no detection" and not missed.hidden_by
+    return missed is not None and missed.kind == "no detection" and not missed.hidden_by
 
 
 def looked_elsewhere(

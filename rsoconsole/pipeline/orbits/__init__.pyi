@@ -13,7 +13,6 @@ from .orbit_of import Part as Part
 from .orbit_of import find_by_gooding as find_by_gooding
 from .orbit_of import find_orbit as find_orbit
 from .orbit_online import OnlineOrbit as OnlineOrbit
-from .orbit_recorded import recorded_orbit as recorded_orbit
 from .orbits import Orbits as Orbits
 from .sightings_of import Observed as Observed
 from .sightings_of import longest_arc as longest_arc

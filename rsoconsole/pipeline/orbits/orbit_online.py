@@ -244,8 +244,7 @@ class OnlineOrbit:
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         target.part_errors = target.part_errors if is_longer else PartErrors()
-        if self._config.filter.part_errors != "single":
-            fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures)
+        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True

@@ -9,7 +9,6 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.orbits.approaches import Approaches
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Event,
     FloatArray,
@@ -251,7 +250,7 @@ def _ids(pair: PairMotion) -> tuple[int, int]:
 
 
 def _is_lost(record: Miss) -> bool:
-    return isinstance(record.reason, Missed) and record.reason.lost is not None
+    return record.reason.lost is not None
 
 
 def _sight(m: Measurement, state: TrackState) -> _Sight:

@@ -107,9 +107,8 @@ def _of_track(
 ) -> Observed:
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
-    taken = tuple(track.measurements)
-    if config.filter.part_errors != "single":
-        taken = PartErrors().widened(taken, taken, track.last, exposures)
+    measured = tuple(track.measurements)
+    taken = PartErrors().widened(measured, measured, track.last, exposures)
     try:
         seen = sightings_of(site, taken)
     except ValueError as error:

@@ -26,7 +26,7 @@ from rsoconsole.pipeline.cycle import (
 )
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
-from rsoconsole.reasons import FROM_OUTSIDE, Cause, Missed
+from rsoconsole.reasons import FROM_OUTSIDE
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -317,7 +317,6 @@ class Walk:
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = star_history_without_fold(self.stars, shown)
             self.hand.add(shown, self.config)
-            self.kept.looked_at(t_mid_ns, self.config.filter)
             yield LookedAt(shown=shown)
             return
         folded = fold(self.following, self.stars, shown, self.config)
@@ -330,7 +329,7 @@ class Walk:
         )
         self.folds.add(done)
         self.following, self.stars = folded.following, folded.stars
-        self.kept.folded(self.following, t_mid_ns)
+        self.kept.folded(self.following)
         if folded.following.track is None:
             self.hand.add(shown, self.config)
         yield self._compared(_replayed(done, recorded))
@@ -362,7 +361,7 @@ class Walk:
     def _rule_by_hand(self, record: Ruling) -> None:
         self.again = {}
         kept, _ = self.hand.rule(record, self.kept.following, self.following.last_track_id)
-        self.kept.made(kept, self.config.filter)
+        self.kept.made(kept)
         if kept is not None:
             last_track_id = max(kept.last_track_id, self.following.last_track_id)
             self.following = replace(self.following, last_track_id=last_track_id)
@@ -371,11 +370,11 @@ class Walk:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
         self.folds.forget()
         self.hand.forget()
-        if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
+        if change.reason.kind == "clock set":
             self.orbits = {}
             self.following = replace(self.following, dropped=())
         before, kept = self.following, self.kept.following
-        self.kept.passed(change, before, self.config.filter)
+        self.kept.passed(change, before)
         if change.after != "COAST":
             self.following = before.without_track(change.after)
         elif kept is not None:
@@ -401,10 +400,9 @@ def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
 def is_from_outside(change: StateChange) -> bool:
     """Whether a change of state is none of the fold's."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
-    cause = change.reason
-    return not is_between_folded or (isinstance(cause, Cause) and cause.kind in FROM_OUTSIDE)
+    return not is_between_folded or change.reason.kind in FROM_OUTSIDE
 
 
 def is_instruments(miss: Miss) -> bool:
     """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
-    return isinstance(miss.reason, Missed) and miss.reason.kind == "instrument"
+    return miss.reason.kind == "instrument"

@@ -35,7 +35,7 @@ class LogDigest:
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, Any]) -> "LogDigest | None":
-        """As the session carries it; None for one that is not closed, or of schema 1."""
+        """As the session carries it; None for one that is not closed."""
         found = meta.get(META_KEY)
         if not isinstance(found, dict):
             return None

@@ -41,7 +41,7 @@ class Verification:
     """Files whose bytes were read."""
     bytes: int = 0
     digest: Digest = "none"
-    """Of the log; none: it is not closed, or schema 1 closed it."""
+    """Of the log; none: it is not closed."""
     findings: list[Finding] = field(default_factory=list)
 
     @property

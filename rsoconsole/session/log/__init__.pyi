@@ -44,5 +44,5 @@ from .schema import WAL as WAL
 from .schema import WORLD as WORLD
 from .schema import file_name as file_name
 from .schema import role_of as role_of
-from .schema import temporary_views as temporary_views
+from .schema import select_of as select_of
 from .worker import BoundedWorker as BoundedWorker

@@ -2,8 +2,7 @@
 
 Floats go through their shortest round-trip form, tuples become arrays and come back as tuples,
 records inside records come back as themselves. NaN and infinities are refused: a missing value
-is None. Keys that this version does not know are passed over, so that a session written by a
-later one of the same schema stays readable.
+is None. Keys that are no field, as a reason's text, are passed over.
 """
 
 import json
@@ -19,7 +18,7 @@ import numpy as np
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Reason, Unclassified
+from rsoconsole.reasons import Reason
 from rsoconsole.records import OFF_RECORD, Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
@@ -43,10 +42,8 @@ def encode(record: Record) -> tuple[str, int | None, str]:
     return kind, getattr(record, "frame_id", None), body
 
 
-def decode(
-    kind: str, body: str, upgraded: Callable[[str, Any], Any] = lambda _, fields: fields
-) -> Record:
-    """The record that ``encode`` was given; ``upgraded``: makes its fields those of today.
+def decode(kind: str, body: str) -> Record:
+    """The record that ``encode`` was given.
 
     Raises SessionError when the kind is unknown or the body is not such a record.
     """
@@ -54,7 +51,7 @@ def decode(
     if record_type is None:
         raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
     try:
-        decoded: Record = _decoder(record_type)(upgraded(kind, json_of(body)))
+        decoded: Record = _decoder(record_type)(json_of(body))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SessionError(f"a {kind} of this session is damaged: {error}") from error
     return decoded
@@ -142,8 +139,6 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     takes_text = str in arguments
     hints = [a for a in arguments if a not in (str, type(None))]
     others = [(_required(a), _decoder(a)) for a in hints]
-    if Unclassified in hints:
-        return _reason_decoder(others, is_optional=type(None) in arguments)
     is_optional = type(None) in arguments
     is_one, first = len(others) == 1, others[0][1] if others else _to_str
 
@@ -159,27 +154,6 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
             if needed <= value.keys():
                 return each(value)
         return first(value)
-
-    return read
-
-
-def _reason_decoder(
-    others: list[tuple[frozenset[str], _Decoder]], *, is_optional: bool
-) -> _Decoder:
-    """A kind that only a later version knows is told in the words that stand beside it."""
-
-    def read(value: Any) -> Any:
-        if value is None and is_optional:
-            return None
-        if not isinstance(value, dict):
-            return others[0][1](value)
-        known = next((each for needed, each in others if needed <= value.keys()), others[0][1])
-        try:
-            return known(value)
-        except (ValueError, TypeError, KeyError):
-            if not isinstance(value.get("text"), str):
-                raise
-            return Unclassified(words=value["text"])
 
     return read
 

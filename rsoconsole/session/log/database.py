@@ -83,17 +83,14 @@ def finish_copy(folder: Path, scratch: Path) -> Path:
     return scratch / DATABASE
 
 
-def create_database(path: Path, facts: Mapping[str, Any], *, version: int = SCHEMA_VERSION) -> None:
-    """Make the database beside its place and rename it, so that no reader meets half of one.
-
-    ``version``: the schema of the records that are to be copied into it.
-    """
+def create_database(path: Path, facts: Mapping[str, Any]) -> None:
+    """Make the database beside its place and rename it, so that no reader meets half of one."""
     beside = path.with_name(path.name + PART)
     beside.unlink(missing_ok=True)
     connection = sqlite3.connect(beside, isolation_level=None)
     try:
         connection.execute(f"PRAGMA application_id={APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version={version}")
+        connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
         connection.executescript(f"BEGIN;{create_script()}COMMIT;")
         connection.execute("BEGIN")
         connection.executemany(

@@ -2,14 +2,8 @@
 
 ``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
 spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
-JSON is exact. A new version adds; it never renames nor rewrites: who reads an older session
-gets today's views over it, made for that connection alone (``temporary_views``). A new column alone
-makes no new schema.
-
-Schema 2 adds the hash of every file, and on close the digest of the log
-(``session/files/digest.py``); schema 3 the views of orbits and identifications; schema 4 the ids of
-measurements and tracks and reasons as kinds with figures (records of older ones are given theirs by
-``session/reading/legacy.py``; in SQL their columns are NULL).
+JSON is exact. What would make a session of before unreadable takes the next number; a session of
+another number is refused.
 """
 
 import re
@@ -36,8 +30,7 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
-SCHEMA_VERSION = 4
-_WITH_HASHES = 2
+SCHEMA_VERSION = 1
 APPLICATION_ID = 0x52534F43
 """``RSOC`` in the database's header: tells a session from any other SQLite file."""
 
@@ -75,11 +68,6 @@ LEFT JOIN files AS kept ON kept.frame_id = log.frame_id AND kept.role = 'frame'
 LEFT JOIN files AS shown ON shown.frame_id = log.frame_id AND shown.role = 'preview'
 """
 
-_BEFORE = {
-    "kind": "CASE json_extract({body}, '{beside}.is_clipped') WHEN 1 THEN 'clipped'"
-    " ELSE 'streak' END"
-}
-"""What a column was in a record that does not have it, told by what stands beside it."""
 _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
@@ -105,8 +93,9 @@ def role_of(path: str) -> tuple[str, int] | None:
     return None
 
 
-def _select(table: Table) -> str:
+def select_of(name: str) -> str:
     """What a public view selects."""
+    table = TABLES[name]
     columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
     columns += [f"{_value(table, column)} AS {column.name}" for column in table.own]
     columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.is_followed_again
@@ -128,48 +117,12 @@ def _value(table: Table, column: Column) -> str:
     )
     value = f"json_extract({body}, '{place}')"
     if column.is_worded:
-        # A kind with its figures, and what they say as text; text alone in older sessions.
+        # A kind with its figures, and what they say as text; or text alone.
         value = f"coalesce(json_extract({body}, '{place}.text'), {value})"
-    if column.name in _BEFORE:
-        beside = place.rpartition(".")[0]
-        return f"coalesce({value}, {_BEFORE[column.name].format(body=body, beside=beside)})"
-    is_word = column.type in {"text", "json"}
-    default = f"'{column.default}'" if is_word else column.default
-    return f"coalesce({value}, {default})" if column.default else value
-
-
-def _selects() -> dict[str, str]:
-    """What each public view selects."""
-    return {name: _select(table) for name, table in TABLES.items()}
+    return value
 
 
 def create_script() -> str:
     """SQL that makes an empty session database: tables, then the public views."""
-    views = (f"{_create(name, select)};\n" for name, select in _selects().items())
+    views = (f"CREATE VIEW {name} AS {select_of(name)};\n" for name in VIEWS)
     return _TABLES_SQL + "".join(views)
-
-
-def _create(name: str, select: str) -> str:
-    return f"CREATE VIEW {name} AS {select}"
-
-
-def temporary_views(version: int, stored: Mapping[str, str]) -> str:
-    """SQL that gives one connection to a session of schema ``version`` the views of today.
-
-    They are temporary: the file is not touched and may lie on a medium that cannot be written.
-    Columns that its records do not have are NULL. ``stored``: the SQL of its own views, by name;
-    empty where all of them are today's.
-    """
-    selects = {
-        name: select
-        for name, select in _selects().items()
-        if stored.get(name) != _create(name, select)
-    }
-    if not selects:
-        return ""
-    # Unqualified names in a temporary view mean temporary ones first: the views below see this.
-    files = ""
-    if version < _WITH_HASHES:
-        files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
-    views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in selects.items())
-    return "PRAGMA temp_store=MEMORY;\n" + files + "".join(views)

@@ -1,4 +1,4 @@
-"""The one reader of sessions, of this version and of those before."""
+"""The one reader of sessions."""
 
 from lazy_loader import attach_stub
 

@@ -3,9 +3,8 @@
 Each call opens the database read-only and lets go of it again: no transaction is held, the
 writer is never kept from anything, and a session that ends can leave its write-ahead log.
 
-A session whose views are not those of today (an older one) is read through today's, which live in
-the reader's own connection; its file is not touched. A branch (``meta`` names in ``branch_of`` what
-it branches from) is read as a session; files that it does not hold itself are that session's.
+A session of another schema is refused. A branch (``meta`` names in ``branch_of`` what it branches
+from) is read as a session; files that it does not hold itself are that session's.
 """
 
 import os
@@ -39,22 +38,11 @@ from rsoconsole.session.log import (
     VIEWS,
     computed_part,
     connect_to_read,
+    decode,
     finish_copy,
     is_interrupted,
-    temporary_views,
+    select_of,
 )
-from rsoconsole.session.reading.legacy import KINDS as IDENTIFYING
-from rsoconsole.session.reading.legacy import (
-    LAST_SCHEMA,
-    IdGiver,
-    Ids,
-    decode_old,
-    decode_recorded,
-    in_columns,
-    with_ids,
-    with_kind,
-)
-from rsoconsole.session.reading.old_defaults import with_old_defaults
 from rsoconsole.session.reading.plausible import LAST_UTC_NS, expect_plausible
 
 PAGE_RECORDS = 500
@@ -63,17 +51,23 @@ MAX_BRANCH_DEPTH = 8
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 
-_VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
-
-
 _GOOD_TIME = (
     f"CASE WHEN typeof(t_utc_ns) = 'integer' AND t_utc_ns BETWEEN 0 AND {LAST_UTC_NS}"
     " THEN t_utc_ns END"
 )
 
 
-class LaterSchemaError(SessionError):
-    """A later version wrote the session: nothing is wrong with it."""
+class OtherSchemaError(SessionError):
+    """Another version wrote the session: nothing is wrong with it."""
+
+
+def expect_schema(folder: Path, version: int) -> None:
+    """Raise OtherSchemaError for a session whose records are others than those of this version."""
+    if version != SCHEMA_VERSION:
+        raise OtherSchemaError(
+            f"{folder} was written by another version of rsoconsole (schema {version}, here"
+            f" {SCHEMA_VERSION}): open it with that one"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +84,7 @@ class SessionReader:
     """A session's records, facts and files. Cheap to make; safe to use from one thread at a time.
 
     Raises SessionError, here and in every method, when the folder holds no session, when the
-    session is damaged, or when a later version wrote it.
+    session is damaged, or when a version with another schema wrote it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -106,30 +100,15 @@ class SessionReader:
         if application_id != APPLICATION_ID:
             raise SessionError(f"{self._database} is not a session of rsoconsole")
         ((version,),) = self._fetch("PRAGMA user_version")
-        if version > SCHEMA_VERSION:
-            raise LaterSchemaError(
-                f"{self.folder} was written by a later rsoconsole (schema {version}, this one "
-                f"knows {SCHEMA_VERSION}): update rsoconsole"
-            )
-        self.schema_version: int = version
-        self._is_old = self.schema_version <= LAST_SCHEMA
-        self._giver, self._ids, self._ids_until = IdGiver(), dict[int, Ids](), 0
+        expect_schema(self.folder, version)
 
     def connect(self) -> sqlite3.Connection:
-        """A connection of your own for SQL, read-only, with the public views of today.
+        """A connection of your own for SQL, read-only. Close it soon.
 
-        Those that an older session has not, or has otherwise, are temporary views; columns that
-        its records do not have are NULL. Close it soon: as long as it reads, a live session cannot
-        fold its log. It is ended where it asks for more than the database's size explains.
+        As long as it reads, a live session cannot fold its log. It is ended where it asks for more
+        than the database's size explains.
         """
-        connection = self._open()
-        try:
-            stored = dict(connection.execute(_VIEWS_SQL).fetchall())
-            connection.executescript(temporary_views(self.schema_version, stored))
-        except sqlite3.Error as error:
-            connection.close()
-            raise self._damaged(error) from error
-        return connection
+        return self._open()
 
     def about(self) -> dict[str, Any]:
         """What the session said of itself when it began: config, model_sha256, versions and so on.
@@ -147,10 +126,10 @@ class SessionReader:
             ) from error
 
     def config(self) -> Config:
-        """The configuration the session began with; settings of a later version are left out."""
+        """The configuration the session began with; settings that are not known are left out."""
         table = self.about().get("config")
         try:
-            return Config.model_validate(with_old_defaults(_known(table)))
+            return Config.model_validate(_known(table))
         except ValidationError as error:
             raise SessionError(
                 f"the configuration of {self.folder} is not one this version knows: "
@@ -193,11 +172,9 @@ class SessionReader:
         sql = f"{_SELECT} AND {column} IN ({places}){of_frame} ORDER BY seq LIMIT {PAGE_RECORDS}"
         while True:
             page = self._fetch(sql, (since_seq, *names, *frame))
-            if self._is_old and page:
-                self._learn_ids(page[-1][0])
             for seq, t_utc_ns, kind, body in page:
                 if isinstance(t_utc_ns, int) and 0 <= t_utc_ns <= LAST_UTC_NS:
-                    yield seq, t_utc_ns, self._decoded(seq, kind, body)
+                    yield seq, t_utc_ns, _decoded(kind, body)
                 else:
                     yield seq, 0, Event(level="alarm", text=f"the time of a {kind} is damaged")
             if len(page) < PAGE_RECORDS:
@@ -208,51 +185,17 @@ class SessionReader:
         """(seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is decoded."""
         return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
 
-    def _decoded(self, seq: int, kind: str, body: str) -> Record:
-        try:
-            if self._is_old:
-                found = with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
-            else:
-                found = decode_recorded(kind, body)
-            expect_plausible(found)
-        except SessionError as error:
-            return Event(level="alarm", text=str(error))
-        except ValueError as error:
-            return Event(level="alarm", text=f"a {kind} of this session is damaged: {error}")
-        return found
-
-    def _learn_ids(self, until_seq: int) -> None:
-        """Go through an old session up to there: ids depend on all that came before."""
-        names = [kind.__name__ for kind in IDENTIFYING]
-        sql = (
-            f"{_SELECT} AND seq <= ? AND kind IN ({', '.join('?' * len(names))})"
-            f" ORDER BY seq LIMIT {PAGE_RECORDS}"
-        )
-        while self._ids_until < until_seq:
-            page = self._fetch(sql, (self._ids_until, until_seq, *names))
-            for seq, _, kind, body in page:
-                try:
-                    self._ids[seq] = self._giver.ids_of(decode_old(kind, body))
-                except SessionError:
-                    continue  # an alarm stands in its place
-            is_last = len(page) < PAGE_RECORDS
-            self._ids_until = until_seq if is_last else page[-1][0]
-
     def view(self, name: str) -> list[dict[str, Any]]:
         """The rows of one of the public views, in order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
-        with closing(self.connect()) as connection:
+        with closing(self._open()) as connection:
             try:
-                cursor = connection.execute(f"SELECT * FROM {name} ORDER BY seq")
+                cursor = connection.execute(f"{select_of(name)} ORDER BY seq")
                 columns = [column[0] for column in cursor.description]
-                rows = [dict(zip(columns, row, strict=True)) for row in cursor]
+                return [dict(zip(columns, row, strict=True)) for row in cursor]
             except sqlite3.Error as error:
                 raise self._damaged(error) from error
-        if self._is_old and rows:
-            self._learn_ids(rows[-1]["seq"])
-            rows = [in_columns(row, self._ids.get(row["seq"], Ids())) for row in rows]
-        return [with_kind(row) for row in rows]
 
     def frame_path(self, frame_id: int) -> Path | None:
         """The frame's FITS file; None when it was not kept or is not written yet."""
@@ -428,6 +371,18 @@ class SessionReader:
             f"{self._database} is damaged or no session: {error}; "
             f"its frames are untouched, 'rsoconsole sessions repair {self.folder}' saves the rest"
         )
+
+
+def _decoded(kind: str, body: str) -> Record:
+    """The record, or an alarm in its place."""
+    try:
+        found = decode(kind, body)
+        expect_plausible(found)
+    except SessionError as error:
+        return Event(level="alarm", text=str(error))
+    except ValueError as error:
+        return Event(level="alarm", text=f"a {kind} of this session is damaged: {error}")
+    return found
 
 
 def _is_busy(error: sqlite3.OperationalError) -> bool:

@@ -98,8 +98,6 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
         with closing(reader.connect()) as connection:
             if page_faults(connection):
                 raise SessionError(f"the database of {reader.folder} is damaged")
-    if source.schema_version != target.schema_version:
-        raise SessionError(f"{rescue} and {session} are of different schemas")
     _expect_sound_digest(target)
     try:
         records, files = _insert(source, session / DATABASE)

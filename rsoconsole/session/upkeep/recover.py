@@ -9,7 +9,7 @@ import os
 import shutil
 import sqlite3
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,10 +48,11 @@ from rsoconsole.session.log import (
     computed_part,
     connect_to_write,
     create_database,
+    decode,
     leave_wal,
     role_of,
 )
-from rsoconsole.session.reading import LAST_SCHEMA, SessionReader, decode_old, is_without_ids
+from rsoconsole.session.reading import SessionReader, expect_schema
 
 RECOVERED = ".recovered"
 PAGE_BYTES = 4096
@@ -62,7 +63,7 @@ MAX_GROWTH = 1000
 """Factor by which a header may state more than there is; beyond it the header is damaged itself."""
 _HEADER = struct.Struct(">16sH10xI")
 """Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
-_LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, (6, 7)
+_LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,8 +147,8 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
         files.update(part.files)
     if not log and not meta:
         raise OSError("no record and no fact can be read any more")
-    facts = {**_facts(meta, folder, log.values()), "recovered_from": folder.name}
-    create_database(target / DATABASE, facts, version=facts["schema_version"])
+    facts = {**_facts(meta, folder), "recovered_from": folder.name}
+    create_database(target / DATABASE, facts)
     with closing(connect_to_write(target / DATABASE)) as connection:
         connection.execute("BEGIN IMMEDIATE")
         connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
@@ -206,7 +207,7 @@ def _scanned(database: Path, wal: Path) -> _Read:
             _take_log(read, (rowid, *fields[1:]))
         elif rowid is None and len(fields) == _META_FIELDS:
             _take_fact(read, fields)
-        elif rowid is None and len(fields) in _FILES_FIELDS:
+        elif rowid is None and len(fields) == _FILES_FIELDS:
             _take_file(read, fields)
     return read
 
@@ -225,7 +226,7 @@ def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
     if not is_shaped:
         return
     try:
-        decode_old(kind, body) if kind in KINDS else json_of(body)
+        decode(kind, body) if kind in KINDS else json_of(body)
     except (SessionError, ValueError):
         return
     read.log.setdefault(seq, (seq, t_utc_ns, kind, frame_id, body))
@@ -247,8 +248,8 @@ def _take_fact(read: _Read, row: Fields) -> None:
 
 
 def _take_file(read: _Read, row: Fields) -> None:
-    """Keep a row of ``files``; that of schema 1 ends before the hash."""
-    frame_id, role, path, size, ms, reason, *rest = row
+    """Keep a row of ``files`` that is one."""
+    frame_id, role, path, size, ms, reason, sha256 = row
     is_shaped = (
         isinstance(frame_id, int)
         and isinstance(role, str)
@@ -259,7 +260,7 @@ def _take_file(read: _Read, row: Fields) -> None:
     )
     if is_shaped:
         key = (int(frame_id or 0), str(role))
-        read.files.setdefault(key, (frame_id, role, path, size, ms, reason, *(rest or (None,))))
+        read.files.setdefault(key, (frame_id, role, path, size, ms, reason, sha256))
 
 
 def _is_json(value: object) -> bool:
@@ -270,23 +271,18 @@ def _is_json(value: object) -> bool:
     return True
 
 
-def _facts(meta: dict[str, str], folder: Path, log: Iterable[Row]) -> dict[str, Any]:
+def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
     """What the session said of itself; its configuration from the file beside where need be."""
     facts = {key: json_of(value) for key, value in meta.items()}
     if not isinstance(facts.get("config"), dict):
         with suppress(OSError, ValueError):
             facts["config"] = toml_of(read_foreign(folder / CONFIG))
+    if isinstance(version := facts.get("schema_version"), int):
+        expect_schema(folder, version)
     facts.setdefault("title", folder.name)
     if DIGEST_KEY in facts:
         facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)
-    # Its records are copied as they are: those of an old schema go on being read as such.
-    version = facts.get("schema_version")
-    if isinstance(version, int):
-        is_old = version <= LAST_SCHEMA
-    else:  # that fact is lost: the records tell it
-        is_old = any(is_without_ids(kind, body) for _, _, kind, _, body in log)
-    version = LAST_SCHEMA if is_old else SCHEMA_VERSION
-    return {**facts, "schema_version": version, "is_closed": False}
+    return {**facts, "schema_version": SCHEMA_VERSION, "is_closed": False}
 
 
 def _save_files(folder: Path, target: Path) -> int:

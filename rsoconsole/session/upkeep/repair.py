@@ -23,7 +23,7 @@ from rsoconsole.session.log import (
     leave_wal,
     role_of,
 )
-from rsoconsole.session.reading import LaterSchemaError, SessionReader
+from rsoconsole.session.reading import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep.merge import Merged, merge_rescue, rescued_session, rescues_of
 from rsoconsole.session.upkeep.recover import Recovered, recover_session
 from rsoconsole.session.upkeep.verify import page_faults
@@ -111,7 +111,7 @@ def _readable_about(folder: Path) -> dict[str, Any]:
     """
     try:
         return SessionReader(folder).about()
-    except LaterSchemaError:
+    except OtherSchemaError:
         raise
     except SessionError:
         if not (folder / DATABASE).is_file():

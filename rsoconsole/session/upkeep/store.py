@@ -12,7 +12,7 @@ from pathlib import Path
 from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
 from rsoconsole.session.files import State, is_kept, state_of
-from rsoconsole.session.log import BRANCHES, DATABASE, is_written
+from rsoconsole.session.log import BRANCHES, DATABASE, SCHEMA_VERSION, is_written
 from rsoconsole.session.reading import SessionReader
 
 _MAX_TITLE = 40
@@ -149,7 +149,7 @@ def summarise(folder: Path) -> SessionSummary:
         is_closed=about.get("is_closed") is True,
         fault=None,
         state=state_of(about),
-        schema=reader.schema_version,
+        schema=SCHEMA_VERSION,
         is_simulated=is_simulated if isinstance(is_simulated, bool) else None,
         followed_frames=followed_frames,
         branches=branches_of(folder),

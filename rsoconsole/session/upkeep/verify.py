@@ -18,14 +18,8 @@ from rsoconsole.session.files import (
     holdings_of,
     state_of,
 )
-from rsoconsole.session.log import DATABASE, KINDS, LOG_ROWS
-from rsoconsole.session.reading import (
-    LAST_SCHEMA,
-    LaterSchemaError,
-    SessionReader,
-    decode_old,
-    decode_recorded,
-)
+from rsoconsole.session.log import DATABASE, KINDS, LOG_ROWS, SCHEMA_VERSION, decode
+from rsoconsole.session.reading import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep.verify_files import FileRow, FilesCheck
 
 _MOST_SQLITE_WORDS = 5
@@ -38,7 +32,7 @@ def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = No
     """Look at everything in a session's folder or in its archive (.tar).
 
     ``on_bytes`` is told (bytes read so far, bytes in all) of the files. Raises SessionError when
-    there is no session at all, or one that a later version wrote; a damaged one is a result.
+    there is no session at all, or one that another version wrote; a damaged one is a result.
     """
     place = Path(place)
     if not (place.is_file() or (place / DATABASE).is_file()):
@@ -68,12 +62,12 @@ def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] |
     try:
         reader = SessionReader(holdings.folder())
         about = reader.about()
-    except LaterSchemaError:
+    except OtherSchemaError:
         raise
     except SessionError as error:
         found.damage(DATABASE, str(error), REPAIR)
         return None
-    found.schema = reader.schema_version
+    found.schema = SCHEMA_VERSION
     found.state = state_of(about)
     try:
         with closing(reader.connect()) as connection:
@@ -97,7 +91,6 @@ def _verify_log(
     connection: sqlite3.Connection, found: Verification, recorded: LogDigest | None
 ) -> None:
     digester, unknown, expected = Digester(), 0, 1
-    decode_any = decode_old if (found.schema or 0) <= LAST_SCHEMA else decode_recorded
     gaps: list[tuple[int, int]] = []
     try:
         for row in connection.execute(LOG_ROWS):
@@ -111,7 +104,7 @@ def _verify_log(
                 unknown += 1
                 continue
             try:
-                decode_any(kind, body)
+                decode(kind, body)
             except SessionError as error:
                 found.damage(f"record {seq}", str(error))
     except sqlite3.Error as error:

@@ -1,4 +1,4 @@
-"""Whether a session's files are those that were written: by hash, or where none is, by contents."""
+"""Whether a session's files are those that were written, by their hashes."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ from rsoconsole.session.files import (
     FolderHoldings,
     Holdings,
     Verification,
-    content_fault,
     hash_of,
     parse_manifest,
     parse_notes,
@@ -49,7 +48,6 @@ class FilesCheck:
         self._on_bytes = on_bytes
         self._sizes = holdings.sizes()
         self._total = sum(self._sizes.get(row.path, 0) for row in self._rows)
-        self._rewritten: list[str] = []
 
     def run(self) -> None:
         """Judge every file that the session names, and those it does not. Raises OSError."""
@@ -64,7 +62,6 @@ class FilesCheck:
                 self._found.damage(row.path, "the file is not there")
         for t_utc, number in gone.items():
             self._found.remark("files", f"{number} were pruned on {t_utc}")
-        self._report_rewritten()
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
         judged = {row.path for row in self._rows} | set(pruned)
         self._judge_manifest(manifest, judged)
@@ -77,7 +74,7 @@ class FilesCheck:
         self._found.files += 1
         try:
             if row.sha256 is None:
-                self._judge_contents(row, size)
+                self._found.damage(row.path, "no hash of it is on record")
             elif hash_of(self._holdings, row.path, self._count) != row.sha256:
                 what = f"{size} bytes, not the {row.bytes} that were written"
                 if row.bytes is None or row.bytes == size:
@@ -85,24 +82,6 @@ class FilesCheck:
                 self._found.damage(row.path, what)
         except OSError as error:
             self._found.damage(row.path, f"cannot be read: {error.strerror or error}")
-
-    def _judge_contents(self, row: FileRow, size: int) -> None:
-        with self._holdings.open(row.path) as stream:
-            content = stream.read()
-        self._count(len(content))
-        fault = content_fault(row.path, content)
-        if fault is not None:
-            self._found.damage(row.path, fault)
-        elif row.bytes is not None and row.bytes != size:
-            self._rewritten.append(row.path)
-
-    def _report_rewritten(self) -> None:
-        if self._rewritten:
-            others = len(self._rewritten) - 1
-            self._found.remark(
-                self._rewritten[0] + (f" and {others} others" if others else ""),
-                "another size than was recorded, yet whole; schema 1 keeps no hash to tell more",
-            )
 
     def _judge_stray(self, path: str) -> None:
         is_closed = self._found.state == "closed"

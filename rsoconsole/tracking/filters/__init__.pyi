@@ -29,7 +29,6 @@ from .innovations import consistency as consistency
 from .innovations import lag_one as lag_one
 from .innovations import mean_band as mean_band
 from .lqe import direction_icrs_deg as direction_icrs_deg
-from .lqe import measured_direction_deg as measured_direction_deg
 from .lqe import sky_covariance_arcsec2 as sky_covariance_arcsec2
 from .lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
 from .sky_path import Plane as Plane

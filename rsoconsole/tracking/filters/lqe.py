@@ -223,20 +223,6 @@ def direction_icrs_deg(state: TrackState) -> tuple[float, float]:
     return state.x[0], state.x[2]
 
 
-def measured_direction_deg(
-    updated: TrackState, predicted: TrackState | None
-) -> tuple[float, float]:
-    """The direction that made this update: its prediction plus its innovation, RA and Dec."""
-    if predicted is None or updated.innovation_arcsec is None:
-        return updated.x[0], updated.x[2]
-    east_arcsec, north_arcsec = updated.innovation_arcsec
-    cos_dec = math.cos(math.radians(predicted.x[2]))
-    return (
-        predicted.x[0] + east_arcsec / ARCSEC_PER_DEG / cos_dec,
-        predicted.x[2] + north_arcsec / ARCSEC_PER_DEG,
-    )
-
-
 def sky_covariance_arcsec2(state: TrackState) -> FloatArray:
     """Covariance (2, 2) of the track's direction, (east, north)."""
     to_sky = np.array([_cos_dec(state.x[2]), 1.0]) * ARCSEC_PER_DEG

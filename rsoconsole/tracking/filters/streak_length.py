@@ -75,15 +75,12 @@ def along_error_arcsec(
     measurement: Measurement,
     expected: Motion,
     before: Sequence[float] = (),
-    *,
-    shares_parts: bool = False,
-    is_first_open: bool = False,
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 
-    ``before``: the excess of the streaks before it, arcsec. ``shares_parts``: whether streaks in a
-    row that show a part of their length have one error in common. ``is_first_open``: whether the
-    first of them may lie anywhere in what it should fill.
+    ``before``: the excess of the streaks before it, arcsec. Streaks in a row that show a part of
+    their length have one error in common; the first of them may lie anywhere in what it should
+    fill.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
@@ -91,7 +88,7 @@ def along_error_arcsec(
     ahead = np.array([expected.east_arcsec, expected.north_arcsec]) / length
     ee, en, nn = measurement.cov_sky_arcsec2
     own2 = max(float(ahead @ np.array([[ee, en], [en, nn]]) @ ahead), 0.0)
-    parts = _parts_in_a_row(before, length) if shares_parts else 0
+    parts = _parts_in_a_row(before, length)
     if parts >= _FEWEST_PARTS:
         lacks = max(-excess - _HARMLESS_SHARE * length, 0.0)
         over = max(excess, 0.0)
@@ -105,7 +102,7 @@ def along_error_arcsec(
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
     variance = away**2 / 4.0 + slack**2 / 24.0
-    if is_first_open and excess < -_PART_SHARE * length:
+    if excess < -_PART_SHARE * length:
         variance = max(variance, (1 + parts) * excess**2 / 12.0)
     return math.sqrt(max(variance - own2, 0.0))
 

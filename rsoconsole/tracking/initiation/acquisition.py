@@ -252,17 +252,10 @@ def errors_of(
     """
     if settings.filter.preset != "adaptive":
         return NO_ERRORS  # the other presets believe what a measurement states
-    along = along_error_arcsec(
-        m,
-        expected,
-        excesses_arcsec,
-        shares_parts=settings.filter.part_errors != "single",
-        is_first_open=settings.filter.part_errors == "flashing",
+    return StreakErrors(
+        along_error_arcsec(m, expected, excesses_arcsec),
+        across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec),
     )
-    if settings.filter.across_errors == "own":
-        return StreakErrors(along)
-    across = across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec)
-    return StreakErrors(along, across)
 
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:

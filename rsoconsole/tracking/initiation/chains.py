@@ -52,7 +52,7 @@ Chain = tuple[Measurement, ...]
 
 def is_wide(settings: FollowSettings) -> bool:
     """Whether more than two successive frames are asked."""
-    return settings.filter.preset == "adaptive" and settings.filter.initiation == "chains"
+    return settings.filter.preset == "adaptive"
 
 
 def begun(
