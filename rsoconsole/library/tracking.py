@@ -28,7 +28,7 @@ from rsoconsole.library.observations import (
     plain_column,
 )
 from rsoconsole.library.tracks import Track, Tracks
-from rsoconsole.notebook.night import NightTrack, tracks_of
+from rsoconsole.night import NightTrack, tracks_of
 from rsoconsole.pipeline.cycle import Shown, StarHistory, fold
 from rsoconsole.pipeline.frame import shutter_mid_utc_ns
 from rsoconsole.pipeline.orbits import Orbits

@@ -9,20 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
+from rsoconsole.night import Logged, NightTrack, Row, rows_of, tracks_of
 from rsoconsole.notebook import card
 from rsoconsole.notebook.figures import NightPlots
 from rsoconsole.notebook.night import (
-    Logged,
     Night,
     NightFold,
-    NightTrack,
-    Row,
     Summary,
-    rows_of,
     spells_of,
     summary_of,
     title_of,
-    tracks_of,
     with_frames,
 )
 from rsoconsole.notebook.session_pictures import SessionPictures

@@ -4,14 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook.night import (
-    FrameFacts,
-    Logged,
-    NightFold,
-    overlay_svg,
-    tracks_of,
-    words_of,
-)
+from rsoconsole.night import Logged, tracks_of
+from rsoconsole.notebook.night import FrameFacts, NightFold, overlay_svg, words_of
 from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw_tracks
 from rsoconsole.records import Detections, PixelArray
 from rsoconsole.session.files import pruned_on, read_notes

@@ -11,11 +11,11 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.candidates import CandidatesDialog, candidate_lines, fate
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.frame.sheet_marks import faint_ends
-from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import Outcome
 from rsoconsole.control.frame_commands import MarkByHand
+from rsoconsole.night.frame_rows import FrameDetail
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
 from rsoconsole.session.writing.writer import SessionWriter

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.picture.marks import Mark, Window, marks_of, outline_px, overlay
 from rsoconsole.console.picture.picture import (
     GREYS,
@@ -18,6 +17,7 @@ from rsoconsole.console.picture.picture import (
     light_of,
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
+from rsoconsole.night.frame_rows import FrameDetail
 from rsoconsole.reasons import Unclassified
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky.angles import separation_deg

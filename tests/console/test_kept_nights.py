@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rsoconsole.console.night import Night
-from rsoconsole.console.night.chunks import CHUNK, in_chunks
+from rsoconsole.night import Night
+from rsoconsole.night.chunks import CHUNK, in_chunks
 from rsoconsole.session.reading import SessionReader
 from tests.nights import eventful_night
 

@@ -11,9 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.console.night.frame_rows import FrameDetail
-from rsoconsole.console.night.night import Night
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
@@ -21,6 +18,9 @@ from rsoconsole.console.timeline.night_line import FrameMark, StateMark, Timelin
 from rsoconsole.console.timeline.player import SPEEDS, Player
 from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
 from rsoconsole.console.watches.watch import SessionWatch
+from rsoconsole.night.frame_rows import FrameDetail
+from rsoconsole.night.night import Night
+from rsoconsole.night.night_view import NightView
 from rsoconsole.records import FollowedAgain, Ruling
 from rsoconsole.session.reading.reader import SessionReader
 from tests.makers import NS

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
 from rsoconsole.control import Outcome
 from rsoconsole.judge.summary import summarise
+from rsoconsole.night.night import Night
 from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.frame.reduce import Reduction

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.console.night.track_fold import TAKEN_BACK_FRAMES
+from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of

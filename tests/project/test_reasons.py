@@ -15,8 +15,8 @@ import pytest
 from rsoconsole import reason_text
 from rsoconsole.console.night.alerts import alerts_between
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night import Night
 from rsoconsole.console.timeline.night_line import TimelineFold
+from rsoconsole.night.night import Night
 from rsoconsole.notebook.panel.live_night import _line
 from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay.refold import replay

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
+from rsoconsole.night.night import Night
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState

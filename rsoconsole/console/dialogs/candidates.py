@@ -12,8 +12,8 @@ from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
+from rsoconsole.night import FrameDetail
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Measurement, is_mark_id
 from rsoconsole.streak_text import name_of, pulse_of

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture import SHOWN_REJECTED, Mark, mark_of, marks_of
+from rsoconsole.night import FrameDetail
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared, Judged

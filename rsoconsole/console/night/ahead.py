@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config, load_config
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.night import NightView
 from rsoconsole.records import Identified, OrbitEstimate
 from rsoconsole.session.reading import SessionReader
 

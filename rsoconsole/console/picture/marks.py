@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.console.drawing import Numbered, placed_numbers
-from rsoconsole.console.night import FrameDetail, FrameTrack
+from rsoconsole.night import FrameDetail, FrameTrack
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.streak_text import short_name_of

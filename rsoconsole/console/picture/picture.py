@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.console.drawing import QUADRANTS, Blocks
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture.marks import Mark, Window
+from rsoconsole.night import FrameDetail
 from rsoconsole.records import Closeup
 
 GREYS = 24

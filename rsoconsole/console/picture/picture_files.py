@@ -1,8 +1,8 @@
 """The small pictures of a frame, as its session keeps them."""
 
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import ByteImage, Picture, light_of, read_codes
+from rsoconsole.night import FrameDetail
 from rsoconsole.session.reading import SessionReader
 
 

@@ -13,9 +13,9 @@ from time import monotonic
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night import FrameDetail, KeptNight, LogLine, Night, NightView
 from rsoconsole.console.picture import Picture, marks_of, read_picture
 from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
+from rsoconsole.night import FrameDetail, KeptNight, LogLine, Night, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session.reading import SessionReader
 

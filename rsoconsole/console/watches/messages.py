@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from rsoconsole.console.night import EngineView, LogLine, NightView, OrbitAhead
+from rsoconsole.console.night import EngineView, OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.timeline import Moment, Timeline
 from rsoconsole.control import Command, Outcome, StopNews
+from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

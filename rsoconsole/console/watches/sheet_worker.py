@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
-from rsoconsole.console.night import FrameDetail, Night
 from rsoconsole.console.picture import Picture, light_of, marks_of, read_codes
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.night import FrameDetail, Night
 from rsoconsole.records import MapMode
 from rsoconsole.session.reading import SessionReader
 

@@ -11,10 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.console.night import EngineView, Night, NightView, engine_view
+from rsoconsole.console.night import EngineView, engine_view
 from rsoconsole.console.picture import Picture, marks_of, read_closeup, read_picture
 from rsoconsole.control import AskStatus, Poller, Wire
 from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.night import Night, NightView
 from rsoconsole.session.reading import SessionReader
 
 log = logging.getLogger(__name__)

@@ -11,9 +11,6 @@ from .night import with_frames as with_frames
 from .overlay import FrameFacts as FrameFacts
 from .overlay import overlay_svg as overlay_svg
 from .overlay import words_of as words_of
-from .rows import Logged as Logged
-from .rows import Row as Row
-from .rows import rows_of as rows_of
 from .summary import Spell as Spell
 from .summary import Summary as Summary
 from .summary import spells_of as spells_of
@@ -22,5 +19,3 @@ from .svg import GREEN as GREEN
 from .svg import GREY as GREY
 from .svg import RED as RED
 from .svg import text as text
-from .tracks import NightTrack as NightTrack
-from .tracks import tracks_of as tracks_of

@@ -14,7 +14,8 @@ from rsoconsole import __version__
 from rsoconsole.errors import SessionError
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
-from rsoconsole.notebook.night import Night, read_night, tracks_of
+from rsoconsole.night import tracks_of
+from rsoconsole.notebook.night import Night, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
     TrackFacts,

@@ -10,7 +10,8 @@ from typing import assert_never
 from rsoconsole.control import command_words
 from rsoconsole.errors import ConfigError
 from rsoconsole.export import MeasuredRow
-from rsoconsole.notebook.night import Night, NightFrame, NightTrack
+from rsoconsole.night import NightTrack
+from rsoconsole.notebook.night import Night, NightFrame
 from rsoconsole.pipeline.replay import TrackFigures, figures_of, replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle import was_pointed_at
+from rsoconsole.night import was_pointed_at
 from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import (

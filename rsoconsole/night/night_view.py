@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.chunks import Chunks
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
-from rsoconsole.console.night.last_measured import LastMeasured
-from rsoconsole.console.night.log_lines import LogLine
-from rsoconsole.console.night.track_fold import FollowedTrack, TracksNow
+from rsoconsole.night.chunks import Chunks
+from rsoconsole.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.night.last_measured import LastMeasured
+from rsoconsole.night.log_lines import LogLine
+from rsoconsole.night.track_fold import FollowedTrack, TracksNow
 from rsoconsole.records import (
     CycleTiming,
     ExpectedMembers,

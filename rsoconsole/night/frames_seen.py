@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from rsoconsole.console.night.chunks import Chunks, in_chunks
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.night.chunks import Chunks, in_chunks
+from rsoconsole.night.frame_rows import FrameDetail, FrameRow
 from rsoconsole.records import FrameTaken
 
 NOTHING_SEEN = FrameDetail()

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any, assert_never
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.chunks import Chunks, in_chunks
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
-from rsoconsole.console.night.frames_seen import FramesSeen
-from rsoconsole.console.night.last_measured import last_measured
-from rsoconsole.console.night.log_lines import LogLine, is_put_down_to_cloud, left_out, line_of
-from rsoconsole.console.night.log_merging import append_line
-from rsoconsole.console.night.night_view import (
+from rsoconsole.night import is_without_detection, looked_elsewhere
+from rsoconsole.night.chunks import Chunks, in_chunks
+from rsoconsole.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.night.frames_seen import FramesSeen
+from rsoconsole.night.last_measured import last_measured
+from rsoconsole.night.log_lines import LogLine, is_put_down_to_cloud, left_out, line_of
+from rsoconsole.night.log_merging import append_line
+from rsoconsole.night.night_view import (
     KeptNight,
     NightView,
     Now,
@@ -19,13 +20,12 @@ from rsoconsole.console.night.night_view import (
     above_horizon,
     is_same_name,
 )
-from rsoconsole.console.night.track_fold import (
+from rsoconsole.night.track_fold import (
     pairs_after,
     predicted_sigma_arcsec,
     tracks_after,
     with_track,
 )
-from rsoconsole.pipeline.cycle import is_without_detection, looked_elsewhere
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.night.frame_rows import FrameDetail, FrameRow
 from rsoconsole.sky import largest_sigma
 
 MOST = 9

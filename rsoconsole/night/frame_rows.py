@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rsoconsole.console.night.track_fold import FrameTrack
+from rsoconsole.night.track_fold import FrameTrack
 from rsoconsole.records import (
     Closeup,
     Detections,
