@@ -26,7 +26,6 @@ from rsoconsole.reasons import (
     Cause,
     CauseKind,
     CommandResult,
-    HiddenBy,
     Missed,
     NotTaken,
     Unclassified,
@@ -67,7 +66,6 @@ OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
 """Causes that are said as an alarm before the state changes."""
-CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
@@ -152,12 +150,6 @@ def left_out(found: Detections | None, tau: float) -> str:
     best = max(likely, key=lambda each: each.detection.confidence)
     confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
-
-
-def is_put_down_to_cloud(record: Miss) -> bool:
-    """Whether cloud is named as the cause."""
-    hidden = record.reason.hidden_by if isinstance(record.reason, Missed) else ()
-    return any(isinstance(each, HiddenBy) and each.kind in CLOUD for each in hidden)
 
 
 def line_of(

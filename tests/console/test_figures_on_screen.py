@@ -27,12 +27,12 @@ from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.words import duration_text, top_lines
-from rsoconsole.night.frame_rows import FrameRow
+from rsoconsole.night import TrackFigures, as_recorded
+from rsoconsole.night.frame import FrameRow
 from rsoconsole.night.log_lines import LogLine, line_of
 from rsoconsole.night.log_merging import append_line
 from rsoconsole.night.night import ELSEWHERE, Night
 from rsoconsole.night.night_view import NightView, Pointing
-from rsoconsole.pipeline.replay.what_if_figures import TrackFigures, as_recorded
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reading.reader import SessionReader

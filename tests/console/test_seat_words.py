@@ -25,7 +25,7 @@ from rsoconsole.console.words.words import clock_text, top_lines
 from rsoconsole.control import Outcome
 from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.aim.states import Taken
-from rsoconsole.night.frame_rows import FrameRow
+from rsoconsole.night.frame import FrameRow
 from rsoconsole.night.night import Night
 from rsoconsole.night.night_view import NightView
 from rsoconsole.night.track_fold import FollowedTrack

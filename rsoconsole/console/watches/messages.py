@@ -13,8 +13,8 @@ from rsoconsole.control import Command, Outcome, StopNews
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
+    from rsoconsole.night import TrackFigures
     from rsoconsole.pipeline.outlook import Outlook
-    from rsoconsole.pipeline.replay import TrackFigures
 
 
 class NightSeen(Message):
