@@ -32,7 +32,7 @@ from rsoconsole.console.drawing import (
     PlainFilter,
 )
 from rsoconsole.console.frame import FrameSheet
-from rsoconsole.console.night import EngineView, NightView, OrbitAhead, alerts_between, notification
+from rsoconsole.console.night import EngineView, OrbitAhead, alerts_between, notification
 from rsoconsole.console.panes import MODE_WORDS, Mode
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.screens import LiveScreen, NightScreen, ReviewScreen
@@ -46,6 +46,7 @@ from rsoconsole.console.watches import (
     SessionWatch,
 )
 from rsoconsole.control import Found, Wire
+from rsoconsole.night import NightView
 
 log = logging.getLogger(__name__)
 

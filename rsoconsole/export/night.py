@@ -1,43 +1,27 @@
 """A session gathered for others: who observed with what, and every measurement that counts."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias, assert_never
+from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
+from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline.frame import shutter_time, usual_sigma_s
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
-    Event,
-    ExpectedMembers,
     FollowedAgain,
     FrameTaken,
     Identified,
-    LeapDone,
-    LowPass,
     Measurement,
-    Miss,
     NotFollowed,
-    NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    PairMotions,
-    ParameterChange,
     Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
     TrackState,
 )
 from rsoconsole.session.reading import SessionReader, clock_notes
 
-OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
 KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain, Identified)
 
 
@@ -117,56 +101,6 @@ class ExportedNight:
         return facts
 
 
-@dataclass(slots=True, kw_only=True)
-class _Followed:
-    """What was made of one frame, once."""
-
-    measured: list[Measurement] = field(default_factory=list)
-    predicted: dict[int, TrackState] = field(default_factory=dict)
-    """By track id."""
-    corrected: dict[str, TrackState] = field(default_factory=dict)
-    """By the id of the measurement that the track took."""
-    shared: dict[str, list[int]] = field(default_factory=dict)
-    """By the id of a streak of more than one satellite, the tracks that share it."""
-    lead_id: int | None = None
-    refusals: dict[int, NotFollowed] = field(default_factory=dict)
-    """By the measurement's place in ``measured``; the lead's, which come first."""
-
-    def of(self, measurement: Measurement) -> tuple[TrackState | None, TrackState | None]:
-        """Before and after, of the track that took it; before, of the lead, where none did."""
-        corrected = self.corrected.get(measurement.measurement_id)
-        track_id = self.lead_id if corrected is None else corrected.track_id
-        return None if track_id is None else self.predicted.get(track_id), corrected
-
-    def refuse(self, record: NotFollowed) -> None:
-        for place, each in enumerate(self.measured):
-            if each == record.measurement:
-                self.refusals.setdefault(place, record)
-
-
-@dataclass(slots=True, kw_only=True)
-class _FrameStory:
-    """A frame, and all that was made of it; the last counts."""
-
-    taken: FrameTaken
-    seen: list[Measurement] = field(default_factory=list)
-    """By the detector; the operator's own belong to what their decision led to."""
-    decision: Ruling | None = None
-    folds: list[_Followed] = field(default_factory=lambda: [_Followed()])
-
-    @property
-    def last(self) -> _Followed:
-        return self.folds[-1]
-
-    def measured_again(self) -> list[Measurement]:
-        """What there is to follow by the operator's word."""
-        if self.decision is None:
-            return list(self.seen)
-        left = [m for m in self.seen if m not in self.decision.refused]
-        own = self.decision.taken
-        return left if own is None or own in left else [*left, own]
-
-
 def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     """Gather a session's or a branch's measurements, no matter who took them.
 
@@ -177,39 +111,8 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     about = reader.about()
     config = reader.config()
     about.pop("config", None)
-    stories: dict[int, _FrameStory] = {}
-    names: dict[int, Identified] = {}
-    for _, _, record in reader.records(kinds=KINDS):
-        match record:
-            case FrameTaken():
-                stories[record.frame_id] = _FrameStory(taken=record)
-            case Identified():
-                names[record.track_id] = record
-            case Measurement() | TrackState() | NotFollowed() | Ruling() | FollowedAgain():
-                if record.frame_id in stories:
-                    _receive(stories[record.frame_id], record)
-            case (
-                Detections()
-                | Solution()
-                | NotSolved()
-                | Miss()
-                | SlewCommand()
-                | StateChange()
-                | ParameterChange()
-                | OperatorAction()
-                | CycleTiming()
-                | Closeup()
-                | OrbitEstimate()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | Event()
-            ):
-                pass  # no direction, nor a word on one
-            case _:
-                assert_never(record)
-    rows = sorted(_rows(stories, everything), key=lambda row: row.t_mid_utc_ns)
+    frames = frames_of((record for _, _, record in reader.records(kinds=KINDS)), config)
+    rows = sorted(_rows(frames, everything), key=lambda row: row.t_mid_utc_ns)
     name = session.resolve().name
     return ExportedNight(
         name=name,
@@ -217,9 +120,9 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         config=config,
         about=about,
         rows=tuple(rows),
-        taken={frame_id: story.taken for frame_id, story in stories.items()},
+        taken={each.frame_id: each.taken for each in frames if each.taken is not None},
         clock_notes=clock_notes(reader),
-        names=names,
+        names={found.track_id: found for frame in frames for found in frame.names},
     )
 
 
@@ -230,86 +133,83 @@ def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
     return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
 
 
-def _receive(story: _FrameStory, record: OfFrame) -> None:
-    match record:
-        case Measurement():
-            if record.source == "network":
-                story.seen.append(record)
-                story.last.measured.append(record)
-        case Ruling():
-            story.decision = record
-        case FollowedAgain():
-            story.folds.append(_Followed(measured=story.measured_again()))
-        case NotFollowed():
-            story.last.refuse(record)
-        case TrackState():
-            if record.is_lead:
-                story.last.lead_id = record.track_id
-            if record.kind == "predicted":
-                story.last.predicted[record.track_id] = record
-            elif record.measurement_id is not None and record.shared_with is not None:
-                story.last.shared.setdefault(record.measurement_id, []).append(record.track_id)
-            elif record.measurement_id is not None:
-                story.last.corrected[record.measurement_id] = record
-        case _:
-            assert_never(record)
-
-
-def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[MeasuredRow]:
-    firsts = _firsts(stories)
-    for story in stories.values():
-        for fold in story.folds:
-            is_last = fold is story.last
-            if is_last or everything:
-                yield from _rows_of(story, fold, firsts if is_last else {})
+def _rows(frames: Iterable[NightFrame], everything: bool) -> Iterator[MeasuredRow]:
+    frames = [each for each in frames if each.taken is not None]
+    firsts = _firsts(frames)
+    for frame in frames:
+        folds = [frame]
+        while folds[0].first is not None:
+            folds.insert(0, folds[0].first)
+        for fold in folds if everything else folds[-1:]:
+            yield from _rows_of(frame, fold, firsts if fold is frame else {})
 
 
 def _rows_of(
-    story: _FrameStory,
-    fold: _Followed,
-    firsts: Mapping[str, int],
+    frame: NightFrame, fold: NightFrame, firsts: Mapping[str, int]
 ) -> Iterator[MeasuredRow]:
-    is_last = fold is story.last
-    for place, measurement in enumerate(fold.measured):
+    """``fold``: the frame, or what was made of it before it was followed again."""
+    assert frame.taken is not None
+    is_last = fold is frame
+    predicted = {each.track_id: each.predicted for each in fold.tracks}
+    updates = [each.updated for each in fold.tracks if each.updated is not None]
+    corrected_by = {each.measurement_id: each for each in updates if each.shared_with is None}
+    lead = next((each.track_id for each in reversed(fold.tracks) if each.is_lead), None)
+    for measurement in _measured(frame, fold):
         began = firsts.get(measurement.measurement_id)
-        predicted, corrected = fold.of(measurement)
+        corrected = corrected_by.get(measurement.measurement_id)
         is_taken = corrected is not None or began is not None
-        refusal = fold.refusals.get(place)
-        track = began
-        if began is None and corrected is not None:
-            track = corrected.track_id
+        refusal = next(
+            (each for each in fold.not_followed if each.measurement == measurement), None
+        )
+        track = began if corrected is None or began is not None else corrected.track_id
+        of_track = lead if corrected is None else corrected.track_id
         yield row_of(
             measurement,
-            story.taken,
+            frame.taken,
             track=track if is_taken and is_last else None,
             is_taken=is_taken,
-            reason=_reason(story, measurement, refusal, is_taken=is_taken and is_last),
+            reason=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
             nis=None if refusal is None or is_taken else refusal.nis,
-            predicted=predicted,
+            predicted=None if of_track is None else predicted.get(of_track),
             corrected=corrected,
             is_superseded=not is_last,
         )
 
 
+def _measured(frame: NightFrame, fold: NightFrame) -> list[Measurement]:
+    """What there was to follow: what was detected, or what the operator's word has left of it."""
+    seen = [each for each in frame.measurements if each.source == "network"]
+    if fold.first is None:
+        return seen
+    decision = fold.first.decision
+    if decision is None:
+        return seen
+    left = [each for each in seen if each not in decision.refused]
+    own = decision.taken
+    return left if own is None or own in left else [*left, own]
+
+
 def _reason(
-    story: _FrameStory, measurement: Measurement, refusal: NotFollowed | None, *, is_taken: bool
+    frame: NightFrame, measurement: Measurement, refusal: NotFollowed | None, *, is_taken: bool
 ) -> str | None:
     """Why it does not count, or why no track took it."""
     if is_taken:
         return None
-    if story.decision is not None and measurement in story.decision.refused:
-        return f"refused by {story.decision.by}"
-    if (of := story.last.shared.get(measurement.measurement_id)) is not None:
+    if frame.decision is not None and measurement in frame.decision.refused:
+        return f"refused by {frame.decision.by}"
+    updates = [each.updated for each in frame.tracks if each.updated is not None]
+    of = [each.track_id for each in updates if each.measurement_id == measurement.measurement_id]
+    if of:  # taken by nobody: it is shared
         return f"one streak of tracks {' and '.join(map(str, sorted(of)))}"
     return None if refusal is None else text(refusal.reason)
 
 
-def _firsts(stories: Mapping[int, _FrameStory]) -> dict[str, int]:
+def _firsts(frames: Iterable[NightFrame]) -> dict[str, int]:
     """By id: the measurements of earlier frames with which tracks began, and those tracks."""
     return {
-        each: state.track_id
-        for story in stories.values()
-        for state in story.last.corrected.values()
-        if state.begun_with is not None
-        for each in (state.begun_with[0], *state.begun_through)
+        each: track.track_id
+        for frame in frames
+        for track in frame.tracks
+        if track.updated is not None and track.updated.begun_with is not None
+        for each in (track.updated.begun_with[0], *track.updated.begun_through)
     }

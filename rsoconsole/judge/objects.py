@@ -9,11 +9,12 @@ import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from rsoconsole.records import Detection, Identified, Measurement, TrackState
+from rsoconsole.night import FrameTrack, NightFrame
+from rsoconsole.records import Identified, Measurement, TrackState
 from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import lag_one, sky_covariance_arcsec2
 
@@ -25,27 +26,6 @@ BETWEEN = 2.0
 """A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0
 """Lines nearer to each other, in widths of the frame's stars, are one streak to a camera."""
-
-
-@dataclass(slots=True)
-class TrackStep:
-    """What one track made of one exposure."""
-
-    is_lead: bool = True
-    predicted: TrackState | None = None
-    updated: TrackState | None = None
-    identified: Identified | None = None
-
-
-class JudgedFrame(Protocol):
-    """What the session says of one exposure."""
-
-    measurements: list[Measurement]
-    detections: list[Detection]
-
-    @property
-    def steps(self) -> Mapping[int, TrackStep]:
-        """By track id."""
 
 
 @dataclass(slots=True)
@@ -72,7 +52,7 @@ class _Tally:
 
 
 def objects_figures(
-    views: Sequence[tuple[JudgedFrame, Mapping[str, Any]]], targets: Mapping[int, str]
+    views: Sequence[tuple[NightFrame, Mapping[str, Any]]], targets: Mapping[int, str]
 ) -> list[dict[str, Any]]:
     """The summary's ``objects``: the targets, then all that was ever visible or detected.
 
@@ -110,7 +90,7 @@ class _Judge:
     first: int | None = None
     """Of what was locked first."""
 
-    def take(self, frame: JudgedFrame, truth: Mapping[str, Any]) -> None:
+    def take(self, frame: NightFrame, truth: Mapping[str, Any]) -> None:
         """One frame with its exposure's truth."""
         there = {
             each["norad_id"]: each for each in truth.get("satellites", ()) if _is_complete(each)
@@ -118,8 +98,9 @@ class _Judge:
         width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
         seen = self._count(frame, there, width_px)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
-        before = {self.followed[n] for n in frame.steps if n in self.followed}
-        for track_id, step in frame.steps.items():
+        steps = steps_of(frame)
+        before = {self.followed[n] for n in steps if n in self.followed}
+        for track_id, step in steps.items():
             on = self.followed.get(track_id)
             if on is not None and on in there:
                 _judge_prediction(self._of(on, there), step, there[on], late_ns)
@@ -139,22 +120,22 @@ class _Judge:
                 taken == number == self.followed.get(n) for n, taken in taken_by.items()
             )
         self._judge_lead(frame, there, taken_by)
-        for track_id, step in frame.steps.items():
-            on = self.followed.get(track_id)
-            if step.identified is not None and on is not None and on in self.tallies:
-                self.tallies[on].identified = _is_right(step.identified, on)
+        for found in frame.names:
+            on = self.followed.get(found.track_id)
+            if found.track_id in steps and on is not None and on in self.tallies:
+                self.tallies[on].identified = _is_right(found, on)
 
     def _of(self, number: int, there: Mapping[int, Mapping[str, Any]]) -> _Tally:
         return self.tallies.setdefault(number, _Tally(str(there[number]["name"])))
 
     def _count(
-        self, frame: JudgedFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
+        self, frame: NightFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
     ) -> set[int]:
         """Visible, detected, measured; returns the objects that were detected."""
         for number, each in there.items():
             if each["is_in_frame"] and each["snr_integrated"] >= VISIBLE_SNR:
                 self._of(number, there).visible_frames += 1
-        found = (_object_at(d.x_px, d.y_px, there, width_px) for d in frame.detections)
+        found = (_object_at(d.x_px, d.y_px, there, width_px) for d in frame.found)
         seen = {number for number in found if number is not None}
         for number in seen:
             self._of(number, there).detections += 1
@@ -168,7 +149,7 @@ class _Judge:
     def _judge_taken(
         self,
         track_id: int,
-        step: TrackStep,
+        step: FrameTrack,
         number: int | None,
         there: Mapping[int, Mapping[str, Any]],
     ) -> None:
@@ -189,12 +170,12 @@ class _Judge:
 
     def _judge_lead(
         self,
-        frame: JudgedFrame,
+        frame: NightFrame,
         there: Mapping[int, Mapping[str, Any]],
         taken_by: Mapping[int, int | None],
     ) -> None:
         """Whether what leads is what was locked first."""
-        lead = lead_of(frame.steps)
+        lead = lead_of(steps_of(frame))
         if lead is None:
             return
         self.first = self.followed.get(lead) if self.first is None else self.first
@@ -301,7 +282,7 @@ def _error_arcsec(measurement: Measurement, true: Mapping[str, Any]) -> float | 
 
 
 def _judge_prediction(
-    tally: _Tally, step: TrackStep, true: Mapping[str, Any], always_late_ns: int
+    tally: _Tally, step: FrameTrack, true: Mapping[str, Any], always_late_ns: int
 ) -> None:
     """One step ahead, where the object was in the frame."""
     predicted, updated = step.predicted, step.updated
@@ -341,19 +322,25 @@ def _judge_theft(tally: _Tally, is_wrong: bool) -> None:
     tally.longest_wrong = max(tally.longest_wrong, tally.wrong_in_a_row)
 
 
-def taken_of(frame: JudgedFrame) -> Measurement | None:
+def taken_of(frame: NightFrame) -> Measurement | None:
     """The measurement that the lead took; None where it took none."""
-    lead = lead_of(frame.steps)
-    return None if lead is None else _taken(frame, frame.steps[lead])
+    steps = steps_of(frame)
+    lead = lead_of(steps)
+    return None if lead is None else _taken(frame, steps[lead])
 
 
-def lead_of(steps: Mapping[int, TrackStep]) -> int | None:
+def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
+    """What a frame made of each track, by track id."""
+    return {each.track_id: each for each in frame.tracks}
+
+
+def lead_of(steps: Mapping[int, FrameTrack]) -> int | None:
     """Track id of the lead of a frame; where one takes over from another, of the later one."""
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 
 
 def _is_of_both(
-    step: TrackStep,
+    step: FrameTrack,
     taken: Measurement,
     there: Mapping[int, Mapping[str, Any]],
     pair: tuple[int | None, int | None],
@@ -383,7 +370,7 @@ def _is_of_both(
     return to_own <= BETWEEN * to_other
 
 
-def _taken(frame: JudgedFrame, step: TrackStep) -> Measurement | None:
+def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
     named = None if step.updated is None else step.updated.measurement_id
     return next((m for m in frame.measurements if m.measurement_id == named), None)
 

@@ -4,197 +4,37 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any
 
 from rsoconsole.foreign_text import json_of
 from rsoconsole.judge.objects import (
-    TrackStep,
     is_on_a_streak,
     lead_of,
     objects_figures,
     offset_arcsec,
     offset_of,
+    steps_of,
     taken_of,
 )
 from rsoconsole.judge.passes import leap_figures
-from rsoconsole.judge.track_figures import TracksOnRecord, orbit_figures, tracks_figures
+from rsoconsole.judge.track_figures import orbit_figures, tracks_figures
+from rsoconsole.night import NightFrame, frames_of, tracks_of
 from rsoconsole.records import (
-    Closeup,
     CycleTiming,
-    Detection,
-    Detections,
-    Event,
-    ExpectedMembers,
-    FollowedAgain,
-    FrameTaken,
     Identified,
     LeapDone,
     LowPass,
     Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
-    OperatorAction,
     OrbitEstimate,
-    PairMotions,
-    ParameterChange,
     Record,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
-    TrackState,
 )
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
 HIDDEN_SNR = 15.0
 """Matched signal to noise below which a miss is put down to the satellite, not to the detector."""
-
-
-@dataclass(slots=True)
-class _Frame:
-    """What the session says of one exposure."""
-
-    t_mid_utc_ns: int
-    """By the header."""
-    state: str = "SEARCH"
-    measurements: list[Measurement] = field(default_factory=list)
-    detections: list[Detection] = field(default_factory=list)
-    steps: dict[int, TrackStep] = field(default_factory=dict)
-    """By track id."""
-    refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
-
-    @property
-    def predicted(self) -> TrackState | None:
-        """The lead's."""
-        return None if self._lead is None else self._lead.predicted
-
-    @property
-    def updated(self) -> TrackState | None:
-        """The lead's."""
-        return None if self._lead is None else self._lead.updated
-
-    @property
-    def _lead(self) -> TrackStep | None:
-        lead = lead_of(self.steps)
-        return None if lead is None else self.steps[lead]
-
-
-class _Tally:
-    """The session's records gathered by exposure."""
-
-    def __init__(self) -> None:
-        self.frames: dict[int, _Frame] = {}
-        self.timings: list[CycleTiming] = []
-        self.leaps: list[LeapDone] = []
-        self.passes: list[LowPass] = []
-        self.orbit: OrbitEstimate | None = None
-        self.identified: Identified | None = None
-        self.known = TracksOnRecord()
-        self.detections = 0
-        self.missed: Counter[int] = Counter()
-        self.locked_after: int | None = None
-        self._state = "SEARCH"
-        self._lead_id: int | None = None
-
-    def take(self, record: Record) -> None:  # noqa: PLR0912 -- one case a kind
-        """One record, in order."""
-        match record:
-            case FrameTaken():
-                self._frame_taken(record)
-            case Detections():
-                self._detections(record)
-            case Measurement():
-                self._measurement(record)
-            case TrackState():
-                self._track_state(record)
-            case NotFollowed():
-                self._not_followed(record)
-            case Miss():
-                self._miss(record)
-            case FollowedAgain():
-                self._followed_again(record)
-            case StateChange():
-                self._state_change(record)
-            case OrbitEstimate():
-                self._orbit_estimate(record)
-            case Identified():
-                self._identified(record)
-            case CycleTiming():
-                self._cycle_timing(record)
-            case Solution() | NotSolved() | SlewCommand() | Ruling() | Closeup():
-                pass  # no figure needs them
-            case ParameterChange() | OperatorAction() | Event() | PairMotions() | ExpectedMembers():
-                pass
-            case LeapDone():
-                self.leaps.append(record)
-            case LowPass():
-                self.passes.append(record)
-            case _:
-                assert_never(record)
-
-    def _frame_taken(self, record: FrameTaken) -> None:
-        t_mid_ns = (record.t_start_utc_ns or 0) + round((record.exposure_s or 0.0) * 5e8)
-        self.frames[record.frame_id] = _Frame(t_mid_ns, self._state)
-
-    def _detections(self, record: Detections) -> None:
-        self.detections += len(record.detections)
-        self.frames[record.frame_id].detections.extend(record.detections)
-
-    def _measurement(self, record: Measurement) -> None:
-        self.frames[record.frame_id].measurements.append(record)
-
-    def _track_state(self, record: TrackState) -> None:
-        step = self.frames[record.frame_id].steps.setdefault(record.track_id, TrackStep())
-        step.is_lead = record.is_lead
-        if record.is_lead:
-            self._lead_id = record.track_id
-        if record.kind == "predicted":
-            step.predicted = record
-        else:
-            step.updated = record
-
-    def _not_followed(self, record: NotFollowed) -> None:
-        if record.nis is not None:
-            self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
-
-    def _miss(self, record: Miss) -> None:
-        self.known.miss(record)
-        if record.track_id in (None, self._lead_id):
-            self.missed[record.frame_id] += 1
-
-    def _followed_again(self, record: FollowedAgain) -> None:
-        # By the operator's word: what was made of the frame before counts no more.
-        self.missed.pop(record.frame_id, None)
-        frame = self.frames[record.frame_id]
-        frame.steps.clear()
-        frame.refused_nis.clear()
-
-    def _state_change(self, record: StateChange) -> None:
-        self._state = record.after
-        if record.frame_id in self.frames:
-            self.frames[record.frame_id].state = record.after
-        if record.after == "TRACK" and self.locked_after is None:
-            self.locked_after = record.frame_id
-
-    def _orbit_estimate(self, record: OrbitEstimate) -> None:
-        self.known.orbits[record.track_id] = record
-        if record.track_id == self._lead_id:
-            self.orbit = record
-
-    def _identified(self, record: Identified) -> None:
-        self.known.names[record.track_id] = record
-        if record.track_id == self._lead_id:
-            self.identified = record
-        step = self.frames[record.frame_id].steps.get(record.track_id)
-        if step is not None:
-            step.identified = record
-
-    def _cycle_timing(self, record: CycleTiming) -> None:
-        self.timings.append(record)
 
 
 def summarise(
@@ -209,23 +49,50 @@ def summarise(
     followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
     ``targets``: names of the satellites the night was made for, by catalogue number.
     """
-    tally = _Tally()
-    for record in records:
-        tally.take(record)
+    log = list(records)
+    frames = [each for each in frames_of(log) if each.taken is not None]
+    led, misses = _led(frames)
+    locked = (each.frame_id for each in frames if any(c.after == "TRACK" for c in each.changes))
     return {
-        "frames": len(tally.frames),
-        "detections": tally.detections,
-        "misses": tally.missed.total(),
-        "states": dict(Counter(frame.state for frame in tally.frames.values())),
-        "locked_after_frames": tally.locked_after,
-        **_against_truth(tally.frames, truth),
-        "orbit": None if tally.orbit is None else orbit_figures(tally.orbit),
-        "identified": None if tally.identified is None else _name_figures(tally.identified),
-        "tracks": tracks_figures(tally.frames, tally.known),
-        "objects": objects_figures(_with_exposures(tally.frames, truth), targets or {}),
-        "leaps": leap_figures(tally.leaps, tally.passes),
-        "latency_ms": _latency(tally.timings),
+        "frames": len(frames),
+        "detections": sum(len(frame.found) for frame in frames),
+        "misses": misses,
+        "states": dict(Counter(frame.state or "SEARCH" for frame in frames)),
+        "locked_after_frames": next(locked, None),
+        **_against_truth(frames, truth),
+        "orbit": None if led.orbit is None else orbit_figures(led.orbit),
+        "identified": None if led.identified is None else _name_figures(led.identified),
+        "tracks": tracks_figures(frames, tracks_of(frames)),
+        "objects": objects_figures(_with_exposures(frames, truth), targets or {}),
+        "leaps": leap_figures(
+            [each for each in log if isinstance(each, LeapDone)],
+            [each for each in log if isinstance(each, LowPass)],
+        ),
+        "latency_ms": _latency([each for each in log if isinstance(each, CycleTiming)]),
     }
+
+
+@dataclass(slots=True)
+class _Led:
+    """What was known last of the lead of then."""
+
+    track_id: int | None = None
+    orbit: OrbitEstimate | None = None
+    identified: Identified | None = None
+
+
+def _led(frames: Iterable[NightFrame]) -> tuple[_Led, int]:
+    """Beside it: how many misses the leads had."""
+    led, misses = _Led(), 0
+    for frame in frames:
+        lead = lead_of(steps_of(frame))
+        led.track_id = led.track_id if lead is None else lead
+        misses += sum(each.track_id in (None, led.track_id) for each in frame.misses)
+        for orbit in frame.orbits:
+            led.orbit = orbit if orbit.track_id == led.track_id else led.orbit
+        for found in frame.names:
+            led.identified = found if found.track_id == led.track_id else led.identified
+    return led, misses
 
 
 def _name_figures(found: Identified) -> dict[str, Any]:
@@ -248,8 +115,8 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
 
 
 def _with_exposures(
-    frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
-) -> list[tuple[_Frame, Mapping[str, Any]]]:
+    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
+) -> list[tuple[NightFrame, Mapping[str, Any]]]:
     """Every frame with the truth of its exposure; with an empty one where none is near in time.
 
     Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
@@ -260,10 +127,10 @@ def _with_exposures(
         if "t_open_utc_ns" in exposure and "t_place_utc_ns" in exposure
     ]
     always = {"always_late_ns": round(statistics.median(late_ns)) if late_ns else 0}
-    return [(frame, {**_exposure(truth, frame), **always}) for frame in frames.values()]
+    return [(frame, {**_exposure(truth, frame), **always}) for frame in frames]
 
 
-def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str, Any]:
+def _exposure(truth: Sequence[Mapping[str, Any]], frame: NightFrame) -> Mapping[str, Any]:
     """The truth of a frame, each satellite with the instant for which its place is told."""
     for exposure in truth:
         t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
@@ -277,7 +144,7 @@ def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str,
 
 
 def _against_truth(
-    frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
+    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Figures against what really was there; those of the track against one named satellite."""
     exposures = _with_exposures(frames, truth)
@@ -298,7 +165,7 @@ def _against_truth(
 
 
 def _measured_figures(
-    views: Sequence[tuple[_Frame, Mapping[str, Any]]], target: str | None
+    views: Sequence[tuple[NightFrame, Mapping[str, Any]]], target: str | None
 ) -> dict[str, Any]:
     """Every measurement against the satellite nearest to it; the target's neighbours apart.
 
@@ -331,14 +198,14 @@ def _measured_figures(
     }
 
 
-def _confidence(frame: _Frame) -> float | None:
+def _confidence(frame: NightFrame) -> float | None:
     """Of the measurement the track took."""
     taken = taken_of(frame)
     return None if taken is None else taken.confidence
 
 
 def _hidden(
-    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
 ) -> dict[str, int]:
     """Followed frames in which clouds or its own fading hid the target, and the other misses.
 
@@ -355,7 +222,9 @@ def _hidden(
     return {"frames_hidden": hidden, "misses_visible": others}
 
 
-def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[str | None, Any]:
+def _followed(
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]],
+) -> tuple[str | None, Any]:
     """The satellite most updates lie on, and the share of updates that do."""
     names: Counter[str] = Counter()
     for frame, satellites in views:
@@ -372,7 +241,7 @@ def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[
 
 
 def _track_figures(
-    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
 ) -> tuple[list[float], list[bool], list[float]]:
     """Every one-step prediction of the target in the frame, also those that nothing met.
 
@@ -397,7 +266,10 @@ def _track_figures(
             pairs = zip(innovation, bounds, strict=True)
             outside.append(any(abs(value) > 3.0 * bound for value, bound in pairs))
             continue
-        for measurement, value in frame.refused_nis:
+        for each in frame.not_followed:
+            measurement, value = each.measurement, each.nis
+            if value is None:
+                continue
             if math.hypot(*offset_of(measurement, true)) <= SAME_OBJECT_ARCSEC:
                 nis.append(value)
                 outside.append(True)

@@ -2,34 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from rsoconsole.judge.objects import TrackStep
-from rsoconsole.reason_text import text
-from rsoconsole.reasons import TrackLost
-from rsoconsole.records import Identified, Miss, OrbitEstimate
-
-
-class FollowedFrame(Protocol):
-    """What the session says of one exposure."""
-
-    @property
-    def steps(self) -> Mapping[int, TrackStep]:
-        """By track id."""
-
-
-@dataclass(slots=True)
-class TracksOnRecord:
-    """The last orbit and name of each track, and what it was lost by."""
-
-    orbits: dict[int, OrbitEstimate] = field(default_factory=dict)
-    names: dict[int, Identified] = field(default_factory=dict)
-    lost: dict[int, TrackLost] = field(default_factory=dict)
-
-    def miss(self, record: Miss) -> None:
-        """The last one of a lost track says so."""
-        if record.track_id is not None and record.reason.lost is not None:
-            self.lost[record.track_id] = record.reason.lost
+from rsoconsole.judge.objects import steps_of
+from rsoconsole.night import NightFrame, NightTrack
+from rsoconsole.records import Identified, OrbitEstimate
 
 
 @dataclass(slots=True)
@@ -44,7 +21,7 @@ class _Satellite:
 
 
 def tracks_figures(
-    frames: Mapping[int, FollowedFrame], known: TracksOnRecord
+    frames: Sequence[NightFrame], known: Mapping[int, NightTrack]
 ) -> list[dict[str, Any]]:
     """The summary's ``tracks``: one object a satellite, in the order in which they were found.
 
@@ -53,9 +30,9 @@ def tracks_figures(
     ``lost``: why, in words. ``orbit``: as in the summary.
     """
     satellites: dict[object, _Satellite] = {}
-    for frame_id, frame in frames.items():
-        for track_id, step in frame.steps.items():
-            number = _number(known.names.get(track_id))
+    for frame in frames:
+        for track_id, step in steps_of(frame).items():
+            number = _number(known[track_id].identified)
             key: object = ("track", track_id) if number is None else number
             found = satellites.setdefault(key, _Satellite())
             if track_id not in found.tracks:
@@ -64,8 +41,8 @@ def tracks_figures(
             is_measured = updated is not None and updated.kind != "predicted"
             # A track begins with two measurements, in two frames.
             found.frames += 2 if updated is not None and updated.kind == "initial" else is_measured
-            found.last_frame, found.is_measured_last = frame_id, is_measured
-    newest = max(frames, default=0)
+            found.last_frame, found.is_measured_last = frame.frame_id, is_measured
+    newest = max((frame.frame_id for frame in frames), default=0)
     return [_figures(each, known, newest) for each in satellites.values()]
 
 
@@ -76,9 +53,9 @@ def _number(found: Identified | None) -> int | None:
     return found.matches[0].norad_id
 
 
-def _figures(satellite: _Satellite, known: TracksOnRecord, newest: int) -> dict[str, Any]:
-    last = satellite.tracks[-1]
-    orbit, named, lost = known.orbits.get(last), known.names.get(last), known.lost.get(last)
+def _figures(satellite: _Satellite, known: Mapping[int, NightTrack], newest: int) -> dict[str, Any]:
+    last = known[satellite.tracks[-1]]
+    orbit, named, lost = last.orbit, last.identified, last.lost
     is_named = _number(named) is not None
     return {
         "name": named.matches[0].name if named is not None and is_named else None,
@@ -87,13 +64,13 @@ def _figures(satellite: _Satellite, known: TracksOnRecord, newest: int) -> dict[
         "frames": satellite.frames,
         "last_frame": satellite.last_frame,
         "state": _state(satellite, lost, newest),
-        "lost": None if lost is None else text(lost),
+        "lost": lost or None,
         "orbit": None if orbit is None else orbit_figures(orbit),
     }
 
 
-def _state(satellite: _Satellite, lost: TrackLost | None, newest: int) -> str:
-    if lost is not None:
+def _state(satellite: _Satellite, lost: str, newest: int) -> str:
+    if lost:
         return "LOST"
     if satellite.last_frame < newest:
         return "IDLE"

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rsoconsole.night import Row, rows_of
 from rsoconsole.notebook import as_table
-from rsoconsole.notebook.night import Row, rows_of
 from rsoconsole.records import TABLES, Column, Record
 
 if TYPE_CHECKING:

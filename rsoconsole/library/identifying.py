@@ -13,8 +13,8 @@ from rsoconsole.library.known_orbit import Orbit
 from rsoconsole.library.observations import TableLike
 from rsoconsole.library.observed import Asked, Observations, groups_of
 from rsoconsole.library.tracks import Track, Tracks
+from rsoconsole.night import NightTrack
 from rsoconsole.notebook import Session
-from rsoconsole.notebook.night import NightTrack
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.orbits.first import Sightings
 from rsoconsole.orbits.identification import identify_jointly

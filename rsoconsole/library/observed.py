@@ -25,8 +25,8 @@ from rsoconsole.library.observations import (
     expect_table,
 )
 from rsoconsole.library.tracks import Track
+from rsoconsole.night import NightTrack
 from rsoconsole.notebook import Session
-from rsoconsole.notebook.night import NightTrack
 from rsoconsole.orbits.first import sightings
 from rsoconsole.pipeline.orbits import Observed
 from rsoconsole.records import Measurement, Site

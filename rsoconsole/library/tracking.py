@@ -28,7 +28,7 @@ from rsoconsole.library.observations import (
     plain_column,
 )
 from rsoconsole.library.tracks import Track, Tracks
-from rsoconsole.notebook.night import NightTrack, tracks_of
+from rsoconsole.night import NightTrack, frames_of, tracks_of
 from rsoconsole.pipeline.cycle import Shown, StarHistory, fold
 from rsoconsole.pipeline.frame import shutter_mid_utc_ns
 from rsoconsole.pipeline.orbits import Orbits
@@ -105,11 +105,15 @@ def track(
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
     frames = list(_frames(table, rows, settings, exposure_s))
     records = tuple(followed(frames, settings))
-    found = tracks_of(records)
+    found = tracks_of(frames_of(records))
     left, last = _left(frames, found.values()), max(found, default=0)
     while left:
         more = tuple(followed(left, settings, last_track_id=last))
-        tracks = {n: t for n, t in tracks_of(more).items() if len(t.measurements) >= FEWEST_MORE}
+        tracks = {
+            n: t
+            for n, t in tracks_of(frames_of(more)).items()
+            if len(t.measurements) >= FEWEST_MORE
+        }
         left = _left(left, tracks.values()) if tracks else []
         found, last = found | tracks, max(tracks, default=last)
         records += more if tracks else ()

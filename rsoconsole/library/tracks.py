@@ -8,7 +8,7 @@ from rsoconsole.errors import InputError
 from rsoconsole.library.columns import table_of
 from rsoconsole.library.measuring import SIGMAS
 from rsoconsole.library.observations import META, sigmas_of
-from rsoconsole.notebook.night import NightTrack
+from rsoconsole.night import NightTrack
 from rsoconsole.records import Identified, Measurement, OrbitEstimate, Record, Site
 
 if TYPE_CHECKING:

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rsoconsole.notebook.night import GREEN, GREY, RED, Spell, Summary, text
+from rsoconsole.night import Spell, Summary
+from rsoconsole.notebook.night import GREEN, GREY, RED, text
 from rsoconsole.notebook.pictures import Picture, layered
 from rsoconsole.sky import utc_ns_to_iso
 

@@ -9,24 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook import card
-from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import (
+from rsoconsole.night import (
     Logged,
-    Night,
-    NightFold,
+    NightFrames,
     NightTrack,
     Row,
     Summary,
     rows_of,
     spells_of,
     summary_of,
-    title_of,
     tracks_of,
-    with_frames,
 )
+from rsoconsole.notebook import card
+from rsoconsole.notebook.figures import NightPlots
+from rsoconsole.notebook.night import Night, night_of, title_of, with_frames
 from rsoconsole.notebook.session_pictures import SessionPictures
-from rsoconsole.records import TABLES, Column, StateChange
+from rsoconsole.records import TABLES, Column
 from rsoconsole.session.log import schema
 from rsoconsole.session.reading import SessionReader
 
@@ -108,7 +106,7 @@ class Session(SessionPictures, NightPlots):
         self._reader = SessionReader(folder)
         self._about = self._reader.about()
         self._log: list[Logged] = []
-        self._fold = NightFold(self.title, self._reader.config())
+        self._frames = NightFrames(self._reader.config())
         self.refresh()
 
     def refresh(self) -> "Session":
@@ -117,7 +115,7 @@ class Session(SessionPictures, NightPlots):
         since = self._log[-1][0] if self._log else 0
         for seq, t_utc_ns, record in self._reader.records(since_seq=since):
             self._log.append((seq, t_utc_ns, record))
-            self._fold.take(record)
+            self._frames.take(record)
         return self
 
     # -- what it is -----------------------------------------------------------------------------
@@ -145,7 +143,7 @@ class Session(SessionPictures, NightPlots):
     @property
     def summary(self) -> Summary:
         """The night in a handful of figures."""
-        return summary_of(self._fold.night(), self._changes())
+        return summary_of(self._night().frames)
 
     @property
     def tracks(self) -> dict[int, NightTrack]:
@@ -153,7 +151,7 @@ class Session(SessionPictures, NightPlots):
 
         >>> night.tracks[2].orbit.a_km, night.tracks[2].name
         """
-        return tracks_of(record for _, _, record in self._log)
+        return tracks_of(self._frames.seen())
 
     @property
     def records(self) -> tuple[Logged, ...]:
@@ -195,7 +193,7 @@ class Session(SessionPictures, NightPlots):
 
     def nights(self) -> tuple[Night, ...]:
         """The night that is drawn."""
-        return (with_frames(self._fold.night(), self.path),)
+        return (with_frames(self._night(), self.path),)
 
     def replay(self) -> "tuple[ReplayedFrame, ...]":
         """Every folded frame once more, from what is on record, with the session's settings.
@@ -296,7 +294,7 @@ class Session(SessionPictures, NightPlots):
     # -- what a notebook shows of it ------------------------------------------------------------
 
     def __repr__(self) -> str:
-        return f"<Session {self.title!r}, {len(self._fold.night().frames)} frames, {self.path}>"
+        return f"<Session {self.title!r}, {len(self._night().frames)} frames, {self.path}>"
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
         printer.text(repr(self) if cycle else card.card_text(self._card()))
@@ -305,7 +303,7 @@ class Session(SessionPictures, NightPlots):
         return card.card_html(self._card())
 
     def _card(self) -> card.Card:
-        night = self._fold.night()
+        night = self._night()
         try:
             picture = self.picture()
         except SessionError:
@@ -322,14 +320,14 @@ class Session(SessionPictures, NightPlots):
             changes=", ".join(f"{name} = {value}" for name, value in changes.items()),
             frames=self._reader.counts().frames,
             kept=len(self._kept()),
-            summary=summary_of(night, self._changes()),
+            summary=summary_of(night.frames),
             spells=spells_of(self._log),
             misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
             picture=picture,
         )
 
-    def _changes(self) -> list[StateChange]:
-        return [record for _, _, record in self._log if isinstance(record, StateChange)]
+    def _night(self) -> Night:
+        return night_of(self.title, self.config, self._frames.seen())
 
 
 def _is_same(one: Path, other: Path) -> bool:

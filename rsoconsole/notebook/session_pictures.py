@@ -4,16 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook.night import (
-    FrameFacts,
-    Logged,
-    NightFold,
-    overlay_svg,
-    tracks_of,
-    words_of,
-)
+from rsoconsole.night import Logged, NightFrame, NightFrames, tracks_of
+from rsoconsole.notebook.night import overlay_svg, words_of
 from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw_tracks
-from rsoconsole.records import Detections, PixelArray
+from rsoconsole.records import PixelArray
 from rsoconsole.session.files import pruned_on, read_notes
 from rsoconsole.session.reading import SessionReader
 
@@ -26,7 +20,7 @@ class SessionPictures:
 
     _reader: SessionReader
     _log: list[Logged]
-    _fold: NightFold
+    _frames: NightFrames
 
     @property
     def path(self) -> Path:
@@ -70,10 +64,10 @@ class SessionPictures:
         """
         from rsoconsole.notebook.figures import NightFigure, styled
 
-        facts = self._facts(frame_id)
-        if facts.detections is None or not facts.detections.detections:
+        found = self._frame(frame_id).found
+        if not found:
             raise SessionError(f"nothing was detected in frame {frame_id}")
-        pixels, detection = self.pixels(frame_id), facts.detections.detections[0]
+        pixels, detection = self.pixels(frame_id), found[0]
         title = (
             f"Frame {frame_id}: confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}, "
             f"{detection.length_px:.1f} × {detection.width_px:.1f} px"
@@ -90,12 +84,12 @@ class SessionPictures:
         """
         from rsoconsole.notebook.figures import NightFigure, styled
 
-        facts, streaks = self._facts(frame_id), []
-        for track in tracks_of(record for _, _, record in self._log).values():
+        frame, streaks = self._frame(frame_id), []
+        for track in tracks_of(self._frames.seen()).values():
             for state in track.states:
                 taken = state.measurement_id if state.frame_id == frame_id else None
                 measured = next((m for m in track.measurements if m.measurement_id == taken), None)
-                streak = None if measured is None else facts.streak_at(measured)
+                streak = None if measured is None else frame.streak_of(measured)
                 if streak is not None:
                     streaks.append(TrackStreak(track.number, state.is_lead, streak))
         if not streaks:
@@ -111,27 +105,23 @@ class SessionPictures:
             png = path.read_bytes()
         except OSError as error:
             raise SessionError(f"{path} cannot be read: {error}") from error
-        facts = self._facts(frame_id)
-        night = self._fold.night()
-        followed = next((f.measured for f in night.frames if f.frame_id == frame_id), None)
+        frame = self._frame(frame_id)
         return Picture(
             frame_id=frame_id,
             path=path,
             png=png,
-            overlay=overlay_svg(facts, followed),
-            words=words_of(facts, followed),
+            overlay=overlay_svg(frame),
+            words=words_of(frame),
         )
 
-    def _facts(self, frame_id: int) -> FrameFacts:
-        facts = FrameFacts()
-        for _, _, record in self._log:
-            if getattr(record, "frame_id", None) == frame_id:
-                facts.take(record)
-        return facts
+    def _frame(self, frame_id: int) -> NightFrame:
+        return next(
+            (each for each in self._frames.seen() if each.frame_id == frame_id), NightFrame()
+        )
 
     def _newest_frames(self) -> list[int]:
-        frames = (r.frame_id for _, _, r in reversed(self._log) if isinstance(r, Detections))
-        return list(dict.fromkeys(frames))
+        reduced = [each.frame_id for each in self._frames.seen() if each.detections is not None]
+        return reduced[::-1]
 
     def _kept(self) -> list[int]:
         """Frames whose pixels are there: written, and not pruned since."""

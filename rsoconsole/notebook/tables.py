@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.night import Row
 from rsoconsole.notebook.extra import needed
-from rsoconsole.notebook.night import Row
 from rsoconsole.records import Column
 from rsoconsole.sky import jd_utc
 

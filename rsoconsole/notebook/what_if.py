@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rsoconsole.config import Config, with_setting
+from rsoconsole.night import NightFrames, Summary, summary_of
 from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import Night, NightFold, Summary, summary_of, text
+from rsoconsole.notebook.night import Night, night_of, text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
-from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
+from rsoconsole.records import FrameTaken, ParameterChange, Record
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
@@ -75,8 +76,7 @@ class WhatIf(NightPlots):
     @property
     def changed(self) -> Summary:
         """How it would have gone."""
-        changes = (r for each in self.frames for r in each.records if isinstance(r, StateChange))
-        return summary_of(self._night, changes)
+        return summary_of(self._night.frames)
 
     def nights(self) -> tuple[Night, ...]:
         """As recorded, and as tried."""
@@ -134,7 +134,7 @@ def _night_of(
     frames: tuple[ReplayedFrame, ...],
 ) -> Night:
     """The night as followed again; what was not followed keeps its place in time."""
-    fold = NightFold(title, config)
+    fold = NightFrames(config)
     for _, _, record in log:
         if isinstance(record, FrameTaken):
             fold.take(record)
@@ -143,7 +143,7 @@ def _night_of(
         fold.take(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
         for record in (each.taken, *each.shown.measurements, *each.records):
             fold.take(record)
-    return fold.night()
+    return night_of(title, config, fold.seen())
 
 
 def _number(form: str, unit: str = "") -> Callable[[float | None], str]:

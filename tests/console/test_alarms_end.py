@@ -11,8 +11,6 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ArmDialog, MessageDialog
-from rsoconsole.console.night.log_lines import LogLine, line_of
-from rsoconsole.console.night.log_merging import append_line
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import alert_text
 from rsoconsole.control import ON_RECORD, Outcome, read_status
@@ -22,6 +20,8 @@ from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountReport, StopResult, unheard
+from rsoconsole.night.log_lines import LogLine, line_of
+from rsoconsole.night.log_merging import append_line
 from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
 from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writing.writer import SessionWriter
@@ -169,7 +169,7 @@ def test_the_banner_of_a_stop_ends_when_the_mount_is_measured_to_stand(wire: Fak
 
 def test_the_banner_says_a_fault_once_and_that_it_is_over():
     from rsoconsole.console.night.engine_seen import engine_view
-    from rsoconsole.console.night.night_view import NightView
+    from rsoconsole.night.night_view import NightView
 
     fault = {"state": "FAULT", "faults": [SERVER_IS_GONE] * 3, "session": "/n"}
     assert alert_text(NightView(), engine_view(fault)).count("start indiserver") == 1
@@ -203,7 +203,7 @@ def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
     width: int, rows: int
 ):
     from rsoconsole.console.night.engine_seen import engine_view
-    from rsoconsole.console.night.night_view import NightView
+    from rsoconsole.night.night_view import NightView
 
     at_rest = {
         "state": "IDLE",

@@ -24,10 +24,6 @@ from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, fold
 from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
 from rsoconsole.console.night.engine_seen import engine_view
-from rsoconsole.console.night.log_lines import LogLine, line_of
-from rsoconsole.console.night.log_merging import append_line
-from rsoconsole.console.night.night import Night
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
 from rsoconsole.console.panes.panes import FramePane, StopBanner
@@ -39,6 +35,10 @@ from rsoconsole.control import ControlClient, ControlServer, Found, Outcome, Req
 from rsoconsole.control.stop import StopNews
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
+from rsoconsole.night.log_lines import LogLine, line_of
+from rsoconsole.night.log_merging import append_line
+from rsoconsole.night.night import Night
+from rsoconsole.night.night_view import NightView
 from rsoconsole.reasons import ACCEPTED, DONE, Cause, CommandResult, Missed, NotTaken, done
 from rsoconsole.records import (
     Event,

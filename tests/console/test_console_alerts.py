@@ -10,8 +10,8 @@ from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.night.alerts import alerts_between, notification
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.log_lines import line_of
-from rsoconsole.console.night.night_view import NightView
+from rsoconsole.night.log_lines import line_of
+from rsoconsole.night.night_view import NightView
 from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writing.writer import SessionWriter

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
-from rsoconsole.console.night.frame_rows import FrameRow
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.night.frame import FrameRow
+from rsoconsole.night.night_view import NightView
 from rsoconsole.pipeline.outlook.hours_ahead import Outlook
 from rsoconsole.records import CycleTiming, SlewCommand
 from rsoconsole.sky.limits.refusals import beyond

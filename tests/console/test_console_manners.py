@@ -189,7 +189,7 @@ def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
 
 
 def test_an_engine_that_dies_is_an_alarm_as_ever():
-    from rsoconsole.console.night.night_view import NightView
+    from rsoconsole.night.night_view import NightView
 
     seen = NightView(is_read=True), EngineView(reach="attached", state="TRACK")
     gone = seen[0], EngineView(reach="gone", state="TRACK")

@@ -11,11 +11,11 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.candidates import CandidatesDialog, candidate_lines, fate
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.frame.sheet_marks import faint_ends
-from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import Outcome
 from rsoconsole.control.frame_commands import MarkByHand
+from rsoconsole.night.frame import NightFrame
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
 from rsoconsole.session.writing.writer import SessionWriter
@@ -163,7 +163,7 @@ def test_the_automatic_streak_of_a_marked_frame_is_set_aside_not_followed():
     by_hand = dataclasses.replace(
         automatic, measurement_id=mark_id_of(4, 0), source="operator", x_px=automatic.x_px + 0.3
     )
-    detail = FrameDetail(detections=found, measurements=(automatic,))
+    detail = NightFrame(detections=found, measurements=(automatic,))
     marked = dataclasses.replace(detail, decision=Ruling(frame_id=4, taken=by_hand))
     assert fate(streak, marked)[0] == "set aside"
     assert fate(other, marked)[0] == "not measured"

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.picture.marks import Mark, Window, marks_of, outline_px, overlay
 from rsoconsole.console.picture.picture import (
     GREYS,
@@ -18,6 +17,7 @@ from rsoconsole.console.picture.picture import (
     light_of,
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
+from rsoconsole.night.frame import NightFrame
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky.angles import separation_deg
@@ -70,7 +70,7 @@ def picture_of(angle_deg: float = 0.0, **other) -> Picture:
     rng = np.random.default_rng(2)
     streak = straight_detection(x_px=2000.0, y_px=1500.0, angle_deg=angle_deg)
     found = Detections(frame_id=1, width_px=WIDE, height_px=HIGH, detections=(streak,), **other)
-    detail = FrameDetail(detections=found)
+    detail = NightFrame(detections=found)
     codes = rng.normal(60, NOISE, (440, 582)).clip(0, 255).astype(np.uint8)
     pixels = rng.normal(1000, 30, (HIGH, WIDE)).astype(np.float32)
     for at in np.linspace(-59, 59, 400):
@@ -165,7 +165,7 @@ def test_every_stretch_keeps_the_order_of_light(stretch):
 
 def test_noise_alone_is_not_drawn_up():
     codes = np.full((440, 582), 60, np.uint8)
-    dark = Picture(frame_id=1, codes=codes, light=light_of(codes), detail=FrameDetail())
+    dark = Picture(frame_id=1, codes=codes, light=light_of(codes), detail=NightFrame())
     assert draw_field(dark, "streaks", 60, 20).greys.max() <= 3
 
 
@@ -185,7 +185,7 @@ def test_the_outline_is_where_three_sigma_lie_on_the_sky(east, north):
 
 
 def test_the_outline_is_drawn_where_it_is_larger_than_a_cell():
-    detail = FrameDetail(
+    detail = NightFrame(
         detections=Detections(frame_id=1, width_px=WIDE, height_px=HIGH, detections=()),
         solution=solution(),
         predicted=track(150.0, -5.0, 300.0, 300.0),
@@ -207,7 +207,7 @@ def test_rejected_candidates_are_pointed_at_only_from_near():
     found = Detections(
         frame_id=1, width_px=WIDE, height_px=HIGH, detections=(), rejected=(no, never)
     )
-    marks = marks_of(FrameDetail(detections=found))
+    marks = marks_of(NightFrame(detections=found))
     assert [(mark.kind, mark.label) for mark in marks] == [("rejected", ".07")]
     window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
     assert overlay(marks, window) == {}

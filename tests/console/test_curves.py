@@ -11,11 +11,11 @@ from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.drawing.plot import AXIS_COLUMNS, Line
-from rsoconsole.console.night.frame_rows import FrameRow
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.words.curves import alignment_lines, focus_lines, quality_lines, trend_words
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
+from rsoconsole.night.frame import FrameRow
+from rsoconsole.night.night_view import NightView
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.rigs.seat_rig import FakeWire, pane, play, until
 

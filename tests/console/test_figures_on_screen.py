@@ -17,11 +17,6 @@ from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
-from rsoconsole.console.night.frame_rows import FrameRow
-from rsoconsole.console.night.log_lines import LogLine, line_of
-from rsoconsole.console.night.log_merging import append_line
-from rsoconsole.console.night.night import ELSEWHERE, Night
-from rsoconsole.console.night.night_view import NightView, Pointing
 from rsoconsole.console.orbit.lines import orbit_lines, target_words
 from rsoconsole.console.orbit.orbit_view import orbit_shown
 from rsoconsole.console.panes.last_line import key_line, keys_for
@@ -32,7 +27,12 @@ from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.words import duration_text, top_lines
-from rsoconsole.pipeline.replay.what_if_figures import TrackFigures, as_recorded
+from rsoconsole.night import TrackFigures, as_recorded
+from rsoconsole.night.frame import FrameRow
+from rsoconsole.night.log_lines import LogLine, line_of
+from rsoconsole.night.log_merging import append_line
+from rsoconsole.night.night import ELSEWHERE, Night
+from rsoconsole.night.night_view import NightView, Pointing
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reading.reader import SessionReader

@@ -21,13 +21,13 @@ from rsoconsole.console.dialogs.dialogs import help_text
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.frame.sheet_actions import FAR, MarkTo
-from rsoconsole.console.night.frame_rows import FrameDetail
 from rsoconsole.console.panes.last_line import MARKABLE
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.sheet_view import STEPS
 from rsoconsole.console.watches.sheet_worker import Opened
 from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.night.frame import NightFrame
 from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.replay import reprocess
@@ -311,7 +311,7 @@ def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
     sheet = Sheet(frame_id=KEPT)
     recorded = recorded_frame(SessionReader(SAMPLE), KEPT)
     sheet.opened = Opened(
-        recorded=recorded, detail=FrameDetail(), preview=None, bytes=0, candidates=()
+        recorded=recorded, detail=NightFrame(), preview=None, bytes=0, candidates=()
     )
     seen = []
     for sheet.tau_steps in range(-40, 41):

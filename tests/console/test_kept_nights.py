@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rsoconsole.console.night import Night
-from rsoconsole.console.night.chunks import CHUNK, in_chunks
+from rsoconsole.night import Night
+from rsoconsole.night.chunks import CHUNK, in_chunks
 from rsoconsole.session.reading import SessionReader
 from tests.nights import eventful_night
 
@@ -34,7 +34,7 @@ def test_what_was_given_away_stays_as_it_was_however_the_night_goes_on(tmp_path:
             view = looked_at.view()
             given += [view.rows[-3:], view.measured]
         if newest and number % 2 == 0:
-            given += [looked_at.row(newest[0]), looked_at.detail(newest[0])]
+            given += [looked_at.row(newest[0]), looked_at.frame(newest[0])]
         seen.append((given, repr(given)))
     assert len(seen) > 200
     for given, words in seen:

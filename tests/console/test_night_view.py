@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from rsoconsole.console.night.night_view import NightView, Now
+from rsoconsole.night.night_view import NightView, Now
 
 
 def test_what_a_view_takes_over_has_the_same_type_there():

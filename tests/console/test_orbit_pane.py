@@ -14,7 +14,6 @@ from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, f
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.night.ahead import OrbitAhead, orbit_ahead
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.orbit.lines import orbit_lines, target_words
 from rsoconsole.console.orbit.orbit_view import OrbitShown, orbit_shown
 from rsoconsole.console.panes.panes import LinesPane
@@ -24,6 +23,7 @@ from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.console.watches import outlook_watch
 from rsoconsole.console.watches.outlook_watch import OutlookWatch
 from rsoconsole.console.words.words import top_lines
+from rsoconsole.night.night_view import NightView
 from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
 from rsoconsole.records import FollowedAgain
 from tests.makers import NS

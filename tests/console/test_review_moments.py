@@ -11,9 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.console.night.frame_rows import FrameDetail
-from rsoconsole.console.night.night import Night
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
@@ -21,6 +18,9 @@ from rsoconsole.console.timeline.night_line import FrameMark, StateMark, Timelin
 from rsoconsole.console.timeline.player import SPEEDS, Player
 from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
 from rsoconsole.console.watches.watch import SessionWatch
+from rsoconsole.night.frame import NightFrame
+from rsoconsole.night.night import Night
+from rsoconsole.night.night_view import NightView
 from rsoconsole.records import FollowedAgain, Ruling
 from rsoconsole.session.reading.reader import SessionReader
 from tests.makers import NS
@@ -49,7 +49,7 @@ def read(eventful: Path) -> Moments:
     return moments
 
 
-def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, FrameDetail]]:
+def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, NightFrame]]:
     """What one fold of the log from its beginning, as the live seat's, has at these places."""
     reader = SessionReader(folder)
     night = Night(folder, reader.about(), reader.config())
@@ -60,7 +60,7 @@ def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, Fr
         if at in seqs:
             view = night.view()
             number = view.frame.frame_id if view.frame is not None else 0
-            seen[at] = (view, night.detail(number))
+            seen[at] = (view, night.frame(number))
     return seen
 
 

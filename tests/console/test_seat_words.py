@@ -16,10 +16,6 @@ from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
-from rsoconsole.console.night.frame_rows import FrameRow
-from rsoconsole.console.night.night import Night
-from rsoconsole.console.night.night_view import NightView
-from rsoconsole.console.night.track_fold import FollowedTrack
 from rsoconsole.console.panes.last_line import keys_for
 from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.coast_words import coast_words
@@ -29,6 +25,10 @@ from rsoconsole.console.words.words import clock_text, top_lines
 from rsoconsole.control import Outcome
 from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.aim.states import Taken
+from rsoconsole.night.frame import FrameRow
+from rsoconsole.night.night import Night
+from rsoconsole.night.night_view import NightView
+from rsoconsole.night.track_fold import FollowedTrack
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Frame
 from tests.makers import NS

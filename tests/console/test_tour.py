@@ -10,8 +10,8 @@ from rsoconsole.console.commands.glossary import TERMS, glossary_text
 from rsoconsole.console.dialogs.dialogs import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog, TourMemory, intro_text, tour_pages
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night_view import NightView
 from rsoconsole.console.words.words import top_lines
+from rsoconsole.night.night_view import NightView
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.rigs.seat_rig import FakeWire, play, until
 

@@ -8,9 +8,9 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.night.night import Night
-from rsoconsole.console.night.track_fold import MOST_ROWS
 from rsoconsole.console.words.track_lines import track_list_lines
+from rsoconsole.night.night import Night
+from rsoconsole.night.track_fold import MOST_ROWS
 from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import FollowedAgain, LedgerName, Miss, Ruling, StateChange, TrackState
 from rsoconsole.session.writing.writer import SessionWriter

@@ -27,7 +27,7 @@ def window(columns: int, rows: int) -> Window:
 
 def drawn(picture: Window, missed=(3,), frames: int = FRAMES) -> list[str]:
     night = eight.night_of_eight(frames, missed=missed)
-    cells = overlay(marks_of(night.detail(frames)), picture)
+    cells = overlay(marks_of(night.frame(frames)), picture)
     return [
         "".join(cells.get((column, row), (" ", ""))[0] for column in range(picture.columns))
         for row in range(picture.rows)
@@ -47,7 +47,7 @@ def test_every_track_of_a_slot_has_its_number_in_the_field(size: tuple[int, int]
 def test_from_near_each_number_stands_at_its_own_streak():
     near = Window(x0_px=1900.0, y0_px=1500.0, width_px=928.0, height_px=512.0, columns=116, rows=32)
     night = eight.night_of_eight(FRAMES, missed=())
-    cells = overlay(marks_of(night.detail(FRAMES)), near)
+    cells = overlay(marks_of(night.frame(FRAMES)), near)
     for track in range(1, eight.COUNT + 1):
         column, row = near.cell(*eight.place_px(track))
         near_by = {
@@ -83,4 +83,4 @@ def test_where_one_is_followed_alone_the_picture_has_no_numbers():
     for n in range(2, 4):
         for record in eight.story(n, since=1, tracks=(2,)):
             night.take(n, record)
-    assert not [mark for mark in marks_of(night.detail(3)) if mark.is_numbered]
+    assert not [mark for mark in marks_of(night.frame(3)) if mark.is_numbered]

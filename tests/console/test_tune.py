@@ -17,7 +17,8 @@ from rsoconsole.console.tuning.presets import load_presets, save_preset
 from rsoconsole.console.tuning.tuning_pane import NAMES, TUNABLES, TunePane, Tuning
 from rsoconsole.engine.tasks.tunables import TUNABLE
 from rsoconsole.errors import ConfigError
-from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of, what_if
+from rsoconsole.night import as_recorded
+from rsoconsole.pipeline.replay.what_if_figures import figures_of, what_if
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session.log.codec import decode, encode
 from tests.rigs.engine_rig import rig

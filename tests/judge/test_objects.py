@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.judge.objects import VISIBLE_SNR, TrackStep, is_on_a_streak, objects_figures
+from rsoconsole.judge.objects import VISIBLE_SNR, is_on_a_streak, objects_figures
+from rsoconsole.night import FrameTrack
 from rsoconsole.records import CatalogueMatch, Detection, Identified, Measurement, TrackState
 
 ARCSEC = 1 / 3600
@@ -20,15 +21,23 @@ class FakeFrame:
     predicted: TrackState | None = None
     updated: TrackState | None = None
     identified: Identified | None = None
-    beside: dict[int, TrackStep] = field(default_factory=dict)
+    beside: dict[int, FrameTrack] = field(default_factory=dict)
     """What other tracks made of it."""
 
     @property
-    def steps(self) -> dict[int, TrackStep]:
+    def found(self) -> list[Detection]:
+        return self.detections
+
+    @property
+    def names(self) -> list[Identified]:
+        return [] if self.identified is None else [self.identified]
+
+    @property
+    def tracks(self) -> list[FrameTrack]:
         if self.predicted is None and self.updated is None:
-            return self.beside
-        lead = TrackStep(True, self.predicted, self.updated, self.identified)
-        return {1: lead, **self.beside}
+            return [*self.beside.values()]
+        lead = FrameTrack(track_id=1, is_lead=True, predicted=self.predicted, updated=self.updated)
+        return [lead, *self.beside.values()]
 
 
 def satellite(number: int, y_px: float, snr: float = 100.0, length_px: float = 120.0) -> dict:
@@ -194,8 +203,11 @@ def test_every_track_is_judged_by_what_it_began_with():
     views = followed_for(6)
     for k, (frame, _) in enumerate(views):
         updated = state("initial" if k == 0 else "updated", 500.0 if k == 4 else 560.0)
-        frame.beside[2] = TrackStep(
-            False, None if k == 0 else state("predicted", 560.0), replace(updated, track_id=2)
+        frame.beside[2] = FrameTrack(
+            track_id=2,
+            is_lead=False,
+            predicted=None if k == 0 else state("predicted", 560.0),
+            updated=replace(updated, track_id=2),
         )
     alpha, beta = objects_figures(views, {ALPHA: "ALPHA"})
     assert (alpha["tracked_after_lock"], alpha["swapped_frames"]) == (5, 0)
@@ -259,10 +271,11 @@ def _taken_at_an_approach(there_px: float, shares: int | None) -> list:
         frame = FakeFrame([measured(500.0), measured(560.0)], [detected(500.0), detected(560.0)])
         kind = "initial" if k == 0 else "updated"
         taken = state(kind, 500.0 if k == 3 else 560.0)
-        frame.beside[2] = TrackStep(
-            False,
-            None if k == 0 else state("predicted", beta_px),
-            replace(taken, track_id=2, shared_with=shares if k == 3 else None),
+        frame.beside[2] = FrameTrack(
+            track_id=2,
+            is_lead=False,
+            predicted=None if k == 0 else state("predicted", beta_px),
+            updated=replace(taken, track_id=2, shared_with=shares if k == 3 else None),
         )
         views.append((frame, exposure(satellite(ALPHA, alpha_px), satellite(BETA, beta_px))))
     return views

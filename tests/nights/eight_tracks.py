@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
+from rsoconsole.night.night import Night
 from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
     CatalogueMatch,

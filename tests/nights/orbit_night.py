@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
+from rsoconsole.night.night import Night
 from rsoconsole.orbits.motion.point_mass import MU_EARTH_KM3_S2
 from rsoconsole.reasons import Cause
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate, StateChange

@@ -191,9 +191,9 @@ def test_residuals_lie_in_their_own_bounds(session):
         points = marks(axis, "s")
         assert len(points) == FRAMES - 2 - len(MISSED)
         innovations = [
-            frame.corrected.innovation_arcsec[index]
+            frame.updated.innovation_arcsec[index]
             for frame in night.frames
-            if frame.corrected is not None and frame.corrected.innovation_arcsec is not None
+            if frame.updated is not None and frame.updated.innovation_arcsec is not None
         ]
         assert [value for _, value in points] == pytest.approx(innovations)
         low, high = axis.get_ylim()

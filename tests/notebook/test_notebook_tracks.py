@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole import open_session
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook.night.tracks import tracks_of
+from rsoconsole.night.tracks import tracks_of
 from rsoconsole.notebook.pictures import TrackStreak, draw_tracks
 from rsoconsole.notebook.report.report import render_report
 from rsoconsole.reasons import Missed, TrackLost

@@ -13,10 +13,10 @@ import pytest
 import rsoconsole
 from rsoconsole import open_session
 from rsoconsole.errors import ConfigError, ControlError, RsoconsoleError, SessionError
+from rsoconsole.night import Spell
 from rsoconsole.notebook import session as session_room
 from rsoconsole.notebook.card import card_text, strip_svg
 from rsoconsole.notebook.figures.plots import NightPlots
-from rsoconsole.notebook.night.summary import Spell
 from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
@@ -429,8 +429,8 @@ def test_nothing_tried_gives_what_was_recorded(night):
     assert is_alike(same.changed, same.recorded)
     recorded, changes = same.nights()
     assert are_alike(
-        [f.corrected for f in changes.frames if f.corrected],
-        [f.corrected for f in recorded.frames if f.corrected],
+        [f.updated for f in changes.frames if f.updated],
+        [f.updated for f in recorded.frames if f.updated],
     )
     ruled = {r.frame_id for _, _, r in night.records if isinstance(r, Ruling)}
     seen, seen_again = (

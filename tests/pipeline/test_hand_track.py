@@ -11,6 +11,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.engine.operator.hand_marks import automatic_of, with_figures
+from rsoconsole.night import as_recorded
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.kept_until import KEPT_S
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
@@ -18,7 +19,7 @@ from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
-from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
+from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState

@@ -6,14 +6,15 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
 from rsoconsole.control import Outcome
 from rsoconsole.judge.summary import summarise
+from rsoconsole.night import as_recorded
+from rsoconsole.night.night import Night
 from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
+from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
@@ -328,7 +329,7 @@ def test_figures_and_summary_know_what_counts_no_more(tmp_path: Path):
     assert summarise(r.memory.records, [])["misses"] == 1
     session = kept(r, tmp_path / "night")
     (eighth,) = [frame for frame in read_night(session).frames if frame.frame_id == 8]
-    assert (eighth.measured, eighth.corrected) == (None, None)
+    assert (eighth.measured, eighth.updated) == (None, None)
     assert eighth.missed == "refused by the operator" or eighth.missed
     rows = [row for row in SessionReader(session).view("track") if row["frame_id"] == 8]
     assert [row["is_superseded"] for row in rows if row["step"] == "updated"] == [1]
@@ -352,7 +353,7 @@ def test_the_console_follows_the_last_of_two_marks():
     folded = Night(Path("night"), {}, CONFIG)
     for number, record in enumerate(r.memory.records):
         folded.take(made_up_night.t_of(1) + number, record)
-    detail = folded.detail(8)
+    detail = folded.frame(8)
     assert (detail.followed.x_px, detail.followed.y_px) == (8.0, 8.0)
     by_hand = [m for m in detail.measurements if m.source == "operator"]
     assert [(m.x_px, m.y_px) for m in by_hand] == [(8.0, 8.0)]

@@ -9,9 +9,9 @@ import pytest
 
 from rsoconsole.cli.demo.demo import _track_words
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
 from rsoconsole.export.night import read_night as exported
 from rsoconsole.judge.summary import summarise
+from rsoconsole.night.night import Night
 from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits.orbits import Orbits

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.night import as_recorded
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
+from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, TrackState
 from rsoconsole.session.log.codec import decode, encode

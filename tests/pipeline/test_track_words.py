@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.console.night.track_fold import TAKEN_BACK_FRAMES
+from rsoconsole.night import as_recorded
+from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import as_recorded, figures_of
+from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (

@@ -13,10 +13,9 @@ import pytest
 from rsoconsole import reason_text
 from rsoconsole.console.night.alerts import alerts_between
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night import Night
 from rsoconsole.console.timeline.night_line import TimelineFold
-from rsoconsole.notebook.panel.live_night import _line
-from rsoconsole.pipeline.replay.recorded_frames import recorded_frames
+from rsoconsole.night import frames_of
+from rsoconsole.night.night import Night
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import what_if
@@ -129,7 +128,9 @@ def decided(folder: Path) -> dict[str, Any]:
         "replay": [
             (f.taken.frame_id, f.state, f.after, f.is_as_recorded) for f in replay(records, CONFIG)
         ],
-        "recorded": [(f.taken.frame_id, f.state, len(f.records)) for f in recorded_frames(records)],
+        "recorded": [
+            (f.frame_id, f.fold.state, len(f.fold.records)) for f in frames_of(records) if f.fold
+        ],
         "what-if": [what_if(records, CONFIG, changes) for changes in TRIED],
         "retold": [
             [type(record).__name__ for _, record in rewrite_log(log, CONFIG, changes=changes).log]
@@ -138,7 +139,6 @@ def decided(folder: Path) -> dict[str, Any]:
         "alarms": alarms(folder, log),
         "log": log_lines(folder, log),
         "time line": time_line(log),
-        "panel": [_line(record) is not None and _line(record)[0] for record in records],  # type: ignore[index]
         "kinds of outcomes": [r.outcome.kind for r in records if isinstance(r, OperatorAction)],
     }
 

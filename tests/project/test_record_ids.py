@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.night import Night
+from rsoconsole.night.night import Night
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
@@ -64,7 +64,7 @@ def test_the_console_shows_the_lead_of_several_tracks() -> None:
     track = shown.view().track
     assert track is not None
     assert track.track_id == 1
-    followed = shown.detail(4).followed
+    followed = shown.frame(4).followed
     assert followed is not None
     assert followed.dec_icrs_deg == -5.0
 

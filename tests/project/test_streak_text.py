@@ -1,8 +1,8 @@
 """A streak is called by what it is, on every screen and in ``detect`` alike."""
 
 from rsoconsole.cli.recorded.frames import _detect_lines
-from rsoconsole.console.night.log_lines import line_of
 from rsoconsole.console.picture.marks import mark_of
+from rsoconsole.night.log_lines import line_of
 from rsoconsole.pipeline.words.reports import detections_report
 from rsoconsole.records import Detection, Detections
 from rsoconsole.streak_text import name_of, pulse_of, remarkable

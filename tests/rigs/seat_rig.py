@@ -23,7 +23,7 @@ from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import Command, Outcome
 from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.errors import ControlError
-from rsoconsole.pipeline.replay.what_if_figures import TrackFigures
+from rsoconsole.night import TrackFigures
 from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.makers import NS

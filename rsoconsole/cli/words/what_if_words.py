@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsoconsole.night import TrackFigures
     from rsoconsole.pipeline.batch import Answer
-    from rsoconsole.pipeline.replay import TrackFigures
 
 LABEL, COLUMN = 22, 20
 

@@ -6,7 +6,6 @@ from typing import Protocol
 from rsoconsole.console.actions.mark_actions import MarkActions
 from rsoconsole.console.actions.seat_uses import ActingSeat, log_lines_after, open_unasked
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
-from rsoconsole.console.night import LogLine, NightView
 from rsoconsole.console.watches import OutcomeCame
 from rsoconsole.control import (
     ON_RECORD,
@@ -20,6 +19,7 @@ from rsoconsole.control import (
     StopNews,
     command_words,
 )
+from rsoconsole.night import LogLine, NightView
 
 REFUSAL_S = 10.0
 

@@ -8,11 +8,12 @@ from textual.message import Message
 
 from rsoconsole.console.actions.seat_uses import ActingSeat, log_lines_after, open_unasked
 from rsoconsole.console.dialogs import ConfirmDialog
-from rsoconsole.console.night import EngineView, FrameDetail, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Mark, Marking, Picture
 from rsoconsole.console.watches import MarkHeld, Pointed
 from rsoconsole.console.words import unsigned_text
 from rsoconsole.control import BeginMark, MarkByHand, Outcome, Sender
+from rsoconsole.night import NightFrame, NightView
 from rsoconsole.pipeline.frame import HELD
 from rsoconsole.records import NotSolved
 
@@ -255,7 +256,7 @@ class MarkActions:
         return () if self.marking is None else self.marking.marks()
 
 
-def why_no_mark(frame_id: int, detail: FrameDetail) -> str:
+def why_no_mark(frame_id: int, detail: NightFrame) -> str:
     """What stands against a mark in a frame before its ends are set; empty: nothing."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason

@@ -12,7 +12,7 @@ from textual.screen import Screen
 from rsoconsole.console.actions.seat_uses import Answer
 from rsoconsole.console.commands import BY_NAME, Orders
 from rsoconsole.console.drawing import Ink
-from rsoconsole.console.night import EngineView, NightView, OrbitAhead
+from rsoconsole.console.night import EngineView, OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.watches import OutcomeCame, StopNewsCame
 from rsoconsole.control import (
@@ -21,6 +21,7 @@ from rsoconsole.control import (
     StopNews,
     mount_words,
 )
+from rsoconsole.night import NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -8,8 +8,9 @@ from textual.screen import Screen
 from rsoconsole.console.commands import Orders
 from rsoconsole.console.dialogs import Dialog, Result
 from rsoconsole.console.drawing import Ink
-from rsoconsole.console.night import EngineView, LogLine, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.control import Command
+from rsoconsole.night import LogLine, NightView
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20

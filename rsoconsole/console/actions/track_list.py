@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import partial
 
-from rsoconsole.console.night import EngineView, FollowedTrack, FrameRow, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.panes import Build
 from rsoconsole.console.words import (
     is_chosen,
@@ -12,6 +12,7 @@ from rsoconsole.console.words import (
     present_utc_ns,
     track_list_lines,
 )
+from rsoconsole.night import FollowedTrack, FrameRow, NightView
 
 
 @dataclass(slots=True)

@@ -4,8 +4,8 @@ from functools import partial
 
 from rsoconsole.console.actions.second_press import CarefulSeat, TwicePressed, has_track
 from rsoconsole.console.actions.track_list import TrackList, track_words
-from rsoconsole.console.night import FollowedTrack
 from rsoconsole.control import Drop, Keep
+from rsoconsole.night import FollowedTrack
 
 DROP_KEY = "-"
 

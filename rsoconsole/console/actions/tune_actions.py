@@ -31,7 +31,7 @@ from rsoconsole.control import MOST_FRAMES, Command, Set
 from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import TrackFigures
+    from rsoconsole.night import TrackFigures
 
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5

@@ -12,8 +12,8 @@ from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
+from rsoconsole.night import NightFrame
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Measurement, is_mark_id
 from rsoconsole.streak_text import name_of, pulse_of
@@ -36,7 +36,7 @@ class CandidatesDialog(Dialog[None]):
 
     def __init__(
         self,
-        frames: Sequence[tuple[FrameDetail, str]],
+        frames: Sequence[tuple[NightFrame, str]],
         tau: float,
         keymap: Mapping[str, str] | None = None,
     ) -> None:
@@ -74,7 +74,7 @@ class CandidatesDialog(Dialog[None]):
         self.query_one(Static).update("\n".join([*candidate_lines(detail, self._tau), "", help_]))
 
 
-def candidate_lines(detail: FrameDetail, tau: float) -> list[str]:
+def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
     """One line a streak and one for the reason."""
     found = detail.detections
     if found is None:
@@ -96,7 +96,7 @@ def candidate_lines(detail: FrameDetail, tau: float) -> list[str]:
     return [head, "", *lines]
 
 
-def _by_hand(detail: FrameDetail) -> list[Measurement]:
+def _by_hand(detail: NightFrame) -> list[Measurement]:
     """What the operator marked in it, each once."""
     found = (
         m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
@@ -109,7 +109,7 @@ def _sigmas(measured: Measurement) -> str:
     return f"±{short(east**0.5)}″ RA ±{short(north**0.5)}″ Dec"
 
 
-def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
+def fate(streak: Detection, detail: NightFrame) -> tuple[str, str]:
     """What became of a detection above tau, and why where it was not followed."""
     followed = detail.followed
     if followed is not None and is_mark_id(followed.measurement_id):
@@ -126,7 +126,7 @@ def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
     return "not measured", "the frame has no place on the sky"
 
 
-def _is_same(streak: Detection, mark: Measurement, detail: FrameDetail) -> bool:
+def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
     """Whether it is the streak that was marked: the nearest one, and near."""
     found = () if detail.detections is None else detail.detections.detections
 

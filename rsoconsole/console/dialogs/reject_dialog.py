@@ -10,8 +10,8 @@ from textual.events import Key
 from textual.widgets import Button, Static
 
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.night import LastMeasured
 from rsoconsole.console.words import clock_text, unsigned_text
+from rsoconsole.night import LastMeasured
 
 SOURCES = {"network": "detector", "operator": "by hand"}
 

@@ -12,7 +12,8 @@ from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.night import EngineView
+from rsoconsole.night import NightView
 
 SEEN = "tour-seen"
 """Name of the file that says so, in the user's state folder."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture import SHOWN_REJECTED, Mark, mark_of, marks_of
+from rsoconsole.night import NightFrame
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared, Judged
@@ -24,7 +24,7 @@ Box = tuple[float, float, float, float]
 
 
 def sheet_marks(
-    detail: FrameDetail, candidates: Sequence["Compared"], chosen: int | None
+    detail: NightFrame, candidates: Sequence["Compared"], chosen: int | None
 ) -> tuple[Mark, ...]:
     """The recorded marks, the boxes of what was detected, and what the detector says now.
 
@@ -57,7 +57,7 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
     return replace(mark, gap=1) if is_within else mark
 
 
-def place_in(detail: FrameDetail) -> tuple[float, float] | None:
+def place_in(detail: NightFrame) -> tuple[float, float] | None:
     """Where the frame shows the lead, else where the track had it; None: neither is known."""
     if detail.followed is not None:
         return detail.followed.x_px, detail.followed.y_px
@@ -68,7 +68,7 @@ def place_in(detail: FrameDetail) -> tuple[float, float] | None:
     return None if mark is None else (mark.x_px, mark.y_px)
 
 
-def _is_in(mark: Mark, detail: FrameDetail) -> bool:
+def _is_in(mark: Mark, detail: NightFrame) -> bool:
     size = detail.detections
     return size is not None and 0 <= mark.x_px < size.width_px and 0 <= mark.y_px < size.height_px
 
@@ -94,7 +94,7 @@ def faint_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
     return (Mark(x_px=OUTSIDE_PX, y_px=OUTSIDE_PX, kind="box", outline_px=tuple(points)),)
 
 
-def _boxes(detail: FrameDetail) -> list[Mark]:
+def _boxes(detail: NightFrame) -> list[Mark]:
     """What the network put about each recorded detection."""
     found = detail.detections.detections if detail.detections is not None else ()
     return [

@@ -5,17 +5,4 @@ from .alerts import alerts_between as alerts_between
 from .alerts import notification as notification
 from .engine_seen import EngineView as EngineView
 from .engine_seen import engine_view as engine_view
-from .frame_rows import FrameDetail as FrameDetail
-from .frame_rows import FrameRow as FrameRow
-from .last_measured import LastMeasured as LastMeasured
 from .live_behind import LiveBehind as LiveBehind
-from .log_lines import LogLine as LogLine
-from .log_lines import named as named
-from .log_lines import off_text as off_text
-from .night import ELSEWHERE as ELSEWHERE
-from .night import Night as Night
-from .night_view import KeptNight as KeptNight
-from .night_view import NightView as NightView
-from .track_fold import FollowedTrack as FollowedTrack
-from .track_fold import FrameTrack as FrameTrack
-from .track_fold import predicted_sigma_arcsec as predicted_sigma_arcsec

@@ -2,7 +2,7 @@
 
 from rsoconsole.config import Alert
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night_view import NightView
+from rsoconsole.night import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
 MACHINE = "ALARM: machine: "

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.night.night_view import NightView
+from rsoconsole.night import NightView
 
 
 class LiveBehind(Protocol):

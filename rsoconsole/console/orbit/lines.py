@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import named, off_text
 from rsoconsole.console.orbit.orbit_view import OrbitShown
 from rsoconsole.console.tuning import TrackQuality
 from rsoconsole.console.words import (
@@ -25,6 +24,7 @@ from rsoconsole.console.words import (
     wrapped,
 )
 from rsoconsole.control import one_line
+from rsoconsole.night import named, off_text
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.sky import format_dec, format_ra
 from rsoconsole.tracking.filters import NIS_BAND

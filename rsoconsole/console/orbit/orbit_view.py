@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from rsoconsole.console.night import EngineView, NightView, OrbitAhead
+from rsoconsole.console.night import EngineView, OrbitAhead
 from rsoconsole.console.tuning import TrackQuality, track_quality
 from rsoconsole.console.words import NS_PER_S, present_utc_ns
+from rsoconsole.night import NightView
 from rsoconsole.records import Identified, OrbitEstimate
 
 LEAST_MEASUREMENTS = 3

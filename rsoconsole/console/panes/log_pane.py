@@ -11,8 +11,8 @@ from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.words import clock_text
+from rsoconsole.night import LogLine
 
 WITH_FRAME_COLUMNS = 60
 """A narrower log leaves the frame's number out."""

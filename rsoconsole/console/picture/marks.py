@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.console.drawing import Numbered, placed_numbers
-from rsoconsole.console.night import FrameDetail, FrameTrack
+from rsoconsole.night import FrameTrack, NightFrame
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.streak_text import short_name_of
@@ -116,7 +116,7 @@ class Window:
         return 0 <= column < self.columns and 0 <= row < self.rows
 
 
-def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
+def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
     """All that can be pointed at in one frame."""
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
@@ -140,7 +140,7 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
     return (*marks, *(mark for mark in (*unseen, predicted) if mark is not None))
 
 
-def _members(detail: FrameDetail) -> list[tuple[Measurement, FrameTrack]]:
+def _members(detail: NightFrame) -> list[tuple[Measurement, FrameTrack]]:
     """What was measured of each of several tracks; empty where there is one alone."""
     if len(detail.tracks) < 2:
         return []
@@ -148,7 +148,7 @@ def _members(detail: FrameDetail) -> list[tuple[Measurement, FrameTrack]]:
     return [(m, track) for m, track in found if track is not None]
 
 
-def _unseen(detail: FrameDetail) -> list[FrameTrack]:
+def _unseen(detail: NightFrame) -> list[FrameTrack]:
     """Of several tracks those that the frame does not show."""
     if len(detail.tracks) < 2:
         return []
@@ -166,7 +166,7 @@ def _numbered(
     return mark
 
 
-def _coasted_mark(detail: FrameDetail, track: FrameTrack) -> Mark | None:
+def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
     """Where a track is predicted that the frame does not show."""
     mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
     return (
@@ -195,11 +195,11 @@ def _is_at(measured: Measurement, detection: Detection) -> bool:
     return abs(measured.x_px - detection.x_px) < 1.0 and abs(measured.y_px - detection.y_px) < 1.0
 
 
-def _predicted_mark(detail: FrameDetail) -> Mark | None:
+def _predicted_mark(detail: NightFrame) -> Mark | None:
     return None if detail.predicted is None else _mark_at(detail.predicted, detail, "predicted")
 
 
-def _mark_at(track: TrackState, detail: FrameDetail, kind: MarkKind) -> Mark | None:
+def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | None:
     """A state's place with three sigma about it; None where the frame has no plate."""
     if not isinstance(detail.solution, Solution):
         return None

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.console.drawing import QUADRANTS, Blocks
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture.marks import Mark, Window
+from rsoconsole.night import NightFrame
 from rsoconsole.records import Closeup
 
 GREYS = 24
@@ -51,7 +51,7 @@ class Picture:
     """(height, width): the whole frame as the session keeps it; row 0 at the top."""
     light: LightImage
     """The same above its sky and noise."""
-    detail: FrameDetail
+    detail: NightFrame
     """What was said of the frame."""
     marks: tuple[Mark, ...] = ()
     closeup: ByteImage | None = None

@@ -1,12 +1,12 @@
 """The small pictures of a frame, as its session keeps them."""
 
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import ByteImage, Picture, light_of, read_codes
+from rsoconsole.night import NightFrame
 from rsoconsole.session.reading import SessionReader
 
 
-def read_picture(reader: SessionReader, frame_id: int, detail: FrameDetail) -> Picture | None:
+def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Picture | None:
     """The frame's picture with what was said of it; None where none is kept, or not yet.
 
     Raises SessionError.
@@ -26,7 +26,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: FrameDetail) -> P
     )
 
 
-def read_closeup(reader: SessionReader, detail: FrameDetail) -> ByteImage | None:
+def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
     """The piece at full resolution; None where none is kept, or not yet. Raises SessionError."""
     if detail.closeup is None:
         return None

@@ -10,7 +10,6 @@ from textual.containers import VerticalScroll
 
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.drawing import Line
-from rsoconsole.console.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.timeline import (
     KINDS,
@@ -30,6 +29,7 @@ from rsoconsole.console.words import (
     short,
     unsigned_text,
 )
+from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
 from rsoconsole.sky import format_dec, format_ra
 

@@ -27,7 +27,6 @@ from rsoconsole.console.drawing import (
     sky_lines,
 )
 from rsoconsole.console.frame import MarkTo
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.orbit import OrbitShown, orbit_lines, orbit_shown, target_words
 from rsoconsole.console.panes import (
     FramePane,
@@ -49,6 +48,7 @@ from rsoconsole.console.tuning import TunePane
 from rsoconsole.console.watches import OrbitSeen, OutlookSeen, WhatIfSeen
 from rsoconsole.console.words import fact_lines, kept_words, words
 from rsoconsole.control import StopNews
+from rsoconsole.night import LogLine
 
 DEFAULT_ASPECT = 4 / 3
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")

@@ -12,10 +12,10 @@ from textual.widgets.option_list import Option
 
 from rsoconsole.console.actions import LookingSeat
 from rsoconsole.console.dialogs import Dialog
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import clock_text
 from rsoconsole.control import StopNews
+from rsoconsole.night import LogLine
 
 MOST_LOG_LINES = 60
 SAID_COLUMNS = 40

@@ -15,7 +15,7 @@ from rsoconsole.console.actions import TuneActions
 from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LineDialog
 from rsoconsole.console.drawing import Line, Name, timeline_rows
-from rsoconsole.console.night import LiveBehind, LogLine, NightView, OrbitAhead
+from rsoconsole.console.night import LiveBehind, OrbitAhead
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import (
     FramePane,
@@ -51,6 +51,7 @@ from rsoconsole.console.watches import (
     ReviewFailed,
     TimelineSeen,
 )
+from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

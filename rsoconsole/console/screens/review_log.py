@@ -9,8 +9,8 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.strip import Strip
 
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.panes import LogPane
+from rsoconsole.night import LogLine
 
 HERE = "▸"
 

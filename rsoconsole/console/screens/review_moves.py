@@ -7,7 +7,6 @@ from typing import Protocol
 from textual.widget import Widget
 
 from rsoconsole.console.actions import LookingSeat
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.panes import MomentField, TimelinePane
 from rsoconsole.console.timeline import (
     KINDS,
@@ -21,6 +20,7 @@ from rsoconsole.console.timeline import (
     time_at,
     understood,
 )
+from rsoconsole.night import LogLine
 
 PLAY_S = 0.1
 """How often it is looked whether another frame is due."""

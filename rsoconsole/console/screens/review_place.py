@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Protocol
 
-from rsoconsole.console.night import NightView
 from rsoconsole.console.screens.review_compare import ComparedScreen
 from rsoconsole.console.screens.review_moves import FOUND, ReviewMoves
 from rsoconsole.console.timeline import Place, place_words, reading_words, speed_words
+from rsoconsole.night import NightView
 
 
 class ReviewedNight(ComparedScreen, Protocol):

@@ -13,9 +13,9 @@ from time import monotonic
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night import FrameDetail, KeptNight, LogLine, Night, NightView
 from rsoconsole.console.picture import Picture, marks_of, read_picture
 from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
+from rsoconsole.night import KeptNight, LogLine, Night, NightFrame, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session.reading import SessionReader
 
@@ -34,7 +34,7 @@ class Moment:
 
     seq: int
     view: NightView
-    detail: FrameDetail
+    detail: NightFrame
     """Of the frame that was the newest then."""
     picture: Picture | None
     is_whole: bool = True
@@ -121,7 +121,7 @@ class Moments:
         is_whole = seq <= self.read_seq
         night = self._fold_to(seq) if is_whole else self._fold_near(seq)
         view = night.view()
-        detail = night.detail(view.frame.frame_id) if view.frame is not None else FrameDetail()
+        detail = night.frame(view.frame.frame_id) if view.frame is not None else NightFrame()
         moment = Moment(
             seq=seq,
             view=view,
@@ -207,7 +207,7 @@ class Moments:
                 return
             night.take(t_utc_ns, record, at)
 
-    def _picture(self, view: NightView, detail: FrameDetail) -> Picture | None:
+    def _picture(self, view: NightView, detail: NightFrame) -> Picture | None:
         if view.frame is None:
             return None
         frame_id = view.frame.frame_id

@@ -8,9 +8,10 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, assert_never
 
-from rsoconsole.console.night import FOLLOWING, FrameRow
+from rsoconsole.console.night import FOLLOWING
 from rsoconsole.console.words import refused_of
 from rsoconsole.control import BeginMark, Note
+from rsoconsole.night import FrameRow
 from rsoconsole.records import (
     Closeup,
     CycleTiming,

@@ -5,11 +5,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from rsoconsole.console.night import LogLine
 from rsoconsole.console.timeline.moments import Moment, Moments
 from rsoconsole.console.timeline.night_line import Timeline
 from rsoconsole.control import Poller
 from rsoconsole.errors import SessionError
+from rsoconsole.night import LogLine
 from rsoconsole.session.reading import SessionReader
 
 log = logging.getLogger(__name__)

@@ -1,7 +1,7 @@
 """What a review says of the moment it shows and of the night it lies in."""
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.timeline.night_line import Timeline
 from rsoconsole.console.words import (
     NS_PER_S,
@@ -12,6 +12,7 @@ from rsoconsole.console.words import (
     fitted,
     justified,
 )
+from rsoconsole.night import NightView
 
 HOLDERS = {
     "autonomy": "AUTO had the mount",

@@ -8,7 +8,7 @@ from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
 from rsoconsole.console.words import clipped, wrapped
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import TrackFigures
+    from rsoconsole.night import TrackFigures
 
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
 CURVE_ROWS, CURVE_LABEL, LEAST_SETTINGS = 2, 17, 6

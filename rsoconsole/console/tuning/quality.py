@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.console.tuning.tuning_pane import NAMES
+from rsoconsole.night import FrameRow, NightView
 from rsoconsole.tracking.filters import lag_one, mean_band
 
 LAST_FRAMES = 40

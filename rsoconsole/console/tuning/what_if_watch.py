@@ -12,7 +12,7 @@ from rsoconsole.errors import RsoconsoleError
 from rsoconsole.pipeline.replay import LogOfOneSession, Question, WhatIfProcess
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import TrackFigures
+    from rsoconsole.night import TrackFigures
 
 log = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ class WhatIfWatch:
                 self._on_seen(None, None, f"the effect cannot be computed: {error}")
 
     def _answer(self, asked: Question) -> None:
-        from rsoconsole.pipeline.replay import as_recorded
+        from rsoconsole.night import as_recorded
 
         records = self._log.until(asked.folder, asked.until_seq)
         now = as_recorded(records, asked.last, of_lead=asked.of_lead)

@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from rsoconsole.console.night import EngineView, LogLine, NightView, OrbitAhead
+from rsoconsole.console.night import EngineView, OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.timeline import Moment, Timeline
 from rsoconsole.control import Command, Outcome, StopNews
+from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
+    from rsoconsole.night import TrackFigures
     from rsoconsole.pipeline.outlook import Outlook
-    from rsoconsole.pipeline.replay import TrackFigures
 
 
 class NightSeen(Message):

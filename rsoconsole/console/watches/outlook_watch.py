@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.night import EngineView, NightView, OrbitAhead, orbit_ahead
+from rsoconsole.console.night import EngineView, OrbitAhead, orbit_ahead
 from rsoconsole.control import Poller
+from rsoconsole.night import NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
-from rsoconsole.console.night import FrameDetail, Night
 from rsoconsole.console.picture import Picture, light_of, marks_of, read_codes
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.night import Night, NightFrame
 from rsoconsole.records import MapMode
 from rsoconsole.session.reading import SessionReader
 
@@ -47,7 +47,7 @@ class Opened:
     """What the session holds of the frame, before its pixels are read."""
 
     recorded: "RecordedFrame"
-    detail: FrameDetail
+    detail: NightFrame
     preview: Picture | None
     bytes: int
     """Of the frame's file; 0 where there is none."""
@@ -183,15 +183,15 @@ class SheetWorker:
             self._on_news(news)
 
 
-def detail_of(reader: SessionReader, frame_id: int) -> FrameDetail:
+def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
     """What a session says of one frame."""
     night = Night(reader.folder, {}, None)
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
         night.take(t_utc_ns, record)
-    return night.detail(frame_id)
+    return night.frame(frame_id)
 
 
-def _preview_of(reader: SessionReader, detail: FrameDetail, frame_id: int) -> Picture | None:
+def _preview_of(reader: SessionReader, detail: NightFrame, frame_id: int) -> Picture | None:
     path = reader.preview_path(frame_id)
     codes = read_codes(path) if path is not None else None
     if codes is None:

@@ -11,10 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.console.night import EngineView, Night, NightView, engine_view
+from rsoconsole.console.night import EngineView, engine_view
 from rsoconsole.console.picture import Picture, marks_of, read_closeup, read_picture
 from rsoconsole.control import AskStatus, Poller, Wire
 from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.night import Night, NightView
 from rsoconsole.session.reading import SessionReader
 
 log = logging.getLogger(__name__)
@@ -123,7 +124,7 @@ class SessionWatch(Poller):
         for frame_id in self._night.newest_frames():
             if self._picture is not None and self._picture.frame_id >= frame_id:
                 return self._mark_again()
-            picture = read_picture(self._reader, frame_id, self._night.detail(frame_id))
+            picture = read_picture(self._reader, frame_id, self._night.frame(frame_id))
             if picture is not None:
                 self._picture = picture
                 return True
@@ -136,7 +137,7 @@ class SessionWatch(Poller):
         if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
             return False
         before = self._picture
-        detail, closeup = self._night.detail(before.frame_id), before.closeup
+        detail, closeup = self._night.frame(before.frame_id), before.closeup
         if closeup is None:
             closeup = read_closeup(self._reader, detail)
         if detail == before.detail and closeup is before.closeup:

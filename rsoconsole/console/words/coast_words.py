@@ -2,8 +2,8 @@
 
 import math
 
-from rsoconsole.console.night import ELSEWHERE, NightView
 from rsoconsole.console.words.words import NS_PER_S, clock_text, duration_text
+from rsoconsole.night import ELSEWHERE, NightView
 from rsoconsole.records import TrackState
 
 FRAMES_COUNTED = 60

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView, NightView, predicted_sigma_arcsec
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.leaving import leaving_words
 from rsoconsole.console.words.words import (
@@ -23,6 +23,7 @@ from rsoconsole.console.words.words import (
     unsigned_text,
 )
 from rsoconsole.control import Health, is_silent, motion_words, mount_words
+from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import format_dec, format_ra, separation_deg
 

@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping
 
 from rsoconsole.console.commands import first_key
-from rsoconsole.console.night import EngineView, FrameRow, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.words.words import NS_PER_S, cos_deg
+from rsoconsole.night import FrameRow, NightView
 from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180
 

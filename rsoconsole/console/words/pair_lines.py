@@ -1,11 +1,11 @@
 """Who stands next to whom in the field, when they come closest, and who is missing. Pure."""
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import FollowedTrack, NightView
 from rsoconsole.console.words.panels import rule
 from rsoconsole.console.words.track_lines import is_chosen, name_words, packed
 from rsoconsole.console.words.words import clipped, clock_text, first_shown
 from rsoconsole.control import one_line
+from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion, UnseenMember
 
 _HEADS = f"{'#':>3} {'by':>3} {'apart':>6} {'/min':>6} {'least':>6} {'at UT':>5}"

@@ -14,10 +14,10 @@ from rsoconsole.console.drawing import (
     residual_strip,
     sparkline,
 )
-from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.console.picture import SHOWN_REJECTED
 from rsoconsole.console.words.plot_window import PlotWindow
 from rsoconsole.console.words.words import arcsec_text, clipped, short, unsigned_text
+from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.tracking.filters import NIS_BAND, WINDOW, consistency, summary_words
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rsoconsole.console.drawing import AXIS_COLUMNS, Line, cells_a_frame
-from rsoconsole.console.night import FrameRow
 from rsoconsole.console.words.words import clipped, clock_text
+from rsoconsole.night import FrameRow
 
 MOST_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import FollowedTrack, NightView
 from rsoconsole.console.words.panels import rule
 from rsoconsole.console.words.words import (
     NS_PER_S,
@@ -17,6 +16,7 @@ from rsoconsole.console.words.words import (
     unsigned_text,
 )
 from rsoconsole.control import NextAim, one_line
+from rsoconsole.night import FollowedTrack, NightView
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView, NightView
+from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.night import NightView
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 

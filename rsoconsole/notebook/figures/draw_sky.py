@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures.page import (
     BAND,
     BOUND,
@@ -19,7 +20,7 @@ from rsoconsole.notebook.figures.page import (
     time_axis,
     with_track,
 )
-from rsoconsole.notebook.night import Night, NightFrame, TruePlace, offset_arcsec
+from rsoconsole.notebook.night import Night, TruePlace, offset_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180, wrap_360
 
@@ -54,10 +55,10 @@ def draw_track(figure: Any, night: Night) -> None:
 
 def draw_about_line(figure: Any, night: Night) -> None:
     """The same about the straight line through the updated states, in seconds of arc."""
-    frames = [frame for frame in with_track(night) if frame.corrected is not None]
+    frames = [frame for frame in with_track(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
     t_s = np.array([night.seconds(frame) for frame in frames])
-    states = [frame.corrected for frame in frames if frame.corrected is not None]
+    states = [frame.updated for frame in frames if frame.updated is not None]
     ras = np.array([ra_0_deg + float(wrap_180(state.x[0] - ra_0_deg)) for state in states])
     decs = np.array([state.x[2] for state in states])
     ra_line, dec_line = _line(t_s, ras), _line(t_s, decs)
@@ -144,7 +145,7 @@ def _value(frame: NightFrame, words: str, where: Where) -> float | None:
     if words == "measured":
         m = frame.measured
         return None if m is None else where(frame, m.ra_icrs_deg, m.dec_icrs_deg)
-    state = frame.predicted if words == "predicted" else frame.corrected
+    state = frame.predicted if words == "predicted" else frame.updated
     return None if state is None else where(frame, state.x[0], state.x[2])
 
 

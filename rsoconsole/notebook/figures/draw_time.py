@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures.page import (
     BAND,
     BOUND,
@@ -13,7 +14,7 @@ from rsoconsole.notebook.figures.page import (
     shade_misses,
     time_axis,
 )
-from rsoconsole.notebook.night import Night, NightFrame
+from rsoconsole.notebook.night import Night
 
 NIS_BAND = (0.0506, 7.378)
 """95 % of a chi-square of two degrees of freedom."""
@@ -29,13 +30,16 @@ def draw_confidence(figure: Any, night: Night) -> None:
     """Confidence of the measurement that was taken, of the others, and tau."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
-    followed = [frame for frame in night.frames if frame.measured is not None]
+    followed = [(f, m) for f in night.frames if (m := night.taken_of(f)) is not None]
     others = [
-        (night.seconds(frame), each.confidence) for frame in night.frames for each in frame.others
+        (night.seconds(frame), each.confidence)
+        for frame in night.frames
+        for each in frame.measurements
+        if each is not night.taken_of(frame)
     ]
     (taken,) = axis.plot(
-        [night.seconds(frame) for frame in followed],
-        [frame.measured.confidence for frame in followed if frame.measured],
+        [night.seconds(frame) for frame, _ in followed],
+        [measured.confidence for _, measured in followed],
         **{**MEASURED, "markerfacecolor": "#c62828", "markersize": 4.6, "linestyle": "none"},
     )
     other = None
@@ -86,7 +90,7 @@ def draw_residuals(figure: Any, night: Night) -> None:
 
 
 def _innovation(frame: NightFrame) -> tuple[float, float] | None:
-    return None if frame.corrected is None else frame.corrected.innovation_arcsec
+    return None if frame.updated is None else frame.updated.innovation_arcsec
 
 
 def _series(
@@ -94,7 +98,7 @@ def _series(
 ) -> tuple[list[float], list[float], list[float]]:
     t_s, values, bounds = [], [], []
     for frame in frames:
-        state = frame.corrected
+        state = frame.updated
         if state is not None and state.innovation_arcsec and state.sigma_innovation_arcsec:
             t_s.append(night.seconds(frame))
             values.append(state.innovation_arcsec[index])
@@ -125,9 +129,9 @@ def draw_nis(figure: Any, night: Night) -> None:
     axis = figure.subplots()
     column = shade_misses(axis, night)
     pairs = [
-        (night.seconds(frame), frame.corrected.nis)
+        (night.seconds(frame), frame.updated.nis)
         for frame in night.frames
-        if frame.corrected is not None and frame.corrected.nis is not None
+        if frame.updated is not None and frame.updated.nis is not None
     ]
     band = axis.axhspan(*NIS_BAND, **BAND)
     window_band = axis.axhspan(*WINDOW_BAND, **{**BAND, "alpha": 0.22})

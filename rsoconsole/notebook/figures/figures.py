@@ -51,7 +51,7 @@ DRAWINGS = {
 
 def has_track(night: Night) -> bool:
     """Whether anything was followed in it: a measurement has updated a track."""
-    return any(frame.corrected is not None for frame in night.frames)
+    return any(frame.updated is not None for frame in night.frames)
 
 
 def write_figures(

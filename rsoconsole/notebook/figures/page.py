@@ -3,7 +3,8 @@
 import itertools
 from typing import Any
 
-from rsoconsole.notebook.night import Night, NightFrame
+from rsoconsole.night import NightFrame
+from rsoconsole.notebook.night import Night
 from rsoconsole.sky import utc_ns_to_iso
 
 STYLE: dict[str, Any] = {

@@ -2,71 +2,20 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, assert_never
+from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
-from rsoconsole.reason_text import text
-from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
-    Event,
-    ExpectedMembers,
-    FollowedAgain,
-    FrameTaken,
-    Identified,
-    LeapDone,
-    LowPass,
-    Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    PairMotions,
-    ParameterChange,
-    Record,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
-    TrackState,
-)
+from rsoconsole.night import NightFrame, NightFrames
+from rsoconsole.records import Measurement
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import wrap_180
 
 SAME_FRAME_S = 1.0
-OfFrame: TypeAlias = Measurement | TrackState | Miss | FollowedAgain
-KINDS = (FrameTaken, Measurement, TrackState, Miss, FollowedAgain, ParameterChange)
-
-
-@dataclass(slots=True, kw_only=True)
-class NightFrame:
-    """What the session says of one exposure."""
-
-    frame_id: int
-    t_mid_utc_ns: int
-    measured: Measurement | None = None
-    """The one the lead took."""
-    others: tuple[Measurement, ...] = ()
-    predicted: TrackState | None = None
-    corrected: TrackState | None = None
-    """After the measurement; the first state of a track too."""
-    beside: dict[int, TrackState] = field(default_factory=dict)
-    """The other tracks of the frame by their ids, each as it was known last."""
-    missed: str | None = None
-    """Why the lead was not measured; None when it was, or when there was no track."""
-    tau: float = 0.0
-
-    @property
-    def track(self) -> TrackState | None:
-        """The best that was known at mid-exposure, the frame itself included."""
-        return self.corrected or self.predicted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,10 +25,17 @@ class Night:
     title: str
     frames: tuple[NightFrame, ...]
     config: Config
+    firsts: frozenset[str] = frozenset()
+    """Measurements with which tracks began, by their ids, where they are drawn as taken."""
 
     def seconds(self, frame: NightFrame) -> float:
         """From the middle of the first exposure to that of this one."""
         return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
+
+    def taken_of(self, frame: NightFrame) -> Measurement | None:
+        """The measurement that counts as taken by the lead."""
+        first = (m for m in frame.measurements if m.measurement_id in self.firsts)
+        return frame.measured or next(first, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,62 +47,10 @@ class TruePlace:
     dec_icrs_deg: float
 
 
-class NightFold:
-    """Gathers a night record by record, in the order of the log; a live one goes on growing."""
-
-    def __init__(self, title: str, config: Config) -> None:
-        self._title, self._config = title, config
-        self._tau = config.detector.tau
-        self._frames: dict[int, NightFrame] = {}
-        self._measured: dict[int, list[Measurement]] = {}
-        self._changed: set[int] = set()
-        """Frames with measurements of which it is not settled which one the track took."""
-
-    def take(self, record: Record) -> None:
-        """One record."""
-        match record:
-            case ParameterChange():
-                self._tau = float(record.after) if record.name == "detector.tau" else self._tau
-            case FrameTaken():
-                if record.t_mid_utc_ns is not None:
-                    self._frames[record.frame_id] = NightFrame(
-                        frame_id=record.frame_id, t_mid_utc_ns=record.t_mid_utc_ns, tau=self._tau
-                    )
-                    self._measured.pop(record.frame_id, None)
-            case Measurement() | TrackState() | Miss() | FollowedAgain():
-                if record.frame_id in self._frames:
-                    _put(self._frames[record.frame_id], record, self._measured)
-                    self._changed.add(record.frame_id)
-            case (
-                Detections()
-                | Solution()
-                | NotSolved()
-                | NotFollowed()
-                | SlewCommand()
-                | StateChange()
-                | OperatorAction()
-                | CycleTiming()
-                | Closeup()
-                | Ruling()
-                | OrbitEstimate()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | Event()
-            ):
-                pass  # nothing of it is drawn
-            case _:
-                assert_never(record)
-
-    def night(self) -> Night:
-        """Its frames so far; those without a time are left out."""
-        for frame_id in self._changed & self._measured.keys():
-            _assign(self._frames[frame_id], self._measured[frame_id])
-        self._changed.clear()
-        in_order = tuple(sorted(self._frames.values(), key=lambda frame: frame.t_mid_utc_ns))
-        return Night(title=self._title, frames=in_order, config=self._config)
+def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> Night:
+    """Of the frames that have a time."""
+    in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
+    return Night(title=title, frames=tuple(in_order), config=config)
 
 
 def read_night(session: Path) -> Night:
@@ -155,10 +59,9 @@ def read_night(session: Path) -> Night:
     Raises SessionError when the folder is no session or holds no frame with a time.
     """
     reader = SessionReader(session)
-    fold = NightFold(title_of(reader.about(), session), reader.config())
-    for _, _, record in reader.records(kinds=KINDS):
-        fold.take(record)
-    return with_frames(fold.night(), session)
+    config = reader.config()
+    frames = NightFrames(config).take_all(record for _, _, record in reader.records())
+    return with_frames(night_of(title_of(reader.about(), session), config, frames.seen()), session)
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
@@ -171,36 +74,6 @@ def with_frames(night: Night, session: Path) -> Night:
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
     return night
-
-
-def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measurement]]) -> None:
-    match record:
-        case Measurement():
-            measured.setdefault(frame.frame_id, []).append(record)
-        case FollowedAgain():
-            # By the operator's word: what was made of it before counts no more.
-            frame.predicted = frame.corrected = frame.missed = None
-            frame.beside.clear()
-        case Miss():
-            # The lead's come first.
-            if record.track_id not in frame.beside:
-                frame.missed = text(record.reason)
-        case TrackState(is_lead=False):
-            frame.beside[record.track_id] = record
-        case TrackState(kind="predicted"):
-            frame.predicted = record
-        case TrackState():
-            frame.corrected = record
-        case _:
-            assert_never(record)
-
-
-def _assign(frame: NightFrame, candidates: list[Measurement]) -> None:
-    """Which measurement the track took: its id is in the state."""
-    if frame.corrected is not None:
-        named = frame.corrected.measurement_id
-        frame.measured = next((m for m in candidates if m.measurement_id == named), None)
-    frame.others = tuple(m for m in candidates if m is not frame.measured)
 
 
 def offset_arcsec(
@@ -255,9 +128,9 @@ def _place(satellite: Mapping[str, Any]) -> TruePlace:
 def _followed(frames: Iterable[NightFrame], places: Mapping[int, list[TruePlace]]) -> str | None:
     votes: dict[str, int] = {}
     for frame in frames:
-        if frame.corrected is None or not places[frame.frame_id]:
+        if frame.updated is None or not places[frame.frame_id]:
             continue
-        x = frame.corrected.x
+        x = frame.updated.x
         nearest = min(
             places[frame.frame_id],
             key=lambda true: math.hypot(

@@ -5,114 +5,32 @@ In pixels of the whole frame, whatever size the picture is shown at.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import assert_never
 
 import numpy as np
 
+from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
-from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detection,
-    Detections,
-    Event,
-    ExpectedMembers,
-    FollowedAgain,
-    FrameTaken,
-    Identified,
-    LeapDone,
-    LowPass,
-    Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    PairMotions,
-    ParameterChange,
-    Record,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
-    TrackState,
-)
+from rsoconsole.records import Detection, Measurement, NotSolved, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.streak_text import name_of, pulse_of, short_name_of
 
-_SAME_PX = 1.0
 _MARGIN = 0.012
 """Of the frame's width: room between a streak and its box."""
 _POINTS = 48
 _SIGMAS = 3.0
 
 
-@dataclass(slots=True)
-class FrameFacts:
-    """What the log says of one frame."""
-
-    taken: FrameTaken | None = None
-    detections: Detections | None = None
-    solution: Solution | NotSolved | None = None
-    measurements: tuple[Measurement, ...] = ()
-    predicted: TrackState | None = None
-
-    def streak_at(self, measured: Measurement) -> Detection | None:
-        """The streak that a measurement is of; None where no detection is, as by hand."""
-        found = () if self.detections is None else self.detections.detections
-        return next((each for each in found if _is_same(each, measured)), None)
-
-    def take(self, record: Record) -> None:
-        """One record of the frame, in the order of the log."""
-        match record:
-            case FrameTaken():
-                self.taken = record
-            case Detections():
-                self.detections = record
-            case Solution() | NotSolved():
-                self.solution = record
-            case Measurement():
-                self.measurements = (*self.measurements, record)
-            case FollowedAgain():
-                self.predicted = None
-            case TrackState():
-                if record.kind == "predicted":
-                    self.predicted = record
-            case (
-                NotFollowed()
-                | Miss()
-                | SlewCommand()
-                | StateChange()
-                | ParameterChange()
-                | OperatorAction()
-                | CycleTiming()
-                | Closeup()
-                | Ruling()
-                | OrbitEstimate()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | Event()
-            ):
-                pass  # nothing of it is drawn
-            case _:
-                assert_never(record)
-
-
-def overlay_svg(facts: FrameFacts, followed: Measurement | None) -> str:
+def overlay_svg(frame: NightFrame) -> str:
     """An SVG that lies over the picture; empty where the frame's size is not known."""
-    frame = facts.taken
-    if frame is None or frame.width_px <= 0 or frame.height_px <= 0:
+    taken, followed = frame.taken, frame.measured
+    if taken is None or taken.width_px <= 0 or taken.height_px <= 0:
         return ""
-    width, height = frame.width_px, frame.height_px
-    found = () if facts.detections is None else facts.detections.detections
-    parts = [_expected(facts, width)]
-    parts += [_streak(each, width, is_followed=_is_same(each, followed)) for each in found]
-    parts += [_by_hand(m, width) for m in facts.measurements if m.source == "operator"]
-    label = words_of(facts, followed)
+    width, height = taken.width_px, taken.height_px
+    found = frame.found
+    parts = [_expected(frame, width)]
+    parts += [_streak(each, width, is_followed=is_of_streak(each, followed)) for each in found]
+    parts += [_by_hand(m, width) for m in frame.measurements if m.source == "operator"]
+    label = words_of(frame)
     return (
         f'<svg viewBox="-0.5 -0.5 {width} {height}" preserveAspectRatio="none" role="img" '
         f'aria-label="{text(label)}" style="position:absolute;inset:0;width:100%;height:100%">'
@@ -120,31 +38,24 @@ def overlay_svg(facts: FrameFacts, followed: Measurement | None) -> str:
     )
 
 
-def words_of(facts: FrameFacts, followed: Measurement | None) -> str:
+def words_of(frame: NightFrame) -> str:
     """The frame in one line of words."""
-    frame = facts.taken
-    if frame is None:
+    taken, followed = frame.taken, frame.measured
+    if taken is None:
         return "no frame yet"
     parts = [f"frame {frame.frame_id:04d}"]
-    if frame.exposure_s is not None:
-        parts.append(f"{frame.exposure_s:g} s")
-    if isinstance(facts.solution, NotSolved):
-        parts.append(f"not solved: {facts.solution.reason}")
-    elif isinstance(facts.solution, Solution):
-        parts.append(f"{facts.solution.matched} stars, {facts.solution.rms_arcsec:.2f}″")
-    if facts.detections is not None:
-        count = len(facts.detections.detections)
+    if taken.exposure_s is not None:
+        parts.append(f"{taken.exposure_s:g} s")
+    if isinstance(frame.solution, NotSolved):
+        parts.append(f"not solved: {frame.solution.reason}")
+    elif isinstance(frame.solution, Solution):
+        parts.append(f"{frame.solution.matched} stars, {frame.solution.rms_arcsec:.2f}″")
+    if frame.detections is not None:
+        count = len(frame.detections.detections)
         parts.append("no streak" if not count else f"{count} streak{'s' if count > 1 else ''}")
     if followed is not None:
         parts.append(f"followed with confidence {followed.confidence:.2f}")
     return " · ".join(parts)
-
-
-def _is_same(detection: Detection, measurement: Measurement | None) -> bool:
-    return measurement is not None and (
-        abs(detection.x_px - measurement.x_px) < _SAME_PX
-        and abs(detection.y_px - measurement.y_px) < _SAME_PX
-    )
 
 
 def _streak(detection: Detection, frame_width: int, *, is_followed: bool) -> str:
@@ -179,9 +90,9 @@ def _by_hand(measurement: Measurement, frame_width: int) -> str:
     )
 
 
-def _expected(facts: FrameFacts, frame_width: int) -> str:
+def _expected(frame: NightFrame, frame_width: int) -> str:
     """A cross where the track was expected, and its 3 sigma."""
-    track, solution = facts.predicted, facts.solution
+    track, solution = frame.predicted, frame.solution
     if track is None or not isinstance(solution, Solution):
         return ""
     x, y = (float(v) for v in sky_to_pixel(solution.wcs, track.x[0], track.x[2]))

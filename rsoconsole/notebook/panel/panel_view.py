@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.control import Status, printable
+from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures import NIS_BAND
-from rsoconsole.notebook.night import Night, NightFrame, overlay_svg, svg, words_of
+from rsoconsole.notebook.night import Night, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
@@ -66,16 +67,15 @@ def night_view(live: LiveNight) -> dict[str, Any]:
     """The record: plots of the newest frames, marks over the picture, the log."""
     night = live.night()
     frame_id = None if live.picture is None else live.picture[0]
-    facts = live.facts(frame_id) if frame_id is not None else None
-    followed = live.followed(frame_id) if frame_id is not None else None
+    frame = None if frame_id is None else live.frame(frame_id)
     return {
         "title": night.title,
         "plots": plots(night),
-        "overlay": "" if facts is None else overlay_svg(facts, followed),
-        "caption": "no picture yet" if facts is None else words_of(facts, followed),
+        "overlay": "" if frame is None else overlay_svg(frame),
+        "caption": "no picture yet" if frame is None else words_of(frame),
         "slew": _slew_words(live),
         "nis": _nis_words(night),
-        "log": [[_clock(t), level, printable(words)] for t, level, words in live.log],
+        "log": [[_clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
         "tunables": [
             [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
             for name, label, unit in TUNED
@@ -137,7 +137,7 @@ def _residual(newest: _Newest, index: int, what: str) -> str:
     points: list[tuple[float, float, str]] = []
     bounds: list[tuple[float, float]] = []
     for frame in frames:
-        t_s, state = night.seconds(frame), frame.corrected
+        t_s, state = night.seconds(frame), frame.updated
         if state is None or not state.innovation_arcsec or not state.sigma_innovation_arcsec:
             bounds.append((t_s, math.nan))
             continue
@@ -163,9 +163,9 @@ def _nis(newest: _Newest) -> str:
     night, frames, span = newest.night, newest.frames, newest.span
     axis = svg.Axis(x=span, y=(0.0, NIS_TOP))
     points = [
-        (night.seconds(f), f.corrected.nis, f"frame {f.frame_id}: NIS {f.corrected.nis:.2f}")
+        (night.seconds(f), f.updated.nis, f"frame {f.frame_id}: NIS {f.updated.nis:.2f}")
         for f in frames
-        if f.corrected is not None and f.corrected.nis is not None
+        if f.updated is not None and f.updated.nis is not None
     ]
     ideal = svg.line(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
     parts = (svg.band(axis, *NIS_BAND), ideal, svg.dots(axis, points, colour=svg.BLUE))
@@ -174,7 +174,7 @@ def _nis(newest: _Newest) -> str:
 
 
 def _nis_words(night: Night) -> str:
-    states = [f.corrected for f in night.frames if f.corrected is not None]
+    states = [f.updated for f in night.frames if f.updated is not None]
     updates = [s for s in states if s.nis is not None and s.innovation_arcsec is not None]
     said = consistency(
         [s.nis for s in updates if s.nis is not None],

@@ -14,12 +14,12 @@ from rsoconsole import __version__
 from rsoconsole.errors import SessionError
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
-from rsoconsole.notebook.night import Night, read_night, tracks_of
+from rsoconsole.night import Summary, summary_of, tracks_of
+from rsoconsole.notebook.night import Night, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
     TrackFacts,
     clock,
-    figures_on_record,
     filter_words,
     read_course,
     track_facts,
@@ -29,7 +29,6 @@ from rsoconsole.notebook.report.report_figures import inline_figures
 from rsoconsole.notebook.report.report_passes import pass_facts
 from rsoconsole.notebook.report.report_pictures import shown_frames
 from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
-from rsoconsole.pipeline.replay import TrackFigures
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
@@ -69,10 +68,10 @@ def write_report(session: Path, out: Path) -> Path:
 def render_report(session: Path) -> Report:
     """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
     night, exported = read_night(session), read_rows(session)
-    known = tracks_of(record for _, _, record in SessionReader(session).records())
+    known = tracks_of(night.frames)
     field = field_facts(record for _, _, record in SessionReader(session).records())
     course = read_course(session, night, known)
-    figures = figures_on_record(session, night, course.last_state)
+    figures = summary_of(night.frames)
     tracks = track_facts(exported.rows, known)
     said = filter_words(night)
     shown = shown_frames(session, night, exported.rows)
@@ -165,9 +164,7 @@ def _about(exported: ExportedNight) -> dict[str, Any]:
     }
 
 
-def _conclusion(
-    night: Night, figures: TrackFigures, tracks: tuple[TrackFacts, ...], said: str
-) -> str:
+def _conclusion(night: Night, figures: Summary, tracks: tuple[TrackFacts, ...], said: str) -> str:
     """The night in a sentence or three."""
     exposures = _many(len(night.frames), "exposure")
     if not tracks:
@@ -178,7 +175,7 @@ def _conclusion(
     count = sum(track.count for track in tracks)
     words = (
         f"{objects} followed from {clock(first)} to {clock(last)} UTC"
-        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.misses)}."
+        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.missed)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
         words += " It moves as a geostationary satellite does."
@@ -202,7 +199,7 @@ def _misses(number: int) -> str:
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(night: Night, figures: TrackFigures, course: Course) -> list[tuple[str, str, str]]:
+def _key_figures(night: Night, figures: Summary, course: Course) -> list[tuple[str, str, str]]:
     """(what, figure, beside it) of the head's row."""
     locked = course.locked_frame
     order = [frame.frame_id for frame in night.frames]
@@ -216,7 +213,7 @@ def _key_figures(night: Night, figures: TrackFigures, course: Course) -> list[tu
             "–" if after is None else str(after),
             "never" if after is None else f"exposures, with frame {locked}",
         ),
-        ("misses", str(figures.misses), "frames without the object"),
+        ("misses", str(figures.missed), "frames without the object"),
         ("residual", _fixed(figures.residual_rms_arcsec), "arcsec rms, measured − predicted"),
         (
             "mean NIS",
@@ -234,25 +231,23 @@ def _key_figures(night: Night, figures: TrackFigures, course: Course) -> list[tu
 def _with_firsts(night: Night, rows: tuple[MeasuredRow, ...]) -> Night:
     """The night with the measurement from which a track began among those that it took."""
     taken = {(row.frame_id, row.x_px, row.y_px) for row in rows if row.is_taken}
-    frames = []
-    for frame in night.frames:
-        first = [m for m in frame.others if (m.frame_id, m.x_px, m.y_px) in taken]
-        if frame.measured is None and first:
-            others = tuple(m for m in frame.others if m is not first[0])
-            frames.append(replace(frame, measured=first[0], others=others))
-        else:
-            frames.append(frame)
-    return replace(night, frames=tuple(frames))
+    firsts = (
+        each.measurement_id
+        for frame in night.frames
+        for each in frame.measurements
+        if (each.frame_id, each.x_px, each.y_px) in taken
+    )
+    return replace(night, firsts=frozenset(firsts))
 
 
-def _alts(night: Night, figures: TrackFigures) -> dict[str, str]:
+def _alts(night: Night, figures: Summary) -> dict[str, str]:
     """The figures in words."""
     measured = [f.measured.confidence for f in night.frames if f.measured is not None]
     alts: dict[str, str] = {}
     if measured:
         alts["confidence"] = (
             f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
-            f" {_many(len(measured), 'frame')}, {_misses(figures.misses)}."
+            f" {_many(len(measured), 'frame')}, {_misses(figures.missed)}."
         )
     if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
         share = f"{100.0 * figures.inside_3sigma:.0f} per cent"

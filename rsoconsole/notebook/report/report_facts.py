@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import assert_never
 
 from rsoconsole.control import command_words
-from rsoconsole.errors import ConfigError
 from rsoconsole.export import MeasuredRow
-from rsoconsole.notebook.night import Night, NightFrame, NightTrack
-from rsoconsole.pipeline.replay import TrackFigures, figures_of, replay
+from rsoconsole.night import NightFrame, NightTrack
+from rsoconsole.notebook.night import Night
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -40,7 +39,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import utc_ns_to_iso
-from rsoconsole.tracking.filters import consistency, mean_band
+from rsoconsole.tracking.filters import consistency
 
 GEO_RATE_ARCSEC_S = 15.041
 GEO_WITHIN_ARCSEC_S = 0.3
@@ -108,35 +107,9 @@ def clock(t_utc_ns: int) -> str:
     return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19]
 
 
-def figures_on_record(session: Path, night: Night, state: str) -> TrackFigures:
-    """The figures that a what-if compares, of the night as it was followed."""
-    reader = SessionReader(session)
-    try:
-        replayed = figures_of(replay((record for _, _, record in reader.records()), night.config))
-    except ConfigError:  # a setting of another version
-        replayed = figures_of(())
-    updates = [f.corrected for f in night.frames if _innovation(f) is not None]
-    states = [s for s in updates if s is not None]
-    squares = [e * e + n * n for e, n in (s.innovation_arcsec or (0.0, 0.0) for s in states)]
-    nis = [s.nis for s in states if s.nis is not None]
-    inside = [_is_inside(s) for s in states]
-    # What stands on record has the last word, whatever a replay makes of it today.
-    return replace(
-        replayed,
-        frames=len(night.frames),
-        updates=len(states),
-        misses=sum(frame.missed is not None for frame in night.frames),
-        residual_rms_arcsec=math.sqrt(statistics.fmean(squares)) if squares else None,
-        nis_mean=statistics.fmean(nis) if nis else None,
-        nis_band=mean_band(len(nis)) if nis else None,
-        inside_3sigma=sum(inside) / len(inside) if inside else None,
-        state=state,
-    )
-
-
 def filter_words(night: Night) -> str:
     """Whether the filter believed itself rightly at the end, in words."""
-    states = [f.corrected for f in night.frames if _innovation(f) is not None]
+    states = [f.updated for f in night.frames if _innovation(f) is not None]
     nis = [s.nis for s in states if s is not None and s.nis is not None]
     residuals = [s.innovation_arcsec for s in states if s is not None and s.innovation_arcsec]
     judged = consistency(nis, residuals)
@@ -287,11 +260,4 @@ def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
 
 
 def _innovation(frame: NightFrame) -> tuple[float, float] | None:
-    return None if frame.corrected is None else frame.corrected.innovation_arcsec
-
-
-def _is_inside(state: TrackState) -> bool:
-    residual, sigma = state.innovation_arcsec, state.sigma_innovation_arcsec
-    if residual is None or sigma is None:
-        return False
-    return all(abs(r) <= 3.0 * s for r, s in zip(residual, sigma, strict=True))
+    return None if frame.updated is None else frame.updated.innovation_arcsec

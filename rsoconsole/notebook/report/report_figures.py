@@ -106,7 +106,7 @@ def inline_figures(
     same night where what began a track counts as taken by it, for the confidences.
     """
     drawings = [_CONFIDENCE]
-    if any(frame.corrected is not None for frame in night.frames):
+    if any(frame.updated is not None for frame in night.frames):
         drawings += _WITH_TRACK
     return tuple(
         InlineFigure(

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.export import MeasuredRow
-from rsoconsole.notebook.night import Night, NightFrame
+from rsoconsole.night import NightFrame
+from rsoconsole.notebook.night import Night
 from rsoconsole.notebook.report.report_facts import clock
 from rsoconsole.records import FrameTaken, Solution
 from rsoconsole.session.reading import SessionReader

@@ -5,13 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.pipeline.replay import (
-    RerunCounts,
-    TrackFigures,
-    check_name,
-    save_branch,
-    what_if_session,
-)
+from rsoconsole.night import TrackFigures
+from rsoconsole.pipeline.replay import RerunCounts, check_name, save_branch, what_if_session
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,9 +16,6 @@ from .miss_reasons import StarHistory as StarHistory
 from .miss_reasons import direction_at as direction_at
 from .miss_reasons import is_geostationary_like as is_geostationary_like
 from .miss_reasons import next_eclipse_utc_ns as next_eclipse_utc_ns
-from .pointed_at import is_without_detection as is_without_detection
-from .pointed_at import looked_elsewhere as looked_elsewhere
-from .pointed_at import was_pointed_at as was_pointed_at
 from .track_assignment import Track as Track
 from .track_assignment import TracksTaken as TracksTaken
 from .untaken import Untaken as Untaken

@@ -13,9 +13,6 @@ from .reprocess import compare as compare
 from .reprocess import read_pixels as read_pixels
 from .reprocess import recorded_frame as recorded_frame
 from .rerun import RerunCounts as RerunCounts
-from .what_if_figures import TrackFigures as TrackFigures
-from .what_if_figures import as_recorded as as_recorded
-from .what_if_figures import figures_of as figures_of
 from .what_if_figures import once_each as once_each
 from .what_if_figures import what_if as what_if
 from .what_if_log import WhatIf as WhatIf

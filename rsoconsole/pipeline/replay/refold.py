@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, with_setting
+from rsoconsole.night import FOLDED, is_from_outside, is_instruments
 from rsoconsole.pipeline.cycle import (
     Fold,
     Folds,
@@ -26,7 +27,6 @@ from rsoconsole.pipeline.cycle import (
 )
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
-from rsoconsole.reasons import FROM_OUTSIDE
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -58,8 +58,6 @@ from rsoconsole.records import (
 from rsoconsole.tracking.association import Following
 
 TAU = "detector.tau"
-FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
-"""States in which a frame is folded into what is followed."""
 FOLDS = (TrackState, NotFollowed, Miss, StateChange)
 """What the fold puts on record."""
 
@@ -395,14 +393,3 @@ def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
         records=done.folded.records,
         recorded=recorded,
     )
-
-
-def is_from_outside(change: StateChange) -> bool:
-    """Whether a change of state is none of the fold's."""
-    is_between_folded = change.before in FOLDED and change.after in FOLDED
-    return not is_between_folded or change.reason.kind in FROM_OUTSIDE
-
-
-def is_instruments(miss: Miss) -> bool:
-    """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
-    return miss.reason.kind == "instrument"

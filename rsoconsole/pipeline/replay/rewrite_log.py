@@ -10,16 +10,15 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rsoconsole.config import Config
+from rsoconsole.night import FOLDED, is_from_outside
 from rsoconsole.pipeline.cycle import Shown, are_alike
 from rsoconsole.pipeline.frame import at_its_row, shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.replay.refold import (
-    FOLDED,
     LookedAt,
     Part,
     ReduceAgain,
     ReplayedFrame,
     Walk,
-    is_from_outside,
 )
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (

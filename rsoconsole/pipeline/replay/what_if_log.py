@@ -7,10 +7,11 @@ from typing import Any
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError, SessionError
+from rsoconsole.night import FigureSum, TrackFigures
 from rsoconsole.pipeline.replay.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk
 from rsoconsole.pipeline.replay.rerun import RerunCounts, open_rerun
 from rsoconsole.pipeline.replay.rewrite_log import LogRewriter
-from rsoconsole.pipeline.replay.what_if_figures import FigureSum, TrackFigures
+from rsoconsole.pipeline.replay.what_if_figures import add_replayed
 from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
 
@@ -146,10 +147,10 @@ class _Both:
         for each in closed:
             if isinstance(each, ReplayedFrame):
                 self.is_reproduced = self.is_reproduced and each.is_alike
-                self.recorded.add(each)
+                add_replayed(self.recorded, each)
 
     def _add_changed(self, frame: ReplayedFrame) -> None:
-        self.changed.add(frame)
+        add_replayed(self.changed, frame)
         if self._keep is not None:
             self._keep[0].append(frame)
 

@@ -26,7 +26,7 @@ from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay.what_if_figures import TrackFigures
+    from rsoconsole.night import TrackFigures
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ Which records belong together is told by their kinds and their order, never by t
 
 from dataclasses import replace
 
-from rsoconsole.console.night.log_lines import LogLine
+from rsoconsole.night.log_lines import LogLine
 from rsoconsole.reasons import Missed
 from rsoconsole.sky import utc_ns_to_iso
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night.chunks import Chunks
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
-from rsoconsole.console.night.last_measured import LastMeasured
-from rsoconsole.console.night.log_lines import LogLine
-from rsoconsole.console.night.track_fold import FollowedTrack, TracksNow
+from rsoconsole.night.chunks import Chunks
+from rsoconsole.night.frame import FrameRow
+from rsoconsole.night.last_measured import LastMeasured
+from rsoconsole.night.log_lines import LogLine
+from rsoconsole.night.track_fold import FollowedTrack, TracksNow
 from rsoconsole.records import (
     CycleTiming,
     ExpectedMembers,
@@ -142,7 +142,6 @@ class Now:
     """
 
     is_closed: bool
-    tau: float
     seq: int = 0
     is_read: bool = False
     has_ended: bool = False
@@ -162,7 +161,6 @@ class Now:
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
     identified: Identified | None = None
     identifications: Mapping[int, Identified] = field(default_factory=dict)
-    changed: Mapping[str, float | int | str] = field(default_factory=dict)
     kept_track: TrackState | None = None
     tracks_now: TracksNow = field(default_factory=TracksNow)
     pairs: tuple[PairMotion, ...] = ()
@@ -183,12 +181,12 @@ _SHOWN = tuple(
 class KeptNight:
     """A night as it was at one place of the log: what ``Night.go_back`` returns to.
 
-    Rows, details and lines are shared with the night and among those that are kept.
+    Rows, frames and lines are shared with the night and among those that are kept.
     """
 
     now: Now
     rows: Chunks[FrameRow]
-    details: tuple[tuple[int, FrameDetail], ...]
+    frames: tuple[Any, ...]
     log: Chunks[LogLine]
 
 

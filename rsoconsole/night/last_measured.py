@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from rsoconsole.console.night.frame_rows import FrameDetail, FrameRow
+from rsoconsole.night.frame import FrameRow, NightFrame
 from rsoconsole.sky import largest_sigma
 
-MOST = 9
+MOST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,17 +22,17 @@ class LastMeasured:
 
 
 def last_measured(
-    details: Iterable[tuple[int, FrameDetail]], rows: Mapping[int, FrameRow]
+    frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
-    """Newest first, at most nine."""
+    """Newest first, at most eight."""
     found: list[LastMeasured] = []
-    for frame_id, detail in details:
-        taken, row = detail.followed, rows.get(frame_id)
+    for frame in frames:
+        taken, row = frame.followed, rows.get(frame.frame_id)
         if taken is None or row is None or not row.is_followed:
             continue
         found.append(
             LastMeasured(
-                frame_id=frame_id,
+                frame_id=frame.frame_id,
                 t_utc_ns=taken.t_mid_utc_ns,
                 source=taken.source,
                 sigma_arcsec=largest_sigma(*taken.cov_sky_arcsec2),

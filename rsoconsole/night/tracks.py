@@ -6,17 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from rsoconsole.control import one_line
+from rsoconsole.night.frame import NightFrame
 from rsoconsole.reason_text import text
-from rsoconsole.records import (
-    FollowedAgain,
-    Identified,
-    Measurement,
-    Miss,
-    OrbitEstimate,
-    Record,
-    Ruling,
-    TrackState,
-)
+from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +27,8 @@ class NightTrack:
     """The last word on which catalogued object it is."""
     missed: Mapping[int, str] = field(default_factory=dict)
     """Frames that did not show it, by their numbers, and why."""
+    lost: str = ""
+    """What the fold gave it up for, in words; empty: it did not."""
     ended: str = ""
     """What ended it, in words; empty: nothing that is on record."""
 
@@ -80,69 +74,56 @@ class NightTrack:
 
 @dataclass(slots=True)
 class _Parts:
-    states: dict[tuple[int, str], TrackState] = field(default_factory=dict)
-    """By frame and kind."""
+    states: list[TrackState] = field(default_factory=list)
     missed: dict[int, str] = field(default_factory=dict)
-    lost: dict[int, str] = field(default_factory=dict)
-    """By frame: what ended it there."""
-    orbits: dict[int, OrbitEstimate] = field(default_factory=dict)
-    names: dict[int, Identified] = field(default_factory=dict)
-    dropped: dict[int, str] = field(default_factory=dict)
-
-    def forget(self, frame_id: int) -> None:
-        """What a frame first led to counts no more."""
-        for kind in ("predicted", "initial", "updated"):
-            self.states.pop((frame_id, kind), None)
-        for found in (self.missed, self.lost, self.orbits, self.names):
-            found.pop(frame_id, None)
+    lost: list[str] = field(default_factory=list)
+    """What ended it, each time."""
+    orbit: OrbitEstimate | None = None
+    name: Identified | None = None
+    dropped: list[str] = field(default_factory=list)
 
 
-def tracks_of(records: Iterable[Record]) -> dict[int, NightTrack]:
-    """The tracks of a log by their numbers."""
+def tracks_of(frames: Iterable[NightFrame]) -> dict[int, NightTrack]:
+    """The tracks of a night's frames by their numbers."""
     parts: dict[int, _Parts] = {}
     measured: dict[str, Measurement] = {}
-    for record in records:
-        match record:
-            case Measurement():
-                measured[record.measurement_id] = record
-            case FollowedAgain():
-                for each in parts.values():
-                    each.forget(record.frame_id)
-            case Ruling():
-                for number, each in parts.items():
-                    each.dropped.pop(record.frame_id, None)
-                    if number in record.dropped:
-                        each.dropped[record.frame_id] = "dropped by the operator"
-            case TrackState():
-                own = parts.setdefault(record.track_id, _Parts())
-                own.states[record.frame_id, record.kind] = record
-            case Miss(track_id=int(number)) if number in parts:
-                reason = record.reason
-                parts[number].missed[record.frame_id] = text(reason)
-                if reason.lost is not None:
-                    parts[number].lost[record.frame_id] = text(reason.lost)
-            case OrbitEstimate():
-                parts.setdefault(record.track_id, _Parts()).orbits[record.frame_id] = record
-            case Identified():
-                parts.setdefault(record.track_id, _Parts()).names[record.frame_id] = record
+    for frame in sorted(frames, key=lambda each: each.frame_id):
+        measured |= {each.measurement_id: each for each in frame.all_measured}
+        for each in frame.tracks:
+            states = parts.setdefault(each.track_id, _Parts()).states
+            states += [state for state in (each.predicted, each.updated) if state is not None]
+        for miss in frame.misses:
+            own = None if miss.track_id is None else parts.get(miss.track_id)
+            if own is None:
+                continue
+            own.missed[frame.frame_id] = text(miss.reason)
+            if miss.reason.lost is not None:
+                own.lost.append(text(miss.reason.lost))
+        for orbit in frame.orbits:
+            parts.setdefault(orbit.track_id, _Parts()).orbit = orbit
+        for name in frame.names:
+            parts.setdefault(name.track_id, _Parts()).name = name
+        for number in () if frame.decision is None else frame.decision.dropped:
+            if number in parts:
+                parts[number].dropped.append("dropped by the operator")
     return {
         number: _track(number, own, measured) for number, own in sorted(parts.items()) if own.states
     }
 
 
 def _track(number: int, own: _Parts, measured: dict[str, Measurement]) -> NightTrack:
-    states = tuple(state for _, state in sorted(own.states.items(), key=lambda at: at[0][0]))
     ids: list[str | None] = []
-    for state in states:
+    for state in own.states:
         begun = (*(state.begun_with or ())[:1], *state.begun_through)
         ids += [*begun, state.measurement_id]
-    ended = (*own.lost.values(), *own.dropped.values())
+    ended = (*own.lost, *own.dropped)
     return NightTrack(
         number=number,
-        states=states,
+        states=tuple(own.states),
         measurements=tuple(measured[each] for each in ids if each in measured),
-        orbit=own.orbits[max(own.orbits)] if own.orbits else None,
-        identified=own.names[max(own.names)] if own.names else None,
+        orbit=own.orbit,
+        identified=own.name,
         missed=own.missed,
+        lost=own.lost[-1] if own.lost else "",
         ended=ended[-1] if ended else "",
     )

@@ -64,7 +64,6 @@ OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
 """Causes that are said as an alarm before the state changes."""
-CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
@@ -149,11 +148,6 @@ def left_out(found: Detections | None, tau: float) -> str:
     best = max(likely, key=lambda each: each.detection.confidence)
     confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
-
-
-def is_put_down_to_cloud(record: Miss) -> bool:
-    """Whether cloud is named as the cause."""
-    return any(each.kind in CLOUD for each in record.reason.hidden_by)
 
 
 def line_of(

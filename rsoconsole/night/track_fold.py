@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from rsoconsole.night.frame import SAME_PLACE_PX, numbered, predicted_sigma_arcsec
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     CycleTiming,
@@ -23,17 +24,11 @@ from rsoconsole.tracking.initiation import ON_TRIAL
 
 MOST_ROWS = 400
 """Last frames of a track that are kept for its plots."""
-SAME_PLACE_PX = 1.0
 PAIRS_KEPT_NS = 3_600_000_000_000
 """A pair that was not looked at for longer is of tracks that have ended."""
 TAKEN_BACK_FRAMES = 12
 """Frames within which the engine takes a word back (``pipeline.cycle.decisions``)."""
 _FOLLOWED = {"TRACK", "COAST"}
-
-
-def numbered(track_id: int, *, is_lead: bool) -> str:
-    """A track's number, the lead's with a sign."""
-    return f"{track_id}*" if is_lead else f"{track_id}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,33 +112,6 @@ class TracksNow:
             replace(each, is_lead=number == lead)
             for number, each in sorted(self.tracks.items(), key=lambda pair: pair[0])
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameTrack:
-    """What one frame made of one track."""
-
-    track_id: int
-    is_lead: bool
-    predicted: TrackState | None = None
-    updated: TrackState | None = None
-    """None where the frame did not show it."""
-
-    @property
-    def number(self) -> str:
-        """As ``FollowedTrack.number``."""
-        return numbered(self.track_id, is_lead=self.is_lead)
-
-
-def with_track(tracks: tuple[FrameTrack, ...], record: TrackState) -> tuple[FrameTrack, ...]:
-    """A frame's tracks with one state more."""
-    known = next((each for each in tracks if each.track_id == record.track_id), None)
-    each = known or FrameTrack(track_id=record.track_id, is_lead=record.is_lead)
-    if record.kind == "predicted":
-        each = replace(each, predicted=record, is_lead=record.is_lead)
-    else:
-        each = replace(each, updated=record, is_lead=record.is_lead)
-    return (*(other for other in tracks if other.track_id != record.track_id), each)
 
 
 def tracks_after(  # noqa: PLR0911 -- one case a kind
@@ -299,10 +267,3 @@ def _with_change(now: TracksNow, record: StateChange) -> TracksNow:
         return replace(now, in_frame=())
     aside = {} if record.after == "LOST" else now.tracks
     return TracksNow(set_aside=aside, dropped=now.dropped, dropped_in=now.dropped_in)
-
-
-def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
-    """One sigma (east, north) on the sky of a state's position."""
-    cos_dec = math.cos(math.radians(track.x[2]))
-    east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
-    return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0

@@ -1,0 +1,320 @@
+"""One exposure of a night: everything that is on record of it, and its row in a plot."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Reason
+from rsoconsole.records import (
+    Closeup,
+    Detection,
+    Detections,
+    FrameTaken,
+    Identified,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OrbitEstimate,
+    Record,
+    Ruling,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
+"""States in which nobody looks for anything."""
+ELSEWHERE = "not pointed at it"
+"""Why a frame that looked somewhere else shows nothing of the track."""
+CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
+SAME_PLACE_PX = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTrack:
+    """What one frame made of one track."""
+
+    track_id: int
+    is_lead: bool
+    predicted: TrackState | None = None
+    updated: TrackState | None = None
+    """None where the frame did not show it."""
+
+    @property
+    def number(self) -> str:
+        """As pictures, lists and plots call it: the lead with a sign."""
+        return numbered(self.track_id, is_lead=self.is_lead)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameFold:
+    """What the fold made of a frame, in the order of the record."""
+
+    before: LoopState
+    """The loop's state when the frame was reduced."""
+    records: tuple[Record, ...] = ()
+    """TrackState, NotFollowed, Miss, StateChange."""
+    is_closed: bool = False
+    """Whether all of it is there, and the frame was one that is followed."""
+
+    @property
+    def state(self) -> LoopState:
+        """After it."""
+        changes = (each.after for each in reversed(self.records) if isinstance(each, StateChange))
+        return next(changes, self.before)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightFrame:
+    """Everything that is on record of one exposure; empty where nothing is."""
+
+    frame_id: int = 0
+    began_utc_ns: int | None = None
+    """By its header, else by when it was put on record."""
+    state_before: LoopState | None = None
+    """The loop's when it was taken; None where the record does not say."""
+    tau: float = 0.0
+    """In force when it was taken."""
+    settings: Mapping[str, float | int | str] = field(default_factory=dict)
+    """What had been changed since the session began when it was processed."""
+    taken: FrameTaken | None = None
+    detections: Detections | None = None
+    solution: Solution | NotSolved | None = None
+    measurements: tuple[Measurement, ...] = ()
+    predicted: TrackState | None = None
+    """Of the lead."""
+    updated: TrackState | None = None
+    """Of the lead, after its measurement; the first state of a track too."""
+    tracks: tuple[FrameTrack, ...] = ()
+    """What it made of each track."""
+    not_followed: tuple[NotFollowed, ...] = ()
+    misses: tuple[Miss, ...] = ()
+    closeup: Closeup | None = None
+    """Where the piece at full resolution lies."""
+    decision: Ruling | None = None
+    """The operator's last word on it."""
+    orbits: tuple[OrbitEstimate, ...] = ()
+    names: tuple[Identified, ...] = ()
+    fold: FrameFold | None = None
+    """None for a frame that was only looked at."""
+    changes: tuple[StateChange, ...] = ()
+    """Of the loop's state, whoever made them."""
+    first: "NightFrame | None" = None
+    """What was made of it before it was followed again by the operator's word."""
+
+    @property
+    def t_mid_utc_ns(self) -> int:
+        """Mid-exposure; 0 for a frame without a time."""
+        return (None if self.taken is None else self.taken.t_mid_utc_ns) or 0
+
+    @property
+    def has_time(self) -> bool:
+        """Whether its mid-exposure is known."""
+        return self.taken is not None and self.taken.t_mid_utc_ns is not None
+
+    @property
+    def state(self) -> LoopState | None:
+        """The loop's after it."""
+        return self.changes[-1].after if self.changes else self.state_before
+
+    @property
+    def found(self) -> tuple[Detection, ...]:
+        """What was detected in it."""
+        return () if self.detections is None else self.detections.detections
+
+    @property
+    def track(self) -> TrackState | None:
+        """The best that is known of the lead at mid-exposure, the frame itself included."""
+        return self.updated or self.predicted
+
+    @property
+    def all_measured(self) -> tuple[Measurement, ...]:
+        """All that was measured in it, by the operator's word too."""
+        taken = None if self.decision is None else self.decision.taken
+        return self.measurements if taken is None else (*self.measurements, taken)
+
+    @property
+    def measured(self) -> Measurement | None:
+        """The measurement that the lead took."""
+        named = None if self.updated is None else self.updated.measurement_id
+        return next((m for m in self.all_measured if m.measurement_id == named), None)
+
+    @property
+    def followed(self) -> Measurement | None:
+        """The same, or the one that the operator wants taken."""
+        taken = None if self.decision is None else self.decision.taken
+        return self.measured if taken is None else taken
+
+    @property
+    def others(self) -> tuple[Measurement, ...]:
+        """Measurements that the lead did not take."""
+        measured = self.measured
+        return tuple(m for m in self.measurements if m is not measured)
+
+    @property
+    def beside(self) -> dict[int, TrackState]:
+        """The other tracks by their ids, each as it was known last."""
+        states = {each.track_id: each.updated or each.predicted for each in self._not_led()}
+        return {number: state for number, state in states.items() if state is not None}
+
+    @property
+    def miss(self) -> Miss | None:
+        """Of the lead; None where it was measured, or where there was no track."""
+        others = {each.track_id for each in self._not_led()}
+        own = (each for each in reversed(self.misses) if each.track_id not in others)
+        return next(own, None)
+
+    @property
+    def missed(self) -> str | None:
+        """Why the lead was not measured, in words."""
+        miss = self.miss
+        return None if miss is None else text(miss.reason)
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the lead was missed because, by its prediction, it was not in the field."""
+        miss = self.miss
+        is_for_want = miss is not None and is_without_detection(miss)
+        return is_for_want and looked_elsewhere(self.predicted, self.solution, self.taken)
+
+    def _not_led(self) -> tuple[FrameTrack, ...]:
+        return tuple(each for each in self.tracks if not each.is_lead)
+
+    def track_of(self, measured: Measurement) -> FrameTrack | None:
+        """The track that took a measurement; None where none did."""
+        named = measured.measurement_id
+        taken_by = (t for t in self.tracks if t.updated and t.updated.measurement_id == named)
+        return next(taken_by, None)
+
+    def streak_of(self, measured: Measurement) -> Detection | None:
+        """The streak that a measurement is of; None where no detection is, as by hand."""
+        return next((each for each in self.found if is_of_streak(each, measured)), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameRow:
+    """One exposure, as the plots show it."""
+
+    frame_id: int
+    is_reduced: bool = False
+    """False while it is not known yet what the frame shows."""
+    confidence: float | None = None
+    """Of the best detection above tau; None without one."""
+    miss: str | None = None
+    refused: tuple[float, str] | None = None
+    """The likeliest streak that was not taken: its confidence, and why; None without one."""
+    is_followed: bool = False
+    """Whether the track took something of it."""
+    residual_arcsec: tuple[float, float] | None = None
+    """(d alpha cos delta, d delta), measured minus predicted; None when nothing was taken."""
+    sigma_arcsec: tuple[float, float] | None = None
+    """One sigma of the residual; of the prediction where nothing was taken."""
+    nis: float | None = None
+    fwhm_px: float | None = None
+    """Of its stars."""
+    star_count: int | None = None
+    background_adu: float | None = None
+    zero_point_mag: float | None = None
+    t_utc_ns: int | None = None
+    """When it began."""
+    mount_icrs_deg: tuple[float, float] | None = None
+    """Where the mount said it looked."""
+    plate_icrs_deg: tuple[float, float] | None = None
+    """Where its stars say that."""
+    rotation_deg: float | None = None
+    """Of its plate."""
+    was_sought: bool = True
+    """False where nobody looked for anything, or not there: what it does not show is no miss."""
+    settings: Mapping[str, float | int | str] = field(default_factory=dict)
+    """What had been changed since the session began when it was processed."""
+    is_solved: bool | None = None
+    """Whether its stars gave its place; None while that is not known."""
+    is_cloudy: bool = False
+    """Whether the lead's miss in it is put down to cloud."""
+    is_by_orbit: bool = False
+    """Whether its residual is from the orbit's prediction: the filter's own had failed."""
+
+
+def row_of(frame: NightFrame) -> FrameRow:
+    """A frame as the plots show it."""
+    seen, plate, taken, updated = frame.detections, frame.solution, frame.taken, frame.updated
+    miss, is_elsewhere = frame.miss, frame.is_elsewhere
+    row = FrameRow(
+        frame_id=frame.frame_id,
+        is_reduced=seen is not None or miss is not None,
+        confidence=max((each.confidence for each in frame.found), default=None),
+        miss=ELSEWHERE if is_elsewhere else None if miss is None else text(miss.reason),
+        refused=_refused(frame),
+        is_followed=updated is not None,
+        sigma_arcsec=None if frame.predicted is None else predicted_sigma_arcsec(frame.predicted),
+        t_utc_ns=frame.began_utc_ns,
+        mount_icrs_deg=None if taken is None else _mount_icrs_deg(taken),
+        was_sought=not is_elsewhere and frame.state_before not in UNSOUGHT,
+        settings=frame.settings,
+        is_solved=None if plate is None else isinstance(plate, Solution),
+        is_cloudy=miss is not None and not is_elsewhere and is_put_down_to_cloud(miss),
+    )
+    changes: dict[str, object] = {}
+    if updated is not None and updated.innovation_arcsec is not None:
+        changes |= {
+            "residual_arcsec": updated.innovation_arcsec,
+            "sigma_arcsec": updated.sigma_innovation_arcsec,
+            "nis": updated.nis,
+            "is_by_orbit": updated.foretold_by == "orbit",
+        }
+    if isinstance(plate, Solution):
+        place = (plate.ra_icrs_deg, plate.dec_icrs_deg)
+        changes |= {"plate_icrs_deg": place, "rotation_deg": plate.rotation_deg}
+    if seen is not None:
+        changes |= {
+            "fwhm_px": seen.star_fwhm_px,
+            "star_count": seen.star_count,
+            "background_adu": seen.background_adu,
+            "zero_point_mag": seen.zero_point_mag,
+        }
+    return replace(row, **changes)  # type: ignore[arg-type]
+
+
+def numbered(track_id: int, *, is_lead: bool) -> str:
+    """A track's number, the lead's with a sign."""
+    return f"{track_id}*" if is_lead else f"{track_id}"
+
+
+def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
+    """One sigma (east, north) on the sky of a state's position."""
+    cos_dec = math.cos(math.radians(track.x[2]))
+    east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
+    return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0
+
+
+def is_put_down_to_cloud(miss: Miss) -> bool:
+    """Whether cloud is named as the cause."""
+    return any(each.kind in CLOUD for each in miss.reason.hidden_by)
+
+
+def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
+    """Whether that streak was measured."""
+    return measured is not None and (
+        abs(detection.x_px - measured.x_px) < SAME_PLACE_PX
+        and abs(detection.y_px - measured.y_px) < SAME_PLACE_PX
+    )
+
+
+def _mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
+    ra_deg, dec_deg = taken.pointing_ra_icrs_deg, taken.pointing_dec_icrs_deg
+    return None if ra_deg is None or dec_deg is None else (ra_deg, dec_deg)
+
+
+def _refused(frame: NightFrame) -> tuple[float, str] | None:
+    """The likeliest of what the detector rejected and the track did not take; the first of two."""
+    rejected = () if frame.detections is None else frame.detections.rejected
+    candidates: list[tuple[float, Reason]] = [
+        (each.detection.confidence, each.reason) for each in rejected
+    ]
+    candidates += [(each.measurement.confidence, each.reason) for each in frame.not_followed]
+    best = max(candidates, key=lambda each: each[0], default=None)
+    return None if best is None else (best[0], text(best[1]))

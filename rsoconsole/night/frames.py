@@ -1,0 +1,308 @@
+"""The exposures of a night, each with all that is on record of it: the one fold of frames."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.night.frame import FrameFold, FrameTrack, NightFrame
+from rsoconsole.reasons import FROM_OUTSIDE
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OrbitEstimate,
+    ParameterChange,
+    Record,
+    Ruling,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+NEWEST = 16
+"""Frames of which everything is kept where a night goes on for long: a word on a frame comes within
+twelve, a picture within a few."""
+TAU = "detector.tau"
+FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
+"""States in which a frame is folded into what is followed."""
+_EMPTY = NightFrame()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reading:
+    """Where the reading of the log stands."""
+
+    tau: float
+    state: LoopState | None = None
+    settings: Mapping[str, float | int | str] = field(default_factory=dict)
+    fold_state: LoopState = "SEARCH"
+    """After the last frame that was followed."""
+    awaited: int | None = None
+    """The frame that was taken and not yet reduced."""
+    open: int | None = None
+    """The frame whose fold comes in."""
+    again: frozenset[int] = frozenset()
+    """Frames with nothing from outside after them, which a decision may have followed again."""
+    is_ruled: bool = False
+    """A decision has come, and none of the frames that it has followed again."""
+    is_first_again: bool = False
+
+
+class NightFrames:
+    """Takes a session's records in order, of all kinds; those that concern no frame change nothing.
+
+    A frozen frame is changed in its place until somebody else has seen it: a frame has a dozen
+    changes, a night 50,000 frames.
+    """
+
+    def __init__(
+        self,
+        config: Config | None = None,
+        *,
+        newest: int | None = None,
+        on_past: Callable[[NightFrame], None] = lambda _: None,
+    ) -> None:
+        """``newest``: how many of the last frames are kept, None: all; ``on_past`` is given each
+        that is kept no more."""
+        self._reading = _Reading(tau=0.1 if config is None else config.detector.tau)
+        self._newest, self._on_past = newest, on_past
+        self._frames: dict[int, NightFrame] = {}
+        self._past = -1
+        """The last that is kept no more."""
+        self._own: dict[int, NightFrame] = {}
+        """By identity: those that nobody else has seen yet."""
+        self.changed: set[int] = set()
+        """Those that have changed since somebody emptied this."""
+
+    @property
+    def tau(self) -> float:
+        """In force now."""
+        return self._reading.tau
+
+    @property
+    def settings(self) -> Mapping[str, float | int | str]:
+        """What has been changed since the session began."""
+        return self._reading.settings
+
+    @property
+    def state(self) -> LoopState | None:
+        """The loop's; None before the record says."""
+        return self._reading.state
+
+    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912 -- one case a kind
+        """One record; ``t_utc_ns``: when it was put down."""
+        reading = self._reading
+        match record:
+            case FrameTaken():
+                self._begin(record, t_utc_ns)
+            case Detections():
+                self._change(record.frame_id, detections=record, settings=reading.settings)
+                if reading.awaited is not None:
+                    reading.open = reading.awaited
+                    self._change(reading.open, fold=FrameFold(before=reading.fold_state))
+            case Solution() | NotSolved():
+                self._change(record.frame_id, solution=record)
+            case Measurement():
+                before = self.of(record.frame_id).measurements
+                self._change(record.frame_id, measurements=(*before, record))
+            case Closeup():
+                self._change(record.frame_id, closeup=record)
+            case TrackState():
+                self._track_state(record)
+                self._fold(record)
+            case NotFollowed():
+                refused = self.of(record.frame_id).not_followed
+                self._change(record.frame_id, not_followed=(*refused, record))
+                self._fold(record)
+            case Miss():
+                self._expect(record.frame_id)
+                misses = self.of(record.frame_id).misses
+                self._change(record.frame_id, misses=(*misses, record))
+                self._fold(record)
+            case OrbitEstimate():
+                orbits = self.of(record.frame_id).orbits
+                self._change(record.frame_id, orbits=(*orbits, record))
+            case Identified():
+                names = self.of(record.frame_id).names
+                self._change(record.frame_id, names=(*names, record))
+            case Ruling():
+                self.close()
+                self._decision(record)
+            case FollowedAgain():
+                self.close()
+                self._followed_again(record)
+            case StateChange():
+                self._state_change(record)
+            case CycleTiming():
+                self.close()
+            case ParameterChange():
+                self.close()
+                reading.settings = {**reading.settings, record.name: record.after}
+                if record.name == TAU and not isinstance(record.after, str):
+                    reading.tau = float(record.after)
+
+    def take_all(self, records: Iterable[Record]) -> "NightFrames":
+        """Many of them, then the end; returns itself."""
+        for record in records:
+            self.take(record)
+        self.close()
+        return self
+
+    def of(self, frame_id: int) -> NightFrame:
+        """What is on record of that frame; empty for one long past. For the moment alone: it may
+        change in its place."""
+        return self._frames.get(frame_id, _EMPTY)
+
+    def seen(self) -> Iterator[NightFrame]:
+        """The frames that are kept, in the order of the record; they change no more."""
+        self._own.clear()
+        yield from self._frames.values()
+
+    def keep(self) -> tuple[Any, ...]:
+        """All as it is, to come back to."""
+        return replace(self._reading), tuple(self.seen()), self._past
+
+    def go_back(self, kept: tuple[Any, ...]) -> None:
+        """As it was when that was kept, by this fold or by another one of the same night."""
+        reading, frames, self._past = kept
+        self._reading = replace(reading)
+        self._own.clear()
+        self.changed.clear()
+        self._frames = {frame.frame_id: frame for frame in frames}
+
+    def _begin(self, record: FrameTaken, t_utc_ns: int) -> None:
+        self.close()
+        self._own.clear()
+        reading, frame_id = self._reading, record.frame_id
+        self._frames.pop(frame_id, None)
+        self._frames[frame_id] = NightFrame(
+            frame_id=frame_id,
+            began_utc_ns=record.t_start_utc_ns or t_utc_ns,
+            state_before=reading.state,
+            tau=reading.tau,
+            taken=record,
+        )
+        self.changed.add(frame_id)
+        reading.awaited = frame_id
+        while self._newest is not None and len(self._frames) > self._newest:
+            past = self._frames.pop(next(iter(self._frames)))
+            self._past = max(self._past, past.frame_id)
+            self._on_past(past)
+
+    def _track_state(self, record: TrackState) -> None:
+        frame = self.of(record.frame_id)
+        what = "predicted" if record.kind == "predicted" else "updated"
+        of_track: dict[str, Any] = {what: record, "is_lead": record.is_lead}
+        tracks = {each.track_id: each for each in frame.tracks}
+        known = tracks.get(record.track_id)
+        tracks[record.track_id] = (
+            replace(known, **of_track)
+            if known is not None
+            else FrameTrack(track_id=record.track_id, **of_track)
+        )
+        of_lead = {what: record} if record.is_lead else {}
+        self._change(record.frame_id, tracks=tuple(tracks.values()), **of_lead)
+
+    def _decision(self, record: Ruling) -> None:
+        # Marks before this one count no more.
+        measured = self.of(record.frame_id).measurements
+        left = tuple(each for each in measured if each.source != "operator")
+        self._change(record.frame_id, decision=record, measurements=left)
+        self._reading.is_ruled = self._reading.is_first_again = True
+
+    def _followed_again(self, record: FollowedAgain) -> None:
+        reading, frame_id = self._reading, record.frame_id
+        reading.is_ruled = False
+        frame = self.of(frame_id)
+        nothing: dict[str, Any] = dict.fromkeys(
+            ("tracks", "not_followed", "misses", "orbits", "names"), ()
+        )
+        self._own.pop(id(frame), None)
+        self._change(frame_id, predicted=None, updated=None, first=frame, **nothing)
+        if frame_id in reading.again and frame.fold is not None:
+            is_first, reading.is_first_again = reading.is_first_again, False
+            before = frame.fold.before if is_first else reading.fold_state
+            reading.open = frame_id
+            self._change(frame_id, fold=FrameFold(before=before))
+
+    def _state_change(self, record: StateChange) -> None:
+        if is_from_outside(record):
+            self.close()
+            self._reading.again = frozenset()
+            self._reading.fold_state = record.after
+        else:
+            self._fold(record)
+        self._reading.state = record.after
+        changes = self.of(record.frame_id).changes
+        self._change(record.frame_id, changes=(*changes, record))
+
+    def _fold(self, record: Record) -> None:
+        """To the open fold, unless an instrument failed or a word is told: nothing of its own."""
+        reading = self._reading
+        if reading.open is None:
+            return
+        is_word = isinstance(record, StateChange) and reading.is_ruled
+        if is_word or (isinstance(record, Miss) and is_instruments(record)):
+            return
+        fold = self.of(reading.open).fold
+        if fold is not None:
+            self._change(reading.open, fold=replace(fold, records=(*fold.records, record)))
+
+    def close(self) -> None:
+        """What came of the open frame is all there."""
+        reading = self._reading
+        if reading.open is None:
+            return
+        frame_id, reading.open, reading.awaited = reading.open, None, None
+        frame = self.of(frame_id)
+        if frame.fold is None:
+            return
+        if frame.fold.before not in FOLDED or not frame.has_time:
+            self._change(frame_id, fold=None)
+            return
+        reading.again |= {frame_id}
+        reading.fold_state = frame.fold.state
+        self._change(frame_id, fold=replace(frame.fold, is_closed=True))
+
+    def _expect(self, frame_id: int) -> None:
+        """Of an exposure that failed there is no frame, but why."""
+        if frame_id not in self._frames and frame_id > self._past:
+            state = self._reading.state
+            self._frames[frame_id] = NightFrame(frame_id=frame_id, state_before=state)
+
+    def _change(self, frame_id: int, **changes: Any) -> None:
+        frame = self._frames.get(frame_id)
+        if frame is None:
+            return  # long past, or of no frame
+        self.changed.add(frame_id)
+        if id(frame) in self._own:
+            for name, value in changes.items():
+                object.__setattr__(frame, name, value)
+            return
+        made = replace(frame, **changes)
+        self._frames[frame_id] = self._own[id(made)] = made
+
+
+def frames_of(records: Iterable[Record], config: Config | None = None) -> tuple[NightFrame, ...]:
+    """The frames of a whole log, in its order; ``config``: of its beginning."""
+    return tuple(NightFrames(config).take_all(records).seen())
+
+
+def is_from_outside(change: StateChange) -> bool:
+    """Whether a change of state is none of the fold's."""
+    is_between_folded = change.before in FOLDED and change.after in FOLDED
+    return not is_between_folded or change.reason.kind in FROM_OUTSIDE
+
+
+def is_instruments(miss: Miss) -> bool:
+    """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
+    return miss.reason.kind == "instrument"

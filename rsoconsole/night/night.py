@@ -1,0 +1,310 @@
+"""What a session says of its night so far: a fold over its records, to be shown."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.night.chunks import Chunks, in_chunks
+from rsoconsole.night.frame import ELSEWHERE, FrameRow, NightFrame, row_of
+from rsoconsole.night.frames import NEWEST, NightFrames
+from rsoconsole.night.last_measured import last_measured
+from rsoconsole.night.log_lines import LogLine, left_out, line_of
+from rsoconsole.night.log_merging import append_line
+from rsoconsole.night.night_view import (
+    KeptNight,
+    NightView,
+    Now,
+    Pointing,
+    above_horizon,
+    is_same_name,
+)
+from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
+from rsoconsole.night.track_fold import pairs_after, tracks_after
+from rsoconsole.records import (
+    CycleTiming,
+    Event,
+    ExpectedMembers,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    Miss,
+    OrbitEstimate,
+    PairMotions,
+    Record,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+
+class Night:
+    """Takes a session's records in order; gives views of what they add up to."""
+
+    def __init__(
+        self,
+        folder: Path,
+        about: dict[str, Any],
+        config: Config | None,
+        *,
+        newest: int | None = NEWEST,
+    ) -> None:
+        """``newest``: of how many of the last frames everything is kept; None: of all."""
+        self._about = NightView(
+            folder=folder,
+            title=str(about.get("title") or ""),
+            is_simulated=about.get("is_simulated") is True,
+            config=config,
+        )
+        """What no record changes."""
+        self._now = Now(is_closed=about.get("is_closed") is True)
+        self._site = config.site.to_site() if config is not None else None
+        self.frames = NightFrames(config, newest=newest, on_past=self._keep_row)
+        """Each exposure; all that is on record of the last ones."""
+        self._rows: dict[int, FrameRow] = {}
+        self._kept_rows: Chunks[FrameRow] = ()
+        self._log: list[LogLine] = []
+        self._kept_log: Chunks[LogLine] = ()
+
+    def view(self) -> NightView:
+        """What has been taken so far."""
+        rows = self._all_rows()
+        self._see_horizon()
+        now = self._now
+        return replace(
+            self._about,
+            **now.shown(),
+            tau=self.frames.tau,
+            changed=self.frames.settings,
+            measured=last_measured(self.frames.seen(), rows),
+            tracks=now.tracks_now.in_order(),
+            dropped=now.tracks_now.can_be_taken_back(
+                0 if now.frame is None else now.frame.frame_id
+            ),
+            rows=tuple(rows.values()),
+            log=tuple(self._log),
+        )
+
+    def keep(self) -> KeptNight:
+        """The night as it is now, to come back to."""
+        self._kept_rows = in_chunks([*self._all_rows().values()], self._kept_rows)
+        self._kept_log = in_chunks(self._log, self._kept_log)
+        return KeptNight(
+            now=replace(self._now),
+            rows=self._kept_rows,
+            frames=self.frames.keep(),
+            log=self._kept_log,
+        )
+
+    def go_back(self, kept: KeptNight) -> None:
+        """As it was when that was kept, by this fold or by another one of the same night."""
+        self._now = replace(kept.now)
+        self.frames.go_back(kept.frames)
+        self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
+        self._log = [line for chunk in kept.log for line in chunk]
+
+    def forget_log(self) -> None:
+        """The lines so far are not shown: they leave out much of what came with them."""
+        self._log.clear()
+
+    @property
+    def seq(self) -> int:
+        """Place in the log of the last record that has been taken."""
+        return self._now.seq
+
+    @property
+    def slew(self) -> SlewCommand | None:
+        """The last order to the mount; None where it says nothing of now."""
+        return self._now.slew
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more will come."""
+        return self._now.is_closed
+
+    @property
+    def is_read(self) -> bool:
+        """Whether the past is known."""
+        return self._now.is_read
+
+    def row(self, frame_id: int) -> FrameRow | None:
+        """What the plots show of that frame; None for one that has not been taken."""
+        return self._all_rows().get(frame_id)
+
+    @property
+    def log(self) -> tuple[LogLine, ...]:
+        """Oldest first."""
+        return tuple(self._log)
+
+    def frame(self, frame_id: int) -> NightFrame:
+        """What is on record of that frame; empty for one long past."""
+        return next(
+            (each for each in self.frames.seen() if each.frame_id == frame_id), NightFrame()
+        )
+
+    def newest_frames(self) -> tuple[int, ...]:
+        """The last frames that the camera gave, newest first."""
+        taken = [each.frame_id for each in self.frames.seen() if each.taken is not None]
+        return tuple(reversed(taken))
+
+    def has_been_read(self) -> None:
+        """The past is known: what is taken from now on is news."""
+        self._now.is_read = True
+
+    def close(self) -> None:
+        """The session is closed: nothing more will come."""
+        self._now.is_closed = True
+
+    def take(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
+        """One record of the log, in order; ``seq``: its place there, None: the next one."""
+        now = self._now
+        # A record that could not be written leaves an alarm at instant 0 in its place.
+        now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
+        now.seq = now.seq + 1 if seq is None else seq
+        named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
+        self.frames.take(record, t_utc_ns)
+        self._fold(record, t_utc_ns)
+        frame = self.frames.of(getattr(record, "frame_id", None) or 0)
+        is_one_of_several = len(now.tracks_now.tracks) > 1
+        now.tracks_now = tracks_after(
+            now.tracks_now, record, t_utc_ns, frame.all_measured, frame.detections
+        )
+        line = line_of(
+            record, t_utc_ns, self._beside(record, frame), is_one_of_several=is_one_of_several
+        )
+        if line is not None and isinstance(record, Miss) and _is_elsewhere(record, frame):
+            said = f"no miss: frame {line.frame_id:04d} was {ELSEWHERE}"
+            line = replace(line, level="info", text=said, words=said, missed=None)
+        is_news = not (isinstance(record, Identified) and is_same_name(named, record))
+        if line is not None and is_news:
+            append_line(self._log, replace(line, seq=now.seq))
+
+    def _keep_row(self, past: NightFrame) -> None:
+        self._rows[past.frame_id] = row_of(past)
+        self.frames.changed.discard(past.frame_id)
+
+    def _all_rows(self) -> dict[int, FrameRow]:
+        if self.frames.changed:
+            for frame in self.frames.seen():
+                if frame.frame_id in self.frames.changed:
+                    self._rows[frame.frame_id] = row_of(frame)
+            self.frames.changed.clear()
+        return self._rows
+
+    def _fold(self, record: Record, t_utc_ns: int) -> None:  # noqa: PLR0912 -- one case a kind
+        """What the record changes beside its frame; most kinds change nothing more."""
+        now = self._now
+        match record:
+            case FrameTaken():
+                now.frame = record
+                ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
+                if ra is not None and dec is not None:
+                    self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
+            case Solution():
+                t_ns = self.frames.of(record.frame_id).began_utc_ns
+                self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
+            case FollowedAgain():
+                # Until the next one is on record the orbit of before is the best there is.
+                of_frame = (n for n, o in now.orbits.items() if o.frame_id == record.frame_id)
+                now.being_fitted_again |= frozenset(of_frame)
+            case TrackState():
+                self._track_state(record)
+            case OrbitEstimate():
+                self._orbit_estimate(record, t_utc_ns)
+            case Identified():
+                self._identified(record)
+            case PairMotions():
+                now.pairs = pairs_after(now.pairs, record)
+            case ExpectedMembers():
+                now.expected = record
+            case StateChange():
+                self._state_change(record, t_utc_ns)
+            case CycleTiming():
+                now.timing = record
+            case SlewCommand():
+                now.slew = record
+                place = (record.ra_icrs_deg, record.dec_icrs_deg)
+                self._look(record.t_aim_utc_ns, *place, is_ordered=True)
+            case Event(topic="engine ended"):
+                now.has_ended = True
+
+    def _track_state(self, record: TrackState) -> None:
+        now = self._now
+        if not record.is_lead:
+            others = {n: t for n, t in now.beside.items() if n != record.replaces}
+            now.beside = {**others, record.track_id: record}
+            return
+        before = now.track
+        # The lead's come first: what stands beside it is told behind them.
+        now.track, now.beside = record, {}
+        if before is not None and before.track_id != record.track_id:
+            self._another_leads(record.track_id)
+        if record.kind == "initial":
+            now.track_frame_id, now.track_since_utc_ns = record.frame_id, record.t_utc_ns
+
+    def _another_leads(self, track_id: int) -> None:
+        """What is known of it from when it was no lead."""
+        now, known = self._now, self._now.tracks_now.tracks.get(track_id)
+        if known is None:
+            return
+        now.track_frame_id, now.track_since_utc_ns = known.began_frame_id, known.since_utc_ns
+        if track_id in now.orbits:
+            now.orbit, now.orbit_utc_ns = now.orbits[track_id], known.state.t_utc_ns
+        if track_id in now.identifications:
+            now.identified = now.identifications[track_id]
+
+    def _orbit_estimate(self, record: OrbitEstimate, t_utc_ns: int) -> None:
+        now = self._now
+        now.orbits = {**now.orbits, record.track_id: record}
+        now.being_fitted_again -= {record.track_id}
+        if record.track_id in now.beside:
+            return
+        now.orbit, now.orbit_utc_ns = record, t_utc_ns
+        if now.identified is not None and now.identified.track_id != record.track_id:
+            now.identified = None  # of what was followed before
+
+    def _identified(self, record: Identified) -> None:
+        now = self._now
+        now.identifications = {**now.identifications, record.track_id: record}
+        if record.track_id in now.beside:
+            return
+        now.identified = record
+        if now.orbit is not None and now.orbit.track_id != record.track_id:
+            now.orbit = now.orbit_utc_ns = None  # of what was followed before
+
+    def _beside(self, record: Record, frame: NightFrame) -> str:
+        """Why a streak that somebody sees in the picture was none for the track."""
+        if not isinstance(record, Miss | StateChange) or not is_without_detection(record):
+            return ""
+        return left_out(frame.detections, self.frames.tau)
+
+    def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
+        now = self._now
+        if record.after in {"TRACK", "COAST"}:
+            # What was followed before the operator ended it is followed again.
+            now.track, now.kept_track = now.track or now.kept_track, None
+        else:
+            if now.track is not None:
+                now.kept_track = None if record.after == "LOST" else now.track
+            now.track, now.beside = None, {}
+        now.state, now.state_since_utc_ns = record.after, t_utc_ns
+        if record.before in {"IDLE", "FAULT"}:
+            now.slew = None  # where it was sent before it was armed again says nothing of now
+
+    def _look(self, t_utc_ns: int, ra: float, dec: float, *, is_ordered: bool = False) -> None:
+        self._now.pointing = Pointing(
+            t_utc_ns=t_utc_ns, ra_icrs_deg=ra % 360.0, dec_icrs_deg=dec, is_ordered=is_ordered
+        )
+
+    def _see_horizon(self) -> None:
+        """Altitude and azimuth of the pointing, once it is looked at."""
+        if self._now.pointing is not None and self._site is not None:
+            self._now.pointing = above_horizon(self._now.pointing, self._site)
+
+
+def _is_elsewhere(record: Miss, frame: NightFrame) -> bool:
+    """Whether the frame is said to have missed a lead that, by its prediction, was not in it."""
+    return is_without_detection(record) and looked_elsewhere(
+        frame.predicted, frame.solution, frame.taken
+    )
