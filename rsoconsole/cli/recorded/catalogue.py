@@ -99,10 +99,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     rows = [_row(each, kept.get(each.text, Kept(source=each.text)), settings) for each in sources]
     rows += [_file_row(path) for path in settings.catalogue.tle_files if not path.is_dir()]
     for row in rows:
-        if json_:
-            output.emit_json(row)
-        else:
-            output.say(_line(row))
+        output.answer(json_, row, _line)
     if not json_ and not sources and not settings.catalogue.tle_files:
         output.say(
             "no elements: 'rsoconsole catalogue add celestrak:geo' names a source,"
@@ -161,11 +158,7 @@ def add(
     settings = load_config(config)
     for each in given:
         known = brought.get(each.text) or run.store.note(each, refused_utc_ns=None, fault=None)
-        row = _row(each, known or Kept(source=each.text), settings)
-        if json_:
-            output.emit_json(row)
-        else:
-            output.say(_line(row))
+        output.answer(json_, _row(each, known or Kept(source=each.text), settings), _line)
     if any(each.file is None for each in given) and not json_:
         output.say(
             "'rsoconsole catalogue update' fetches them; a running engine reads them when"

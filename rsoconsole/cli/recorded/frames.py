@@ -75,7 +75,7 @@ def _each(
             try:
                 for found in work(path, number):
                     with bar.aside():
-                        output.emit_json(found) if json_ else output.say(*lines(found))
+                        output.answer(json_, found, lines)
                         _warn(_name(found), found["notes"], noted)
             except FrameError as error:
                 failures += 1
@@ -206,7 +206,7 @@ def _process_frames(
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(files.name(result.path), result)
                 with bar.aside():
-                    output.emit_json(found) if json_ else output.say(_process_words(found))
+                    output.answer(json_, found, _process_words)
                     _warn(_name(found), found["notes"], noted)
         finally:
             recording.close()

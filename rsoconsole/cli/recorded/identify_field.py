@@ -72,11 +72,11 @@ def identify_field(
     for name, frame in read:
         found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
         regimes |= {each["regime"] for each in found["crossed"]}
-        output.emit_json(found) if json_ else output.say(*frame_lines(found))
+        output.answer(json_, found, frame_lines)
         _warn(found, said)
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
-        output.emit_json(report) if json_ else output.say(*movers_lines(report, FEWEST))
+        output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
         output.say(*source_lines(errors, regimes))
     if failures:

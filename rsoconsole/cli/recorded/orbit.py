@@ -119,7 +119,7 @@ def orbit(
 
     Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
-    from rsoconsole.cli.words import form_of, write_elements
+    from rsoconsole.cli.words import form_of, orbit_lines, write_elements
     from rsoconsole.export import Target, read_observations
     from rsoconsole.orbits.elements import ANALYST_NUMBERS
     from rsoconsole.pipeline.orbits import (
@@ -163,12 +163,8 @@ def orbit(
         if str(out) == "-":
             return
         output.complain(words)
-    if json_:
-        output.emit_json(report)
-        return
-    from rsoconsole.cli.words import orbit_lines
-
-    output.say(*orbit_lines([path.name for path in paths], report))
+    names = [path.name for path in paths]
+    output.answer(json_, report, lambda found: orbit_lines(names, found))
 
 
 def read_as(

@@ -220,8 +220,7 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
         elif json_:
             output.emit_json({"session": shown, **answer_report(found)})
         else:
-            for line in answer_lines(shown, found):
-                output.say(line)
+            output.say(*answer_lines(shown, found))
     if failures:
         raise typer.Exit(1)
 
@@ -247,10 +246,7 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
     if json_:
         output.emit_json(proposal_report(found, effects, branches))
         return
-    for line in proposal_lines(found, effects):
-        output.say(line)
-    for folder in branches:
-        output.say(f"  kept as {folder}")
+    output.say(*proposal_lines(found, effects), *(f"  kept as {folder}" for folder in branches))
     if save is not None and not branches:
         output.say("  nothing is proposed that could be kept")
 
@@ -284,7 +280,5 @@ def _drop_branch(session: Path, name: str, json_: bool) -> None:
     from rsoconsole.pipeline.replay import drop_branch
 
     folder = drop_branch(session, name)
-    if json_:
-        output.emit_json({"session": str(session), "dropped": name, "folder": str(folder)})
-    else:
-        output.say(f"{folder} is deleted")
+    found = {"session": str(session), "dropped": name, "folder": str(folder)}
+    output.answer(json_, found, lambda _: f"{folder} is deleted")

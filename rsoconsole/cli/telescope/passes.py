@@ -85,9 +85,8 @@ def passes(
         output.say(f"no pass {span.words}: {_left_out_words(found, top)}")
         return
     dark = any(each.lit_from_utc_ns is None for each in shown)
-    output.say(f"{len(shown)} passes {span.words}" + "; * in shadow" * dark, HEADER)
-    for each in shown:
-        output.say(_line(each))
+    head = f"{len(shown)} passes {span.words}" + "; * in shadow" * dark
+    output.say(head, HEADER, *map(_line, shown))
 
 
 def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[CatalogueEntry]":

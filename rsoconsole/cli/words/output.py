@@ -7,15 +7,16 @@ names of files may say whatever they like, and nothing of it reaches the termina
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
 from rsoconsole.control import SCHEMA, one_line, printable
 from rsoconsole.sky import format_dec, format_ra
 
+Answer = TypeVar("Answer", bound=Mapping[str, Any])
 WITH_UNITS: Mapping[str, str] = MappingProxyType(
     {
         "ra": "ra_icrs_deg",
@@ -49,6 +50,15 @@ def emit_json(value: Mapping[str, Any]) -> None:
     """
     whole = {"schema": SCHEMA, **_with_units(value)}
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
+
+
+def answer(json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]]) -> None:
+    """What a verb found: as JSON alone, or in lines for a person, which are made only then."""
+    if json_:
+        emit_json(found)
+        return
+    words = lines(found)
+    say(*((words,) if isinstance(words, str) else words))
 
 
 def say(*lines: str) -> None:
