@@ -85,10 +85,8 @@ def _list(root: Path | None, config: Path | None, json_: bool) -> None:
     if found and not json_:
         output.say(sessions_words.HEADER)
     for each in found:
-        if json_:
-            output.emit_json(sessions_words.summary_json(each))
-        else:
-            output.say(sessions_words.summary_words(each))
+        schemas = sessions_words.schemas(each.schema)
+        output.answer(json_, each, sessions_words.summary_words, **schemas)
     if not found:
         output.complain(f"no session is kept in {folder}")
 
@@ -125,10 +123,8 @@ def verify(
             failed += 1
             continue
         failed += not found.is_sound
-        if json_:
-            output.emit_json(sessions_words.verification_json(found))
-        else:
-            sessions_words.say_verification(found)
+        schemas = sessions_words.schemas(found.schema)
+        output.answer(json_, found, sessions_words.verification_lines, **schemas)
     _end(failed, "not sound")
 
 
@@ -154,10 +150,8 @@ def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
             outcome["is_done"] = True
         if not outcome:
             failed += 1
-        elif json_:
-            output.emit_json(sessions_words.repair_json(done))
-        else:
-            sessions_words.say_repair(done)
+            continue
+        output.answer(json_, done, sessions_words.repair_lines)
     _end(failed, "not repaired")
 
 
@@ -193,21 +187,7 @@ def archive(
         if not outcome:
             failed += 1
             continue
-        if json_:
-            output.emit_json(
-                {
-                    "session": str(place),
-                    "archive": str(made.path),
-                    "files": made.files,
-                    "bytes": made.bytes,
-                    "compressed": made.compressed,
-                    "removed": made.is_removed,
-                }
-            )
-            continue
-        gone = "; the original is removed" if made.is_removed else ""
-        size = sessions_words.size_words(made.bytes)
-        output.say(f"{made.path}: {made.files} files, {size}, read back and verified{gone}")
+        output.answer(json_, made, sessions_words.archive_words)
     _end(failed, "not archived")
 
 
@@ -262,10 +242,7 @@ def prune(
     if yes:
         prune_sessions(steps, policy, now_utc_ns)
     for step in steps:
-        if json_:
-            output.emit_json(sessions_words.step_json(step, what, yes))
-        else:
-            output.say(sessions_words.step_words(step))
+        output.answer(json_, step, sessions_words.step_words, what=what, is_done=yes and step.goes)
     if not json_:
         sessions_words.say_plan(steps, folder, what, yes)
 
