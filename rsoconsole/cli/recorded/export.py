@@ -143,21 +143,8 @@ def _export(request: _Request, options: Any, json_: bool) -> None:
             made = write(
                 request.session, kind, None if request.out is None else Path(request.out), options
             )
-    if json_:
-        output.emit_json(
-            {
-                "export": str(made.path),
-                "format": made.format,
-                "measurements": made.measurements,
-                "tracks": made.tracks,
-                "files": [str(path) for path in made.files],
-                "left_out": dict(made.left_out),
-                "simulated": made.is_simulated,
-            }
-        )
-    elif request.out != STDOUT:
-        for path in made.files:
-            output.say(str(path))
+    if request.out != STDOUT:
+        output.answer(json_, made, lambda each: map(str, each.files))
     _say_created(new_folder)
     _say_left_out(made)
     if made.format in MESSAGES and not options.target.is_known:
@@ -207,7 +194,7 @@ def _say_left_out(made: Any) -> None:
 
 
 def _report(request: _Request, json_: bool) -> None:
-    from rsoconsole.export import default_path, write_file
+    from rsoconsole.export import Export, default_path, write_file
     from rsoconsole.notebook.report import render_report
 
     with progress("report"):
@@ -219,17 +206,13 @@ def _report(request: _Request, json_: bool) -> None:
     new_folder = _folder_to_make(request)
     write_file(path, report.html.encode("utf-8"), is_forced=request.is_forced)
     _say_created(new_folder)
-    if json_:
-        output.emit_json(
-            {
-                "export": str(path),
-                "format": "html",
-                "measurements": report.measurements,
-                "tracks": report.tracks,
-                "files": [str(path)],
-                "left_out": {},
-                "simulated": report.is_simulated,
-            }
-        )
-    else:
-        output.say(str(path))
+    made = Export(
+        path=path,
+        files=(path,),
+        format="html",
+        measurements=report.measurements,
+        tracks=report.tracks,
+        left_out={},
+        is_simulated=report.is_simulated,
+    )
+    output.answer(json_, made, lambda _: str(path))

@@ -21,7 +21,6 @@ from .field_words import movers_lines as movers_lines
 from .identify_words import named_tracks_lines as named_tracks_lines
 from .identify_words import past_tracks_lines as past_tracks_lines
 from .ledger_words import HEADER as HEADER
-from .ledger_words import object_json as object_json
 from .ledger_words import object_line as object_line
 from .ledger_words import object_lines as object_lines
 from .manual import manual_page as manual_page
