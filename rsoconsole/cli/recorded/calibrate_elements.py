@@ -73,9 +73,8 @@ def calibrate_elements(
 
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
-    from rsoconsole.cli.words import element_ledger_lines
+    from rsoconsole.cli.words import element_ledger_lines, regime_report
     from rsoconsole.orbits.identification import fit_factors
-    from rsoconsole.pipeline.calibrations import regime_report
     from rsoconsole.session.ledgers import element_ledger_path
 
     if tle and not nights:
@@ -91,9 +90,9 @@ def calibrate_elements(
     ledger = _kept([each for _, each in found], path)
     fitted = fit_factors(ledger.rows)
     report: dict[str, Any] = {
-        "ledger": str(path),
+        "ledger": path,
         "simulated": simulated,
-        "nights": [_night_report(night, rows) for night, rows in found],
+        "nights": [{"night": night, **output.keyed(rows)} for night, rows in found],
         "tracks": len(ledger.rows),
         "regimes": [regime_report(each, ledger.rows, settings.catalogue) for each in fitted],
         "written": _write(fitted, config) if write else None,
@@ -182,16 +181,6 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
             " lines that can be read"
         )
     return ledger
-
-
-def _night_report(night: Path, found: "NightRows") -> dict[str, Any]:
-    from rsoconsole.pipeline.calibrations import row_report
-
-    return {
-        "night": str(night),
-        "tracks": found.tracks,
-        "rows": [row_report(each) for each in found.rows],
-    }
 
 
 def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> str:

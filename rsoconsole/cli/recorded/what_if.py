@@ -22,6 +22,7 @@ from rsoconsole.cli.words import (
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.batch import Question, WorkerPool
+    from rsoconsole.pipeline.replay import Branch
 
 SessionsArgument = Annotated[
     list[Path],
@@ -189,7 +190,7 @@ def _number_or_text(text: str) -> float | str:
 def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
-    from rsoconsole.cli.words import answer_lines, answer_report
+    from rsoconsole.cli.words import answer_lines
     from rsoconsole.pipeline.batch import answer, no_answer, share_out
 
     failures = 0
@@ -218,7 +219,7 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
                 output.emit_json({"session": shown, "error": found.error})
             output.complain(f"rsoconsole: {found.error}")
         elif json_:
-            output.emit_json({"session": shown, **answer_report(found)})
+            output.emit_json(found, session=shown)
         else:
             output.say(*answer_lines(shown, found))
     if failures:
@@ -230,7 +231,7 @@ def _resolved(questions: "list[Question]") -> "Iterable[tuple[Question, Path]]":
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
-    from rsoconsole.cli.words import proposal_lines, proposal_report
+    from rsoconsole.cli.words import proposal_lines
     from rsoconsole.pipeline.replay import check_name, save_branch, what_if_session
     from rsoconsole.pipeline.tuning import propose
 
@@ -244,7 +245,11 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
     if save is not None and found.changes:
         branches = [save_branch(effect, save, force=force) for effect in effects]
     if json_:
-        output.emit_json(proposal_report(found, effects, branches))
+        figures = [
+            {"session": each.session, "recorded": each.recorded, "what_if": each.what_if}
+            for each in effects
+        ]
+        output.emit_json(found, branches=branches, effects=figures)
         return
     output.say(*proposal_lines(found, effects), *(f"  kept as {folder}" for folder in branches))
     if save is not None and not branches:
@@ -254,26 +259,19 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
 def _list_branches(session: Path, json_: bool) -> None:
     from rsoconsole.pipeline.replay import branches_of
     from rsoconsole.session.reading import SessionReader
-    from rsoconsole.sky import utc_ns_to_iso
 
     SessionReader(session)  # says so where it is none
     for branch in branches_of(session):
-        made = branch.t_made_utc_ns
-        if json_:
-            report: dict[str, Any] = {
-                "session": str(session),
-                "branch": branch.name,
-                "folder": str(branch.folder),
-                "made_utc": None if made is None else utc_ns_to_iso(made),
-                "tried": branch.changes,
-                **(branch.figures or {"recorded": None, "what_if": None}),
-                "fault": branch.fault,
-            }
-            output.emit_json(report)
-            continue
-        changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
-        when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
-        output.say(f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}")
+        output.answer(json_, branch, _branch_line, session=session)
+
+
+def _branch_line(branch: "Branch") -> str:
+    from rsoconsole.sky import utc_ns_to_iso
+
+    made = branch.t_made_utc_ns
+    changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
+    when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
+    return f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}"
 
 
 def _drop_branch(session: Path, name: str, json_: bool) -> None:

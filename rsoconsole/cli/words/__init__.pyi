@@ -14,6 +14,7 @@ from .calibrate_time_words import timing_report as timing_report
 from .cycle_text import HEADING as HEADING
 from .cycle_text import cycle_line as cycle_line
 from .element_error_words import element_ledger_lines as element_ledger_lines
+from .element_error_words import regime_report as regime_report
 from .element_error_words import source_lines as source_lines
 from .elements_used import element_files as element_files
 from .field_words import frame_lines as frame_lines
@@ -34,7 +35,6 @@ from .orbit_files import write_elements as write_elements
 from .orbit_words import identification_lines as identification_lines
 from .orbit_words import orbit_lines as orbit_lines
 from .proposal_words import proposal_lines as proposal_lines
-from .proposal_words import proposal_report as proposal_report
 from .standard_input import FilesFromOption as FilesFromOption
 from .standard_input import Piped as Piped
 from .standard_input import piped as piped
@@ -47,4 +47,3 @@ from .usage import hidden_words as hidden_words
 from .usage import is_help as is_help
 from .usage import usage_line as usage_line
 from .what_if_words import answer_lines as answer_lines
-from .what_if_words import answer_report as answer_report
