@@ -1,6 +1,5 @@
 """The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ from rsoconsole.cli.words import (
     WorkersOption,
     completion,
     everywhere,
+    number_or_text,
     output,
     progress,
 )
@@ -136,7 +136,7 @@ def what_if(
         name, _, value = pair.partition("=")
         if not name or not value:
             raise typer.BadParameter("it takes a name and a value", param_hint="--set")
-        changes[name] = _number_or_text(value)
+        changes[name] = number_or_text(value)
     _check_usage(
         changes=bool(changes) or detector or solver, propose=propose, list_=list_, drop=drop
     )
@@ -177,14 +177,6 @@ def _check_usage(*, changes: bool, propose: bool, list_: bool, drop: str | None)
     wanted = [changes, propose, list_, drop is not None]
     if sum(wanted) > 1:
         raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        value = float(text)
-    except ValueError:
-        return text
-    return value if math.isfinite(value) else text
 
 
 def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:

@@ -30,6 +30,7 @@ from .options import JsonOption as JsonOption
 from .options import OverrideOption as OverrideOption
 from .options import SessionOption as SessionOption
 from .options import SocketOption as SocketOption
+from .options import number_or_text as number_or_text
 from .orbit_files import form_of as form_of
 from .orbit_files import write_elements as write_elements
 from .orbit_words import identification_lines as identification_lines

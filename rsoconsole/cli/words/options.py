@@ -1,5 +1,6 @@
-"""Options that several verbs have."""
+"""Options that several verbs have, and values as a shell gives them."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -22,3 +23,12 @@ OverrideOption = Annotated[
     list[str] | None,
     typer.Option("--override", help=OVERRIDE_HELP, autocompletion=completion.checks),
 ]
+
+
+def number_or_text(value: str) -> float | str:
+    """A number where that is one that can be worked with, else the text itself."""
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    return number if math.isfinite(number) else value
