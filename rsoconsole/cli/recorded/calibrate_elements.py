@@ -166,6 +166,7 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
 
 def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
+    from rsoconsole.cli.words import say_moved_aside
     from rsoconsole.session.ledgers import element_damage_words, keep_rows, read_element_ledger
 
     if not found:
@@ -175,11 +176,7 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
         return ledger
     sessions = [session for each in found for session in each.sessions]
     ledger, aside = keep_rows(sessions, [row for each in found for row in each.rows], path)
-    if aside is not None:
-        output.complain(
-            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
-            " lines that can be read"
-        )
+    say_moved_aside(aside)
     return ledger
 
 

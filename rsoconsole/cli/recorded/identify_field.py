@@ -5,9 +5,9 @@ from typing import Any
 
 import typer
 
-from rsoconsole.cli.words import Piped, output, progress
+from rsoconsole.cli.words import Piped, catalogue_of, output, progress
 from rsoconsole.config import effective_settings, load_config
-from rsoconsole.errors import ConfigError, FrameError, OrbitError
+from rsoconsole.errors import ConfigError, FrameError
 from rsoconsole.pipeline.field import FieldFrame, PlateMode
 
 
@@ -34,18 +34,12 @@ def identify_field(
         named_movers,
         open_field_reader,
     )
-    from rsoconsole.pipeline.orbits import errors_report, read_catalogue
+    from rsoconsole.pipeline.orbits import errors_report
 
     config = load_config(config_path)
     _expect_site(config_path)
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
-    element_sets = tle or list(config.catalogue.tle_files)
-    if not element_sets:
-        raise OrbitError(
-            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
-            " configuration"
-        )
-    run = FieldRun(config, read_catalogue(element_sets))
+    run = FieldRun(config, catalogue_of(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
     failures = 0
     with open_field_reader(config, plate) as reader, progress("frames", len(paths)) as bar:

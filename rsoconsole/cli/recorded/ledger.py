@@ -160,12 +160,9 @@ def _read(*, simulated: bool) -> Any:
 
 
 def _changed(change: Any, *, simulated: bool) -> Any:
+    from rsoconsole.cli.words import say_moved_aside
     from rsoconsole.session.ledgers import change_ledger, ledger_path
 
     found, aside = change_ledger(change, ledger_path(is_simulated=simulated))
-    if aside is not None:
-        output.complain(
-            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
-            " lines that can be read"
-        )
+    say_moved_aside(aside)
     return found

@@ -16,6 +16,7 @@ from .cycle_text import cycle_line as cycle_line
 from .element_error_words import element_ledger_lines as element_ledger_lines
 from .element_error_words import regime_report as regime_report
 from .element_error_words import source_lines as source_lines
+from .elements_used import catalogue_of as catalogue_of
 from .elements_used import element_files as element_files
 from .field_words import frame_lines as frame_lines
 from .field_words import movers_lines as movers_lines
@@ -24,6 +25,7 @@ from .identify_words import past_tracks_lines as past_tracks_lines
 from .ledger_words import HEADER as HEADER
 from .ledger_words import object_line as object_line
 from .ledger_words import object_lines as object_lines
+from .ledger_words import say_moved_aside as say_moved_aside
 from .manual import manual_page as manual_page
 from .options import ConfigOption as ConfigOption
 from .options import JsonOption as JsonOption

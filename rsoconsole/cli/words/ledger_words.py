@@ -1,8 +1,9 @@
 """Uncatalogued objects in columns; 80 columns at most."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
-from rsoconsole.cli.words.output import direction_text
+from rsoconsole.cli.words import output
 from rsoconsole.session.ledgers import LedgerObject
 from rsoconsole.sky import utc_ns_to_iso
 
@@ -25,7 +26,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
     """All that is known of one."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
-    yield f"  last direction   {direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
+    yield f"  last direction   {output.direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
     yield (
         f"  motion           {last.rate_east_arcsec_s:+.3f} arcsec/s east,"
         f" {last.rate_north_arcsec_s:+.3f} north"
@@ -44,6 +45,15 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
         yield (
             f"    {_clock(each.t_first_utc_ns)} to {_clock(each.t_last_utc_ns)[11:]}"
             f"  {each.observations:4d} directions  {each.session}, track {each.track_id}"
+        )
+
+
+def say_moved_aside(aside: Path | None) -> None:
+    """Where a damaged ledger is, if one had to be set aside."""
+    if aside is not None:
+        output.complain(
+            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
+            " lines that can be read"
         )
 
 
