@@ -5,6 +5,7 @@ from .batch_options import NoDaskOption as NoDaskOption
 from .batch_options import SchedulerOption as SchedulerOption
 from .batch_options import SerialOption as SerialOption
 from .batch_options import WorkersOption as WorkersOption
+from .batch_options import bars_of as bars_of
 from .batch_options import byte_progress as byte_progress
 from .batch_options import everywhere as everywhere
 from .batch_options import progress as progress
