@@ -14,8 +14,10 @@ from rsoconsole.cli.words import (
     JsonOption,
     NoDaskOption,
     Piped,
+    PresetOption,
     SchedulerOption,
     SerialOption,
+    TauOption,
     WorkersOption,
     completion,
     everywhere,
@@ -121,13 +123,8 @@ def process(
         ),
     ] = None,
     config: ConfigOption = None,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
-        ),
-    ] = None,
+    tau: TauOption = None,
+    preset: PresetOption = None,
     extension: ExtensionOption = None,
     again: Annotated[
         bool, typer.Option("--again", help="Make also those nights again that are there already.")
@@ -218,7 +215,7 @@ def detect(
     frames: FramesArgument = None,
     *,
     files_from: FilesFromOption = None,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    tau: TauOption = None,
     map_mode: Annotated[
         str | None,
         typer.Option(

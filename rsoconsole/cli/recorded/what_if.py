@@ -10,8 +10,10 @@ from typer.core import TyperCommand
 from rsoconsole.cli.words import (
     JsonOption,
     NoDaskOption,
+    PresetOption,
     SchedulerOption,
     SerialOption,
+    TauOption,
     WorkersOption,
     completion,
     everywhere,
@@ -69,19 +71,14 @@ def register(app: typer.Typer) -> None:
 def what_if(
     sessions: SessionsArgument,
     *,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    tau: TauOption = None,
     q: Annotated[float | None, typer.Option("--q", help="Factor on Q.")] = None,
     r: Annotated[float | None, typer.Option("--r", help="Factor on R.")] = None,
     sigma: Annotated[
         float | None, typer.Option(help="Sigma of preset paper, in arcseconds.")
     ] = None,
     gate: Annotated[float | None, typer.Option(help="NIS above which nothing is taken.")] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
-        ),
-    ] = None,
+    preset: PresetOption = None,
     set_: SetOption = None,
     detector: Annotated[
         bool, typer.Option("--detector", help="Detect again in the frames that were kept.")

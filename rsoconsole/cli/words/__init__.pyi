@@ -29,10 +29,13 @@ from .ledger_words import object_lines as object_lines
 from .ledger_words import say_moved_aside as say_moved_aside
 from .manual import manual_page as manual_page
 from .options import ConfigOption as ConfigOption
+from .options import GraphicsOption as GraphicsOption
 from .options import JsonOption as JsonOption
 from .options import OverrideOption as OverrideOption
+from .options import PresetOption as PresetOption
 from .options import SessionOption as SessionOption
 from .options import SocketOption as SocketOption
+from .options import TauOption as TauOption
 from .options import number_or_text as number_or_text
 from .orbit_files import form_of as form_of
 from .orbit_files import write_elements as write_elements

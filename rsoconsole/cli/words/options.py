@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rsoconsole.cli.words import completion
+from rsoconsole.config import Graphics
 from rsoconsole.control import OVERRIDE_HELP
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
@@ -18,6 +19,17 @@ SessionOption = Annotated[
 ]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
+]
+TauOption = Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
+    ),
+]
+GraphicsOption = Annotated[
+    Graphics | None,
+    typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
 ]
 OverrideOption = Annotated[
     list[str] | None,
