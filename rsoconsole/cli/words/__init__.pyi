@@ -37,6 +37,7 @@ from .options import SessionOption as SessionOption
 from .options import SocketOption as SocketOption
 from .options import TauOption as TauOption
 from .options import number_or_text as number_or_text
+from .options import site_of as site_of
 from .orbit_files import form_of as form_of
 from .orbit_files import write_elements as write_elements
 from .orbit_words import identification_lines as identification_lines

@@ -9,6 +9,8 @@ import typer
 from rsoconsole.cli.words import completion
 from rsoconsole.config import Graphics
 from rsoconsole.control import OVERRIDE_HELP
+from rsoconsole.errors import ConfigError
+from rsoconsole.records import Site
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
 SocketOption = Annotated[
@@ -35,6 +37,27 @@ OverrideOption = Annotated[
     list[str] | None,
     typer.Option("--override", help=OVERRIDE_HELP, autocompletion=completion.checks),
 ]
+
+
+def site_of(text: str) -> Site:
+    """A site written LAT,LON,ELEV: degrees north, degrees east, metres (0 where left out).
+
+    Raises ConfigError for anything else.
+    """
+    try:
+        latitude_deg, longitude_deg, *height_m = map(float, text.split(","))
+        (elevation_m,) = height_m or (0.0,)
+    except ValueError as error:
+        raise ConfigError(f"--site {text!r}: write LAT,LON,ELEV, like 52.2,21.0,110") from error
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0):
+        raise ConfigError(f"--site {text!r}: latitude is -90 to 90, longitude -360 to 360")
+    if not -430.0 <= elevation_m <= 9000.0:
+        raise ConfigError(f"--site {text!r}: elevation is -430 to 9000 m")
+    return Site(
+        latitude_deg=latitude_deg,
+        longitude_deg=(longitude_deg + 180.0) % 360.0 - 180.0,
+        elevation_m=elevation_m,
+    )
 
 
 def number_or_text(value: str) -> float | str:

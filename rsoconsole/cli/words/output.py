@@ -90,7 +90,7 @@ def direction_text(ra_deg: float, dec_deg: float) -> str:
 
 
 def keyed(value: Any) -> Any:
-    """Records as mappings, at every depth, and each key without its unit with the one that has it.
+    """Records as mappings, at every depth; beside each key without its unit stands one with it.
 
     A record has the names of its fields and properties, an instant also as ``NAME_utc``.
     """
