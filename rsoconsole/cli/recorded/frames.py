@@ -56,7 +56,7 @@ def register(app: typer.Typer) -> None:
     app.command()(solve)
 
 
-def _report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
+def report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
     words = files.words(str(error))
     if json_:
         output.emit_json({"frame": files.name(path), "error": words})
@@ -78,11 +78,11 @@ def _each(
                 for found in work(path, number):
                     with bar.aside():
                         output.answer(json_, found, lines)
-                        _warn(_name(found), found["notes"], noted)
+                        warn(_name(found), found["notes"], noted)
             except FrameError as error:
                 failures += 1
                 with bar.aside():
-                    _report_error(files, path, error, json_)
+                    report_error(files, path, error, json_)
             bar()
     if failures:
         raise typer.Exit(1)
@@ -94,7 +94,7 @@ def _name(found: dict[str, Any]) -> str:
     return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
 
-def _warn(name: str, notes: list[str], noted: set[str]) -> None:
+def warn(name: str, notes: list[str], noted: set[str]) -> None:
     """What is unusual about a frame, each sentence once in a run."""
     for note in notes:
         if note not in noted:
@@ -198,13 +198,13 @@ def _process_frames(
                 if not isinstance(result, Processed):
                     failures += 1
                     with bar.aside():
-                        _report_error(files, *result, json_)
+                        report_error(files, *result, json_)
                     continue
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(files.name(result.path), result)
                 with bar.aside():
                     output.answer(json_, found, _process_words)
-                    _warn(_name(found), found["notes"], noted)
+                    warn(_name(found), found["notes"], noted)
         finally:
             recording.close()
     if failures:

@@ -1,10 +1,10 @@
 """identify --field: what was in the frames."""
 
 from pathlib import Path
-from typing import Any
 
 import typer
 
+from rsoconsole.cli.recorded.frames import report_error, warn
 from rsoconsole.cli.words import Piped, catalogue_of, output, progress
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.errors import ConfigError, FrameError
@@ -51,11 +51,8 @@ def identify_field(
                     read.append((name, reader.read(image)))
             except FrameError as error:
                 failures += 1
-                words = files.words(str(error))
                 with bar.aside():
-                    if json_:
-                        output.emit_json({"frame": files.name(path), "error": words})
-                    output.complain(f"rsoconsole: {words}")
+                    report_error(files, path, error, json_)
             bar()
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
     frames = [frame for _, frame in read]
@@ -67,7 +64,7 @@ def identify_field(
         found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
         regimes |= {each["regime"] for each in found["crossed"]}
         output.answer(json_, found, frame_lines)
-        _warn(found, said)
+        warn(found["frame"], found["notes"], said)
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
         output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
@@ -90,10 +87,3 @@ def _expect_site(config_path: Path | None) -> None:
             f"the configuration sets no site ({', '.join(missing)}): where the frames were taken"
             " decides what crossed them; set latitude, longitude (east positive) and elevation"
         )
-
-
-def _warn(found: dict[str, Any], said: set[str]) -> None:
-    for note in found["notes"]:
-        if note not in said:
-            said.add(note)
-            output.complain(f"rsoconsole: {found['frame']}: {note}")
