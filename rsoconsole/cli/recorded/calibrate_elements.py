@@ -11,12 +11,12 @@ from rsoconsole.cli.words import (
     JsonOption,
     Piped,
     completion,
-    hidden_words,
     output,
     piped,
     progress,
+    set_in_file,
 )
-from rsoconsole.config import Config, default_config_path, load_config
+from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
 if TYPE_CHECKING:
@@ -180,15 +180,11 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     return ledger
 
 
-def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> str:
+def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
     """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
-    from rsoconsole.config import write_settings
     from rsoconsole.pipeline.calibrations import settings_of
 
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")
-    path = config_path or default_config_path()
-    settings = load_config(config_path, environ={})
-    write_settings(path, {"catalogue.error_factors": settings_of(fitted, settings.catalogue)})
-    output.complain(*hidden_words(["catalogue.error_factors"]))
-    return str(path)
+    factors = settings_of(fitted, load_config(config_path, environ={}).catalogue)
+    return set_in_file(config_path, {"catalogue.error_factors": factors})

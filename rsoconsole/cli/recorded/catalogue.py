@@ -11,11 +11,11 @@ from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
     SocketOption,
-    hidden_words,
     output,
     progress,
+    set_in_file,
 )
-from rsoconsole.config import Config, default_config_path, home_path, load_config, shown
+from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
 
 if TYPE_CHECKING:
@@ -133,7 +133,6 @@ def add(
 
     Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
     """
-    from rsoconsole.config import write_settings
     from rsoconsole.element_sources import Kept
 
     given = [_source_of(text) for text in source]
@@ -147,13 +146,11 @@ def add(
     files = [str(path) for path in settings.catalogue.tle_files]
     if str(run.store.folder) not in files:
         files.append(str(run.store.folder))
-    path = config or default_config_path()
-    write_settings(
-        path,
+    set_in_file(
+        config,
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password
     )
-    output.complain(*hidden_words(["catalogue.sources", "catalogue.tle_files"]))
     run.store.arrange(order)
     settings = load_config(config)
     for each in given:

@@ -1,6 +1,5 @@
 """The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -134,9 +133,8 @@ def what_if(
         if not name or not value:
             raise typer.BadParameter("it takes a name and a value", param_hint="--set")
         changes[name] = number_or_text(value)
-    _check_usage(
-        changes=bool(changes) or detector or solver, propose=propose, list_=list_, drop=drop
-    )
+    if sum((bool(changes) or detector or solver, propose, list_, drop is not None)) > 1:
+        raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
     if (list_ or drop is not None) and len(sessions) > 1:
         raise typer.BadParameter("--list and --drop look at one session")
     if list_:
@@ -170,12 +168,6 @@ def what_if(
     _answer(questions, pool, json_)
 
 
-def _check_usage(*, changes: bool, propose: bool, list_: bool, drop: str | None) -> None:
-    wanted = [changes, propose, list_, drop is not None]
-    if sum(wanted) > 1:
-        raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
-
-
 def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
@@ -188,7 +180,8 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
         with progress("frames looked through") as on_frame:
             answers = [answer(questions[0], on_frame)]
     else:
-        whole = [replace(q, session=path) for q, path in _resolved(questions)]
+        paths = everywhere([each.session for each in questions])
+        whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
             answers = list(
                 share_out(
@@ -196,7 +189,7 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
                     whole,
                     pool,
                     failed=no_answer,
-                    paths=[question.session for question in whole],
+                    paths=paths,
                     on_done=on_done,
                 )
             )
@@ -213,10 +206,6 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
             output.say(*answer_lines(shown, found))
     if failures:
         raise typer.Exit(1)
-
-
-def _resolved(questions: "list[Question]") -> "Iterable[tuple[Question, Path]]":
-    return zip(questions, everywhere([q.session for q in questions]), strict=True)
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:

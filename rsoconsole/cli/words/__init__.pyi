@@ -51,7 +51,7 @@ from .usage import USAGE_EXIT as USAGE_EXIT
 from .usage import UsageError as UsageError
 from .usage import fold_helps as fold_helps
 from .usage import help_of as help_of
-from .usage import hidden_words as hidden_words
 from .usage import is_help as is_help
+from .usage import set_in_file as set_in_file
 from .usage import usage_line as usage_line
 from .what_if_words import answer_lines as answer_lines

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from rsoconsole.cli.words import output
@@ -15,7 +16,7 @@ _SOURCES = {
 }
 
 
-def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
+def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
     """What is printed as JSON: the result's records, each mode with its timing."""
     calibration = found.calibration
     modes = [_mode_report(mode, timing) for mode, timing in found.modes]
