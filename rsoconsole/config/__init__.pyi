@@ -7,6 +7,7 @@ from .edit import with_settings as with_settings
 from .edit import write_settings as write_settings
 from .element_errors import MeasuredErrors as MeasuredErrors
 from .environment import hiding_variables as hiding_variables
+from .file import Setting as Setting
 from .file import config_faults as config_faults
 from .file import config_to_toml as config_to_toml
 from .file import effective_settings as effective_settings

@@ -1,3 +1,4 @@
+from .api import Export as Export
 from .api import ExportOptions as ExportOptions
 from .api import default_path as default_path
 from .api import export as export

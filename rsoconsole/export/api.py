@@ -88,7 +88,7 @@ def export(
     if kind not in (*TEXT_FORMATS, *FRAME_FORMATS):
         formats = ", ".join((*TEXT_FORMATS, *FRAME_FORMATS))
         raise ExportError(
-            f"{kind!r} is none of {formats}; html is made by notebook.report.write_report"
+            f"{kind!r} is none of {formats}; html is made by notebook.report.render_report"
         )
     if kind in FRAME_FORMATS:
         return _export_frames(session, kind, out, options)  # type: ignore[arg-type]

@@ -195,6 +195,18 @@ def site_of(place: Place, name: str = "site") -> Site:
     )
 
 
+def needed_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
+    """As given, else the observations' own, else as configured. Raises InputError without any."""
+    site = own if given is None else site_of(given)
+    site = configured_site(config) if site is None else site
+    if site is None:
+        raise InputError(
+            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
+            " longitude, metres)"
+        )
+    return site
+
+
 def configured_site(config: ConfigLike) -> Site | None:
     """The site that somebody has set; None where only the default one is there."""
     if isinstance(config, Config):

@@ -14,7 +14,7 @@ from rsoconsole.library.given import (
     ConfigLike,
     Number,
     Place,
-    configured_site,
+    needed_site,
     number,
     site_of,
 )
@@ -132,13 +132,7 @@ def _of_table(value: Any, ask: Asked) -> Observed:
             table = table[np.asarray(table[name], bool) == is_wanted]
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
-    site = rows.site if ask.site is None else site_of(ask.site)
-    site = configured_site(ask.config) if site is None else site
-    if site is None:
-        raise InputError(
-            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
-            " longitude, metres)"
-        )
+    site = needed_site(ask.site, rows.site, ask.config)
     return Observed(
         name="the table",
         site=site,

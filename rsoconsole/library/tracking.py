@@ -13,9 +13,8 @@ from rsoconsole.library.given import (
     Number,
     Place,
     config_of,
-    configured_site,
+    needed_site,
     number,
-    site_of,
 )
 from rsoconsole.library.observations import (
     META,
@@ -92,13 +91,7 @@ def track(
     if not len(table) and own_meta(table):
         return Tracks({}, ())  # frames that show nothing
     rows = directions_of(table, sigma)
-    where = rows.site if site is None else site_of(site)
-    where = configured_site(config) if where is None else where
-    if where is None:
-        raise InputError(
-            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
-            " longitude, metres)"
-        )
+    where = needed_site(site, rows.site, config)
     settings = _at_site(config_of(config, {"filter.preset": preset}), where)
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:

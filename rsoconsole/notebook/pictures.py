@@ -62,19 +62,8 @@ def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: st
     y_0 = max(int(min(detection.y_a_px, detection.y_b_px)) - _ROOM_PX, 0)
     x_1 = int(max(detection.x_a_px, detection.x_b_px)) + _ROOM_PX
     y_1 = int(max(detection.y_a_px, detection.y_b_px)) + _ROOM_PX
-    piece = np.asarray(pixels[y_0:y_1, x_0:x_1], float)
-    sky = float(np.median(piece))
-    noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
     upper, lower = figure.subplots(2, 1, height_ratios=(2.2, 1.0))
-    upper.imshow(
-        (piece - sky) / noise,
-        origin="upper",
-        cmap="gray",
-        vmin=_LOW,
-        vmax=_HIGH,
-        interpolation="nearest",
-        extent=(x_0 - 0.5, x_0 + piece.shape[1] - 0.5, y_0 + piece.shape[0] - 0.5, y_0 - 0.5),
-    )
+    sky, noise = _show(upper, pixels, (x_0, x_1), (y_0, y_1), interpolation="nearest")
     ends = ((detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px))
     upper.plot(*zip(*ends, strict=True), "|", color="#e5484d", markersize=16, label="ends")
     upper.plot(
@@ -92,6 +81,30 @@ def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: st
         lower.axvline(end, color="#e5484d", linewidth=0.9, linestyle=(0, (4, 2.5)))
     lower.set_xlabel("Along the streak, from its midpoint (px)")
     lower.set_ylabel("Light (σ of the sky)")
+
+
+def _show(
+    axes: Any,
+    pixels: PixelArray,
+    columns: tuple[int, int],
+    rows: tuple[int, int],
+    interpolation: str | None = None,
+) -> tuple[float, float]:
+    """A piece of the frame in units of its noise; the sky and its noise, ADU."""
+    piece = np.asarray(pixels[slice(*rows), slice(*columns)], float)
+    sky = float(np.median(piece))
+    noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
+    (height, width), x_0, y_0 = piece.shape, columns[0], rows[0]
+    axes.imshow(
+        (piece - sky) / noise,
+        origin="upper",
+        cmap="gray",
+        vmin=_LOW,
+        vmax=_HIGH,
+        interpolation=interpolation,
+        extent=(x_0 - 0.5, x_0 + width - 0.5, y_0 + height - 0.5, y_0 - 0.5),
+    )
+    return sky, noise
 
 
 def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int]:
@@ -122,18 +135,8 @@ def draw_tracks(
     across, down = _FLATTEST * (y_1 - y_0), _FLATTEST * (x_1 - x_0)
     x_0, x_1 = _widened(x_0, x_1, across, pixels.shape[1])
     y_0, y_1 = _widened(y_0, y_1, down, pixels.shape[0])
-    piece = np.asarray(pixels[y_0:y_1, x_0:x_1], float)
-    sky = float(np.median(piece))
-    noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
     axes = figure.subplots()
-    axes.imshow(
-        (piece - sky) / noise,
-        origin="upper",
-        cmap="gray",
-        vmin=_LOW,
-        vmax=_HIGH,
-        extent=(x_0 - 0.5, x_0 + piece.shape[1] - 0.5, y_0 + piece.shape[0] - 0.5, y_0 - 0.5),
-    )
+    _show(axes, pixels, (x_0, x_1), (y_0, y_1))
     for number, is_lead, streak in sorted(streaks, key=lambda each: each.number):
         lead = "*" if is_lead else ""
         axes.plot(

@@ -102,11 +102,11 @@ def test_a_night_goes_into_the_ledger_and_a_second_time_takes_its_own_place(
     assert [each["norad_id"] for each in one["rows"]] == [90001, 90002]
     for each in one["rows"]:
         # 0.01 deg of the belt: 7.36 km, 2.4 s at 3.07 km/s.
-        assert each["along_track_km"] == pytest.approx(7.36, abs=0.3)
-        assert each["along_track_s"] == pytest.approx(2.4, abs=0.1)
-        assert abs(each["cross_track_km"]) < 0.2
-        assert each["tle_age_days"] == pytest.approx(2.0, abs=0.05)
-        assert 0.0 < each["sigma_along_track_km"] < 0.2
+        assert each["along_km"] == pytest.approx(7.36, abs=0.3)
+        assert each["along_s"] == pytest.approx(2.4, abs=0.1)
+        assert abs(each["across_km"]) < 0.2
+        assert each["age_days"] == pytest.approx(2.0, abs=0.05)
+        assert 0.0 < each["sigma_along_km"] < 0.2
         assert each["regime"] == "GEO"
     again = report(monday, "--tle", tle)
     assert again["tracks"] == 2
@@ -114,7 +114,7 @@ def test_a_night_goes_into_the_ledger_and_a_second_time_takes_its_own_place(
     tuesday = night(tmp_path / "tuesday", 3.0, 90003)
     both = report(tuesday, "--tle", tle)
     (geo,) = both["regimes"]
-    assert (geo["tracks"], geo["objects"]) == (3, 3)
+    assert (geo["rows"], geo["objects"]) == (3, 3)
     assert [(each["from_days"], each["tracks"]) for each in geo["ages"]] == [(1.0, 2), (3.0, 1)]
     # Without a night: what it holds.
     assert report() == {**both, "nights": []}
@@ -127,7 +127,7 @@ def test_elements_that_are_younger_than_the_night_have_a_negative_age(
     tmp_path: Path, tle: Path
 ) -> None:
     found = report(night(tmp_path / "before", -3.0, 90001), "--tle", tle)
-    assert found["nights"][0]["rows"][0]["tle_age_days"] == pytest.approx(-3.0, abs=0.05)
+    assert found["nights"][0]["rows"][0]["age_days"] == pytest.approx(-3.0, abs=0.05)
 
 
 def test_written_factors_keep_all_else_of_the_file_and_name_from_then_on(
@@ -261,12 +261,12 @@ def test_lines_of_identify_field_are_rows_too(tmp_path: Path) -> None:
     streak, mover = one["rows"]
     assert (streak["track"], mover["track"]) == ("streak 1", "mover 1")
     assert mover["observations"] == 3
-    assert streak["along_track_km"] == pytest.approx(3.0)
-    assert streak["cross_track_km"] == pytest.approx(-0.097, abs=1e-3)
-    assert streak["tle_age_days"] == pytest.approx(1.0)
+    assert streak["along_km"] == pytest.approx(3.0)
+    assert streak["across_km"] == pytest.approx(-0.097, abs=1e-3)
+    assert streak["age_days"] == pytest.approx(1.0)
     (low,) = found["regimes"]
     assert low["regime"] == "LEO"
-    assert low["counted_as"] == pytest.approx(1.0)  # one object, one night
+    assert low["counted"] == pytest.approx(1.0)  # one object, one night
     assert report(file)["tracks"] == 2
     unsure = written(tmp_path / "field.jsonl", field_lines(tmp_path, probability=0.9))
     assert report(unsure)["tracks"] == 0  # what is no more sure is taken back

@@ -209,7 +209,7 @@ def expect_listed(said: str, *names: str) -> None:
 def sessions_list(house: House, command: str) -> None:
     folder = make(house.data / "sessions" / "monday")
     found = house.run(command).object
-    assert (found["session"], found["frames"]) == (str(folder), 4)
+    assert (found["folder"], found["frames"]) == (str(folder), 4)
 
 
 @RECIPES.of("rsoconsole sessions verify NIGHT NIGHT.tar")

@@ -34,7 +34,7 @@ def test_json_says_what_was_written_and_where(session: Path):
     assert run.returncode == 0, run.stderr
     (found,) = objects(run)
     path = session / "branches" / "exports" / "verb.csv"
-    assert found["export"] == str(path)
+    assert found["path"] == str(path)
     assert found["format"] == "csv"
     assert found["measurements"] == len(read_csv(path)) == 24
     assert found["tracks"] == 1
@@ -73,7 +73,7 @@ def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
     path = tmp_path / "deep" / "night.html"
     run = run_here("export", session, "--format", "html", "--out", path, "--json")
     assert run.returncode == 0, run.stderr
-    assert objects(run)[0]["export"] == str(path)
+    assert objects(run)[0]["path"] == str(path)
     assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
     assert run_here("export", session, "--format", "html", "--out", path).returncode == 1
 

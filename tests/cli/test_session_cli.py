@@ -51,9 +51,9 @@ def test_the_list_is_one_line_a_session_and_one_object_with_json(night: Path) ->
     expect_documented("sessions", last)
     assert (last["schema"], last["session_schema"], last["json_schema"]) == (1, 1, 1)
     assert (later["state"], last["state"], broken["state"]) == ("cut off", "closed", "unreadable")
-    assert last["session"] == str(night)
+    assert last["folder"] == str(night)
     assert last["t_first_utc"].endswith("Z")
-    assert (last["frames"], last["simulated"], last["kept"]) == (4, True, False)
+    assert (last["frames"], last["is_simulated"], last["is_kept"]) == (4, True, False)
     assert 0 < last["followed_share"] < 1
     assert broken["frames"] == 0
     assert broken["followed_share"] is None
@@ -73,7 +73,7 @@ def test_verify_ends_with_1_where_anything_is_damaged_and_looks_at_all(night: Pa
     flip(night.parent / "bad" / "frames" / "000001.fits.fz")
     cut_off(night)
     bad, missing, cut = told("verify", night.parent / "bad", night.parent / "no", night, code=1)
-    assert (bad["ok"], cut["ok"], cut["state"]) == (False, True, "cut off")
+    assert (bad["is_sound"], cut["is_sound"], cut["state"]) == (False, True, "cut off")
     assert bad["findings"][0]["place"] == "frames/000001.fits.fz"
     assert set(missing) == {"schema", "session", "error"}
     done = run("verify", night.parent / "bad", code=1)
@@ -95,7 +95,7 @@ def test_repair_says_what_it_did_and_then_that_there_is_nothing_to_do(night: Pat
     cut_off(night)
     (night / "frames" / "000009.fits.fz.part").write_bytes(b"half")
     (done,) = told("repair", night)
-    assert (done["changed"], done["closed"], done["adopted"]) == (True, True, [])
+    assert (done["did_anything"], done["closed"], done["adopted"]) == (True, True, [])
     assert done["removed"] == ["frames/000009.fits.fz.part"]
     assert "nothing to do" in run("repair", night).stdout
     live = begin(night.parent / "live")
@@ -107,19 +107,19 @@ def test_repair_names_the_session_that_it_saved_a_damaged_one_into(night: Path) 
     database = night / "session.db"
     database.write_bytes(database.read_bytes()[:-4096])
     (done,) = told("repair", night)
-    assert done["recovered"]["session"] == str(night.resolve()) + ".recovered"
-    assert done["recovered"]["new"] is True
+    assert done["recovered"]["folder"] == str(night.resolve()) + ".recovered"
+    assert done["recovered"]["is_new"] is True
     assert "are saved already in" in run("repair", night).stdout
     run("verify", str(night) + ".recovered")
 
 
 def test_archive_and_remove(night: Path, tmp_path: Path) -> None:
     (made,) = told("archive", night, "--out", tmp_path / "usb", "--remove")
-    assert made["archive"] == str(tmp_path / "usb" / "night.tar")
-    assert made["removed"] is True
+    assert made["path"] == str(tmp_path / "usb" / "night.tar")
+    assert made["is_removed"] is True
     assert not night.exists()
-    assert "read back" not in run("verify", made["archive"]).stdout
-    assert verify_session(Path(made["archive"])).is_sound
+    assert "read back" not in run("verify", made["path"]).stdout
+    assert verify_session(Path(made["path"])).is_sound
     assert "does not exist" in run("archive", night, code=1).stderr
 
 
@@ -131,14 +131,15 @@ def test_prune_shows_first_and_acts_only_with_yes(night: Path) -> None:
     assert "nothing is done without --yes" in words
     assert len(list((night / "frames").iterdir())) == 4
     (step,) = told("prune", "--keep-last", 0, "--root", root)
-    assert (step["goes"], step["done"], step["files"], step["what"]) == (True, False, 4, "frames")
+    assert (step["goes"], step["is_done"], step["what"]) == (True, False, "frames")
+    assert len(step["files"]) == 4
     run("keep", night, "--why", "first light")
     assert (night / "KEEP").read_text() == "first light\n"
     assert "marked KEEP" in run("prune", "--keep-last", 0, "--root", root, "--yes").stdout
     assert "KEEP" in run("--root", root).stdout
     run("keep", night, "--release")
     (step,) = told("prune", "--keep-last", 0, "--root", root, "--yes")
-    assert (step["goes"], step["done"]) == (True, True)
+    assert (step["goes"], step["is_done"]) == (True, True)
     assert list((night / "frames").iterdir()) == []
     assert "were pruned on" in run("verify", night).stdout
     run("prune", "--keep-last", 0, "--what", "all", "--root", root, "--yes")

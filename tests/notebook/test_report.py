@@ -14,7 +14,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import summary_of
 from rsoconsole.notebook.night.night import read_night
-from rsoconsole.notebook.report.report import render_report, write_report
+from rsoconsole.notebook.report.report import render_report
 from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
@@ -317,13 +317,5 @@ def test_pictures_are_chosen_evenly(count):
     assert count < 3 or gaps.max() <= count / (MOST_PICTURES - 1) + 1
 
 
-def test_the_same_session_gives_the_same_page(tmp_path: Path, sample_html: str):
-    path = write_report(SAMPLE, tmp_path / "a" / "report.html")
-    assert path.read_text(encoding="utf-8") == sample_html
-
-
-def test_a_page_that_cannot_be_written_says_so(tmp_path: Path):
-    session = closed_night(tmp_path / "short", frames=1)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(SessionError, match="cannot be written"):
-        write_report(session, tmp_path / "file" / "report.html")
+def test_the_same_session_gives_the_same_page(sample_html: str):
+    assert render_report(SAMPLE).html == sample_html

@@ -165,12 +165,12 @@ def test_what_it_prints_of_frames_goes_into_the_ledger_of_element_errors(
     rows = {(each["norad_id"], each["track"].split()[0]): each for each in one["rows"]}
     for number, late_s in LATE_S.items():
         row = rows[number, "streak"]
-        assert row["along_track_s"] == pytest.approx(-late_s, abs=0.15)
-        assert row["along_track_km"] == pytest.approx(-late_s * 7.3, abs=12.0)
-        assert 0.0 < row["sigma_along_track_s"] < 0.15
-        assert row["tle_age_days"] == pytest.approx(0.5, abs=0.01)
+        assert row["along_s"] == pytest.approx(-late_s, abs=0.15)
+        assert row["along_km"] == pytest.approx(-late_s * 7.3, abs=12.0)
+        assert 0.0 < row["sigma_along_s"] < 0.15
+        assert row["age_days"] == pytest.approx(0.5, abs=0.01)
         assert row["regime"] == "LEO"
-    assert abs(rows[SES_10, "mover"]["along_track_km"]) < 5.0
+    assert abs(rows[SES_10, "mover"]["along_km"]) < 5.0
     assert {each["regime"] for each in found["regimes"]} >= {"LEO", "GEO"}
 
 

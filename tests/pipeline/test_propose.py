@@ -21,6 +21,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.tracking.filters import lqe
 from tests.cli.test_demo import night
 from tests.nights.measured_night import record_night
+from tests.pages.json_page import expect_documented
 from tests.pipeline.test_what_if import verb
 from tests.tiers import plain_first
 
@@ -249,10 +250,12 @@ def test_the_verb_tells_the_proposal_and_keeps_it_as_a_branch(proposed):
     branch = folder / "branches" / "proposed"
     assert SessionReader(branch).about()["tried"] == found.changes
     answer = json.loads(verb(branch, "--propose", "--json").stdout)
-    assert answer["proposal"]["verdict"] == "no change is called for"
-    assert answer["tried"] == answer["proposal"]["tried"] == {}
-    assert answer["recorded"] == answer["what_if"]
-    assert answer["recorded"]["is_nis_sound"] is True
+    expect_documented("what-if --propose", answer)
+    assert answer["verdict"] == "no change is called for"
+    assert answer["changes"] == {}
+    (effect,) = answer["effects"]
+    assert effect["recorded"] == effect["what_if"]
+    assert effect["recorded"]["is_nis_sound"] is True
 
 
 @pytest.mark.nights

@@ -443,9 +443,9 @@ def test_the_verb_prints_both_nights_as_json(mine):
     assert run.exit_code == 0
     (answer,) = [json.loads(line) for line in run.stdout.splitlines()]
     expect_documented("what-if", answer)
-    assert answer["tried"] == {"filter.q_multiplier": 4.0, "filter.r_multiplier": 0.8}
-    assert answer["recorded_settings"] == {"filter.q_multiplier": 1.0, "filter.r_multiplier": 1.0}
-    assert answer["reproduced"] is True
+    assert answer["changes"] == {"filter.q_multiplier": 4.0, "filter.r_multiplier": 0.8}
+    assert answer["before"] == {"filter.q_multiplier": 1.0, "filter.r_multiplier": 1.0}
+    assert answer["is_reproduced"] is True
     assert answer["recorded"]["updates"] == 56
     assert answer["what_if"]["nis_mean"] != answer["recorded"]["nis_mean"]
     assert answer["branch"] is None
@@ -460,7 +460,8 @@ def test_the_verb_keeps_lists_and_drops_branches(mine):
     assert (taken.exit_code, taken.stdout) == (1, "")
     assert "--force" in taken.stderr
     listed = json.loads(verb(mine, "--list", "--json").stdout)
-    assert (listed["branch"], listed["tried"]) == ("calm", {"filter.r_multiplier": 4.0})
+    expect_documented("what-if --list", listed)
+    assert (listed["name"], listed["changes"]) == ("calm", {"filter.r_multiplier": 4.0})
     assert verb(mine, "--drop", "calm").exit_code == 0
     assert verb(mine, "--list").stdout == ""
 

@@ -9,7 +9,7 @@ from rsoconsole.export import Target, read_night
 from rsoconsole.export.tables import to_ecsv
 from rsoconsole.export.tdm import to_tdm
 from rsoconsole.notebook.figures.figures import write_figures
-from rsoconsole.notebook.report.report import write_report
+from rsoconsole.notebook.report.report import render_report
 from rsoconsole.records import Event
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.reading.clock_history import clock_notes
@@ -49,7 +49,6 @@ def test_what_happened_to_the_clock_is_told_in_figures_tables_report_and_message
     (track, *_) = exported.tracks
     tdm = to_tdm(exported, (track,), target=Target(), created_utc_ns=T_UTC_NS)
     assert f"COMMENT CLOCK {NOTE}" in tdm
-    report = write_report(night, night.parent / "report")
-    assert NOTE in report.read_text(encoding="utf-8")
+    assert NOTE in render_report(night).html
     drawn = write_figures(night, night.parent / "figures", file_format="svg")
     assert all("CLOCK" in each.read_text(encoding="utf-8") for each in drawn)

@@ -141,7 +141,7 @@ def test_a_simulated_night_fills_no_operators_ledger(tmp_path: Path, tle: Path) 
     identify(night(tmp_path / "demo", 0.0, STRANGER, is_simulated=True), tle)
     assert run("ledger")[0] == []
     (only,), _ = run("ledger", "list", "--simulated")
-    assert only["simulated"] is True
+    assert only["last"]["is_simulated"] is True
     assert read_past(is_simulated=True) == (None, None)
 
 
@@ -149,7 +149,7 @@ def test_an_object_is_shown_renamed_and_forgotten(tmp_path: Path, tle: Path) -> 
     identify(night(tmp_path / "monday", 0.0, STRANGER), tle)
     (shown,), _ = run("ledger", "show", "1")
     expect_documented("ledger show", shown)
-    assert shown["label"] == "constrained by prior"
+    assert shown["last"]["orbit"]["label"] == "constrained by prior"
     (named,), _ = run("ledger", "rename", "1", "west of 60")
     assert named["called"] == "west of 60"
     page = CliRunner().invoke(app, ["ledger"]).stdout
@@ -169,7 +169,7 @@ def test_two_numbers_of_one_object_are_joined(tmp_path: Path, tle: Path) -> None
     identify(night(tmp_path / "monday", 0.0, STRANGER, OTHER), tle)
     (joined,), _ = run("ledger", "join", "2", "1")
     expect_documented("ledger join", joined)
-    assert [track["track"] for track in joined["tracks"]] == [1, 101]
+    assert [track["track_id"] for track in joined["tracks"]] == [1, 101]
     assert [each["number"] for each in run("ledger")[0]] == [1]
     assert identify(night(tmp_path / "tuesday", 1.0, FAR, OTHER), tle)["kept"][0]["number"] == 1
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config, site_of
+from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
+from rsoconsole.cli.words.options import site_of
 from rsoconsole.config import OpticsConfig
 from rsoconsole.errors import ConfigError, OrbitError, SolverError
 from rsoconsole.orbits.elements.catalogue import parse_catalogue

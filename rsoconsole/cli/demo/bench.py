@@ -62,8 +62,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
                 f"{stage.largest_ms:9.1f}  {STAGES[stage.stage]}"
             )
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
-        for line in [*summary_lines(summary), *(f"note: {note}" for note in notes)]:
-            output.say(line)
+        output.say(*summary_lines(summary), *(f"note: {note}" for note in notes))
     if not summary.is_enough:
         output.complain("rsoconsole: this machine does not hold what is configured")
         raise typer.Exit(1)

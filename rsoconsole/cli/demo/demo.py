@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 
 from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
-from rsoconsole.cli.words import JsonOption, SessionOption, completion, output
+from rsoconsole.cli.words import JsonOption, SessionOption, completion, output, site_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
@@ -134,7 +134,7 @@ def demo(
 
     Example: rsoconsole demo --world random --seed 7
     """
-    from rsoconsole.cli.demo.demo_targets import plan_targets, plan_words, planned_config, site_of
+    from rsoconsole.cli.demo.demo_targets import plan_targets, plan_words, planned_config
     from rsoconsole.simulator.nights import (
         DAYTONA_BEACH,
         NIGHT_FRAMES,

@@ -5,35 +5,8 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError
-from rsoconsole.records import Site
 from rsoconsole.simulator.nights import NightPlan
 from rsoconsole.sky import iso_to_utc_ns, utc_ns_to_iso
-
-
-def site_of(text: str) -> Site:
-    """A site written LAT,LON,ELEV: degrees north, degrees east, metres (0 where left out).
-
-    Raises ConfigError for anything else.
-    """
-    parts = text.split(",")
-    try:
-        numbers = [float(part) for part in parts]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 2:
-        numbers.append(0.0)
-    if len(numbers) != 3:
-        raise ConfigError(f"--site {text!r}: write LAT,LON,ELEV, like 52.2,21.0,110")
-    latitude_deg, longitude_deg, elevation_m = numbers
-    if not (-90 <= latitude_deg <= 90 and -180 <= longitude_deg <= 360):
-        raise ConfigError(f"--site {text!r}: latitude is -90 to 90, longitude -180 to 360")
-    if not -430 <= elevation_m <= 9000:
-        raise ConfigError(f"--site {text!r}: elevation is -430 to 9000 m")
-    return Site(
-        latitude_deg=latitude_deg,
-        longitude_deg=(longitude_deg + 180.0) % 360.0 - 180.0,
-        elevation_m=elevation_m,
-    )
 
 
 def plan_targets(

@@ -11,12 +11,12 @@ from rsoconsole.cli.words import (
     JsonOption,
     Piped,
     completion,
-    hidden_words,
     output,
     piped,
     progress,
+    set_in_file,
 )
-from rsoconsole.config import Config, default_config_path, load_config
+from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
 if TYPE_CHECKING:
@@ -73,9 +73,8 @@ def calibrate_elements(
 
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
-    from rsoconsole.cli.words import element_ledger_lines
+    from rsoconsole.cli.words import element_ledger_lines, regime_report
     from rsoconsole.orbits.identification import fit_factors
-    from rsoconsole.pipeline.calibrations import regime_report
     from rsoconsole.session.ledgers import element_ledger_path
 
     if tle and not nights:
@@ -91,9 +90,9 @@ def calibrate_elements(
     ledger = _kept([each for _, each in found], path)
     fitted = fit_factors(ledger.rows)
     report: dict[str, Any] = {
-        "ledger": str(path),
+        "ledger": path,
         "simulated": simulated,
-        "nights": [_night_report(night, rows) for night, rows in found],
+        "nights": [{"night": night, **output.keyed(rows)} for night, rows in found],
         "tracks": len(ledger.rows),
         "regimes": [regime_report(each, ledger.rows, settings.catalogue) for each in fitted],
         "written": _write(fitted, config) if write else None,
@@ -167,6 +166,7 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
 
 def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
+    from rsoconsole.cli.words import say_moved_aside
     from rsoconsole.session.ledgers import element_damage_words, keep_rows, read_element_ledger
 
     if not found:
@@ -176,33 +176,15 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
         return ledger
     sessions = [session for each in found for session in each.sessions]
     ledger, aside = keep_rows(sessions, [row for each in found for row in each.rows], path)
-    if aside is not None:
-        output.complain(
-            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
-            " lines that can be read"
-        )
+    say_moved_aside(aside)
     return ledger
 
 
-def _night_report(night: Path, found: "NightRows") -> dict[str, Any]:
-    from rsoconsole.pipeline.calibrations import row_report
-
-    return {
-        "night": str(night),
-        "tracks": found.tracks,
-        "rows": [row_report(each) for each in found.rows],
-    }
-
-
-def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> str:
+def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
     """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
-    from rsoconsole.config import write_settings
     from rsoconsole.pipeline.calibrations import settings_of
 
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")
-    path = config_path or default_config_path()
-    settings = load_config(config_path, environ={})
-    write_settings(path, {"catalogue.error_factors": settings_of(fitted, settings.catalogue)})
-    output.complain(*hidden_words(["catalogue.error_factors"]))
-    return str(path)
+    factors = settings_of(fitted, load_config(config_path, environ={}).catalogue)
+    return set_in_file(config_path, {"catalogue.error_factors": factors})

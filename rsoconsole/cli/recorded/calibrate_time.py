@@ -10,11 +10,11 @@ from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
     completion,
-    hidden_words,
     output,
     progress,
+    set_in_file,
 )
-from rsoconsole.config import default_config_path, load_config
+from rsoconsole.config import load_config
 from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -160,9 +160,8 @@ def _elements(
     return read_catalogue(there)
 
 
-def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> str:
+def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
     """Put the result into the configuration file; its place. Raises ConfigError."""
-    from rsoconsole.config import write_settings
     from rsoconsole.pipeline.calibrations import put_together, timings_of, worse_than_known
     from rsoconsole.pipeline.frame import errors_words
 
@@ -180,8 +179,5 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> st
             f"not written: at {old.mode_words} the configuration has {errors_words(old)}"
             f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
         )
-    path = config_path or default_config_path()
-    whole = put_together(exposure, timings)
-    write_settings(path, {"exposure.calibrated": [each.model_dump(mode="json") for each in whole]})
-    output.complain(*hidden_words(["exposure.calibrated"]))
-    return str(path)
+    whole = [each.model_dump(mode="json") for each in put_together(exposure, timings)]
+    return set_in_file(config_path, {"exposure.calibrated": whole})

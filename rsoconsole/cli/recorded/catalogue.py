@@ -11,11 +11,11 @@ from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
     SocketOption,
-    hidden_words,
     output,
     progress,
+    set_in_file,
 )
-from rsoconsole.config import Config, default_config_path, home_path, load_config, shown
+from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
 
 if TYPE_CHECKING:
@@ -99,10 +99,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     rows = [_row(each, kept.get(each.text, Kept(source=each.text)), settings) for each in sources]
     rows += [_file_row(path) for path in settings.catalogue.tle_files if not path.is_dir()]
     for row in rows:
-        if json_:
-            output.emit_json(row)
-        else:
-            output.say(_line(row))
+        output.answer(json_, row, _line)
     if not json_ and not sources and not settings.catalogue.tle_files:
         output.say(
             "no elements: 'rsoconsole catalogue add celestrak:geo' names a source,"
@@ -136,7 +133,6 @@ def add(
 
     Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
     """
-    from rsoconsole.config import write_settings
     from rsoconsole.element_sources import Kept
 
     given = [_source_of(text) for text in source]
@@ -150,22 +146,16 @@ def add(
     files = [str(path) for path in settings.catalogue.tle_files]
     if str(run.store.folder) not in files:
         files.append(str(run.store.folder))
-    path = config or default_config_path()
-    write_settings(
-        path,
+    set_in_file(
+        config,
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password
     )
-    output.complain(*hidden_words(["catalogue.sources", "catalogue.tle_files"]))
     run.store.arrange(order)
     settings = load_config(config)
     for each in given:
         known = brought.get(each.text) or run.store.note(each, refused_utc_ns=None, fault=None)
-        row = _row(each, known or Kept(source=each.text), settings)
-        if json_:
-            output.emit_json(row)
-        else:
-            output.say(_line(row))
+        output.answer(json_, _row(each, known or Kept(source=each.text), settings), _line)
     if any(each.file is None for each in given) and not json_:
         output.say(
             "'rsoconsole catalogue update' fetches them; a running engine reads them when"
@@ -249,58 +239,40 @@ def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
     from rsoconsole.element_sources import default_folder
     from rsoconsole.sky import utc_ns_to_iso
 
-    def iso(t_utc_ns: int | None) -> str | None:
-        return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns, 0)
-
-    now_utc_ns = time.time_ns()
-
-    def hours(t_utc_ns: int | None) -> float | None:
-        return None if t_utc_ns is None else round((now_utc_ns - t_utc_ns) / NS_PER_HOUR, 2)
-
-    folder = default_folder()
-    in_use = kept.file is not None and folder in settings.catalogue.tle_files
-    due = kept.due_utc_ns(now_utc_ns)
-    is_refused = kept.refused_utc_ns is not None
+    now_utc_ns, folder = time.time_ns(), default_folder()
+    next_utc = None
+    if kept.refused_utc_ns is None and source.file is None:
+        next_utc = utc_ns_to_iso(max(kept.due_utc_ns(now_utc_ns), now_utc_ns), 0)
     return {
-        "source": source.words,
-        "objects": kept.objects,
-        "sets": kept.sets,
-        "fetched_utc": iso(kept.fetched_utc_ns),
-        "age_h": hours(kept.fetched_utc_ns),
-        "newest_epoch_utc": iso(kept.newest_epoch_utc_ns),
-        "middle_age_h": hours(kept.middle_epoch_utc_ns),
-        "refused_utc": iso(kept.refused_utc_ns),
-        "next_utc": None if is_refused or source.file is not None else iso(max(due, now_utc_ns)),
-        "fault": kept.fault,
-        "in_use": in_use,
-        "path": None if kept.file is None else str(folder / kept.file),
+        **_kept_row(kept),
+        "source": source.words,  # without the password of an address
+        "next_utc": next_utc,
+        "in_use": kept.file is not None and folder in settings.catalogue.tle_files,
+        "path": None if kept.file is None else folder / kept.file,
     }
 
 
 def _file_row(path: Path) -> dict[str, Any]:
     """Of a file that the configuration names itself."""
-    from rsoconsole.element_sources import element_figures
+    from rsoconsole.element_sources import Kept, element_figures
     from rsoconsole.pipeline.orbits import read_catalogue
-    from rsoconsole.sky import utc_ns_to_iso
 
-    row: dict[str, Any] = dict.fromkeys(
-        ("fetched_utc", "age_h", "newest_epoch_utc", "middle_age_h", "refused_utc", "next_utc")
-    )
-    row |= {"source": str(path), "objects": 0, "sets": 0, "fault": None, "in_use": True}
-    row["path"] = str(path)
     try:
-        entries = read_catalogue([path])
+        figures: Any = element_figures(read_catalogue([path]))
+        kept = Kept(source=str(path), **figures)
     except OrbitError as error:
-        return {**row, "fault": str(error), "in_use": False}
-    figures = element_figures(entries)
-    middle_ns = time.time_ns() - figures["middle_epoch_utc_ns"]
-    return {
-        **row,
-        "objects": figures["objects"],
-        "sets": figures["sets"],
-        "newest_epoch_utc": utc_ns_to_iso(figures["newest_epoch_utc_ns"], 0),
-        "middle_age_h": round(middle_ns / NS_PER_HOUR, 2),
-    }
+        kept = Kept(source=str(path), fault=str(error))
+    return {**_kept_row(kept), "next_utc": None, "in_use": kept.fault is None, "path": path}
+
+
+def _kept_row(kept: "Kept") -> dict[str, Any]:
+    now_utc_ns = time.time_ns()
+
+    def hours(t_utc_ns: int | None) -> float | None:
+        return None if t_utc_ns is None else round((now_utc_ns - t_utc_ns) / NS_PER_HOUR, 2)
+
+    ages = {"age_h": kept.fetched_utc_ns, "middle_age_h": kept.middle_epoch_utc_ns}
+    return {**output.keyed(kept), **{name: hours(t_utc_ns) for name, t_utc_ns in ages.items()}}
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -312,7 +284,7 @@ def _line(row: dict[str, Any]) -> str:
     if row["objects"] == 0 and row["fault"] is None and row["refused_utc"] is None:
         words.append("not fetched yet")
     if row["refused_utc"]:
-        words.append(f"REFUSED {row['refused_utc']}")
+        words.append(f"REFUSED {row['refused_utc'][:19]}Z")
     elif row["fault"]:
         words.append(f"last time: {row['fault']}")
     if row["objects"] and not row["in_use"]:

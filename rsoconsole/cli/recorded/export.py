@@ -1,6 +1,5 @@
 """The verb export: the night in the formats that others read."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -21,16 +20,6 @@ FOLDER_KINDS = ("fits", "regions")
 def register(app: typer.Typer) -> None:
     """Hang the verb into the program."""
     app.command()(export)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Request:
-    """What was asked for, checked."""
-
-    session: Path
-    kind: str
-    out: str | None
-    is_forced: bool
 
 
 def export(
@@ -101,13 +90,12 @@ def export(
 
     Example: rsoconsole export sessions/intelsat-14 --format tdm --norad 36097 --out -
     """
-    request = _Request(session=session, kind=format_, out=out, is_forced=force)
     if out == STDOUT and (json_ or format_ in FOLDER_KINDS):
         raise typer.BadParameter(
             "--out - prints one text: not with --json, not for fits or regions"
         )
     if format_ == "html":
-        _report(request, json_)
+        _report(session, out, json_, is_forced=force)
         return
     from rsoconsole.export import ExportOptions, Target, parse_numbers
 
@@ -125,53 +113,36 @@ def export(
         )
     except (ValueError, ExportError) as error:
         raise typer.BadParameter(str(error)) from error
-    _export(request, options, json_)
+    _export(session, format_, out, options, json_)
 
 
-def _export(request: _Request, options: Any, json_: bool) -> None:
+def _export(session: Path, kind: Any, out: str | None, options: Any, json_: bool) -> None:
     from rsoconsole.export import export as write
     from rsoconsole.export import render
 
-    kind: Any = request.kind
-    new_folder = _folder_to_make(request)
-    if request.out == STDOUT:
+    new_folder = _folder_to_make(kind, out)
+    if out == STDOUT:
         with progress(f"export {kind}"):
-            text, made = render(request.session, kind, options)
+            text, made = render(session, kind, options)
         output.hand_over(text)
     else:
         with progress(f"export {kind}"):
-            made = write(
-                request.session, kind, None if request.out is None else Path(request.out), options
-            )
-    if json_:
-        output.emit_json(
-            {
-                "export": str(made.path),
-                "format": made.format,
-                "measurements": made.measurements,
-                "tracks": made.tracks,
-                "files": [str(path) for path in made.files],
-                "left_out": dict(made.left_out),
-                "simulated": made.is_simulated,
-            }
-        )
-    elif request.out != STDOUT:
-        for path in made.files:
-            output.say(str(path))
+            made = write(session, kind, None if out is None else Path(out), options)
+        output.answer(json_, made, lambda each: map(str, each.files))
     _say_created(new_folder)
     _say_left_out(made)
     if made.format in MESSAGES and not options.target.is_known:
-        _say_recorded_name(request.session)
+        _say_recorded_name(session)
 
 
-def _folder_to_make(request: _Request) -> Path | None:
+def _folder_to_make(kind: str, out: str | None) -> Path | None:
     """The folder that --out names and that is not there yet; None where there is nothing to make.
 
     The session's own folder for exports needs no word.
     """
-    if request.out is None or request.out == STDOUT:
+    if out is None or out == STDOUT:
         return None
-    folder = Path(request.out) if request.kind in FOLDER_KINDS else Path(request.out).parent
+    folder = Path(out) if kind in FOLDER_KINDS else Path(out).parent
     return None if folder.exists() else folder
 
 
@@ -206,30 +177,26 @@ def _say_left_out(made: Any) -> None:
         output.complain("this night was simulated: send it to nobody")
 
 
-def _report(request: _Request, json_: bool) -> None:
-    from rsoconsole.export import default_path, write_file
+def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:
+    from rsoconsole.export import Export, default_path, write_file
     from rsoconsole.notebook.report import render_report
 
     with progress("report"):
-        report = render_report(request.session)
-    if request.out == STDOUT:
+        report = render_report(session)
+    if out == STDOUT:
         output.hand_over(report.html)
         return
-    path = default_path(request.session, "html") if request.out is None else Path(request.out)
-    new_folder = _folder_to_make(request)
-    write_file(path, report.html.encode("utf-8"), is_forced=request.is_forced)
+    path = default_path(session, "html") if out is None else Path(out)
+    new_folder = _folder_to_make("html", out)
+    write_file(path, report.html.encode("utf-8"), is_forced=is_forced)
     _say_created(new_folder)
-    if json_:
-        output.emit_json(
-            {
-                "export": str(path),
-                "format": "html",
-                "measurements": report.measurements,
-                "tracks": report.tracks,
-                "files": [str(path)],
-                "left_out": {},
-                "simulated": report.is_simulated,
-            }
-        )
-    else:
-        output.say(str(path))
+    made = Export(
+        path=path,
+        files=(path,),
+        format="html",
+        measurements=report.measurements,
+        tracks=report.tracks,
+        left_out={},
+        is_simulated=report.is_simulated,
+    )
+    output.answer(json_, made, lambda _: str(path))

@@ -14,8 +14,10 @@ from rsoconsole.cli.words import (
     JsonOption,
     NoDaskOption,
     Piped,
+    PresetOption,
     SchedulerOption,
     SerialOption,
+    TauOption,
     WorkersOption,
     completion,
     everywhere,
@@ -54,7 +56,7 @@ def register(app: typer.Typer) -> None:
     app.command()(solve)
 
 
-def _report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
+def report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
     words = files.words(str(error))
     if json_:
         output.emit_json({"frame": files.name(path), "error": words})
@@ -75,12 +77,12 @@ def _each(
             try:
                 for found in work(path, number):
                     with bar.aside():
-                        output.emit_json(found) if json_ else output.say(*lines(found))
-                        _warn(_name(found), found["notes"], noted)
+                        output.answer(json_, found, lines)
+                        warn(_name(found), found["notes"], noted)
             except FrameError as error:
                 failures += 1
                 with bar.aside():
-                    _report_error(files, path, error, json_)
+                    report_error(files, path, error, json_)
             bar()
     if failures:
         raise typer.Exit(1)
@@ -92,7 +94,7 @@ def _name(found: dict[str, Any]) -> str:
     return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
 
-def _warn(name: str, notes: list[str], noted: set[str]) -> None:
+def warn(name: str, notes: list[str], noted: set[str]) -> None:
     """What is unusual about a frame, each sentence once in a run."""
     for note in notes:
         if note not in noted:
@@ -121,13 +123,8 @@ def process(
         ),
     ] = None,
     config: ConfigOption = None,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
-        ),
-    ] = None,
+    tau: TauOption = None,
+    preset: PresetOption = None,
     extension: ExtensionOption = None,
     again: Annotated[
         bool, typer.Option("--again", help="Make also those nights again that are there already.")
@@ -201,13 +198,13 @@ def _process_frames(
                 if not isinstance(result, Processed):
                     failures += 1
                     with bar.aside():
-                        _report_error(files, *result, json_)
+                        report_error(files, *result, json_)
                     continue
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(files.name(result.path), result)
                 with bar.aside():
-                    output.emit_json(found) if json_ else output.say(_process_words(found))
-                    _warn(_name(found), found["notes"], noted)
+                    output.answer(json_, found, _process_words)
+                    warn(_name(found), found["notes"], noted)
         finally:
             recording.close()
     if failures:
@@ -218,7 +215,7 @@ def detect(
     frames: FramesArgument = None,
     *,
     files_from: FilesFromOption = None,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    tau: TauOption = None,
     map_mode: Annotated[
         str | None,
         typer.Option(

@@ -1,13 +1,13 @@
 """identify --field: what was in the frames."""
 
 from pathlib import Path
-from typing import Any
 
 import typer
 
-from rsoconsole.cli.words import Piped, output, progress
+from rsoconsole.cli.recorded.frames import report_error, warn
+from rsoconsole.cli.words import Piped, catalogue_of, output, progress
 from rsoconsole.config import effective_settings, load_config
-from rsoconsole.errors import ConfigError, FrameError, OrbitError
+from rsoconsole.errors import ConfigError, FrameError
 from rsoconsole.pipeline.field import FieldFrame, PlateMode
 
 
@@ -34,18 +34,12 @@ def identify_field(
         named_movers,
         open_field_reader,
     )
-    from rsoconsole.pipeline.orbits import errors_report, read_catalogue
+    from rsoconsole.pipeline.orbits import errors_report
 
     config = load_config(config_path)
     _expect_site(config_path)
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
-    element_sets = tle or list(config.catalogue.tle_files)
-    if not element_sets:
-        raise OrbitError(
-            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
-            " configuration"
-        )
-    run = FieldRun(config, read_catalogue(element_sets))
+    run = FieldRun(config, catalogue_of(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
     failures = 0
     with open_field_reader(config, plate) as reader, progress("frames", len(paths)) as bar:
@@ -57,11 +51,8 @@ def identify_field(
                     read.append((name, reader.read(image)))
             except FrameError as error:
                 failures += 1
-                words = files.words(str(error))
                 with bar.aside():
-                    if json_:
-                        output.emit_json({"frame": files.name(path), "error": words})
-                    output.complain(f"rsoconsole: {words}")
+                    report_error(files, path, error, json_)
             bar()
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
     frames = [frame for _, frame in read]
@@ -72,11 +63,11 @@ def identify_field(
     for name, frame in read:
         found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
         regimes |= {each["regime"] for each in found["crossed"]}
-        output.emit_json(found) if json_ else output.say(*frame_lines(found))
-        _warn(found, said)
+        output.answer(json_, found, frame_lines)
+        warn(found["frame"], found["notes"], said)
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
-        output.emit_json(report) if json_ else output.say(*movers_lines(report, FEWEST))
+        output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
         output.say(*source_lines(errors, regimes))
     if failures:
@@ -96,10 +87,3 @@ def _expect_site(config_path: Path | None) -> None:
             f"the configuration sets no site ({', '.join(missing)}): where the frames were taken"
             " decides what crossed them; set latitude, longitude (east positive) and elevation"
         )
-
-
-def _warn(found: dict[str, Any], said: set[str]) -> None:
-    for note in found["notes"]:
-        if note not in said:
-            said.add(note)
-            output.complain(f"rsoconsole: {found['frame']}: {note}")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.cli.words import output
+from rsoconsole.cli.words import output, say_moved_aside
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.orbits.identification import Identification
 from rsoconsole.pipeline.orbits import FEWEST, Observed, Past, keep, longest_arc
@@ -54,11 +54,7 @@ class SessionLedger:
         if self._folder is None:
             raise OrbitError("--keep takes a session: a file of observations has no tracks of one")
         kept = keep(self._folder, self._unknown, self._named, self._path)
-        if kept.moved_aside is not None:
-            output.complain(
-                f"rsoconsole: the ledger was damaged: it is in {kept.moved_aside} as it was, and"
-                " goes on with the lines that can be read"
-            )
+        say_moved_aside(kept.moved_aside)
         for number in kept.too_short:
             output.complain(f"rsoconsole: track {number} has fewer than {FEWEST} directions")
         for number in kept.taken_back:

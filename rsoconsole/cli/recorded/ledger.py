@@ -59,13 +59,9 @@ def show(
 
     Example: rsoconsole ledger show 7
     """
-    from rsoconsole.cli.words import object_json, object_lines
+    from rsoconsole.cli.words import object_lines
 
-    found = _read(simulated=simulated).named(number)
-    if json_:
-        output.emit_json(object_json(found))
-    else:
-        output.say(*object_lines(found))
+    output.answer(json_, _read(simulated=simulated).named(number), object_lines)
 
 
 @ledger_app.command()
@@ -80,7 +76,6 @@ def rename(
 
     Example: rsoconsole ledger rename 7 "drifter near 60W"
     """
-    from rsoconsole.cli.words import object_json
     from rsoconsole.session.ledgers import Ledger, renamed
 
     def change(before: Ledger) -> list[Any]:
@@ -88,10 +83,7 @@ def rename(
         return [renamed(number, name)]
 
     found = _changed(change, simulated=simulated).named(number)
-    if json_:
-        output.emit_json(object_json(found))
-    else:
-        output.say(f"UCT {number} is called {found.called}")
+    output.answer(json_, found, lambda known: f"UCT {number} is called {known.called}")
 
 
 @ledger_app.command()
@@ -106,7 +98,6 @@ def join(
 
     Example: rsoconsole ledger join 9 7
     """
-    from rsoconsole.cli.words import object_json
     from rsoconsole.session.ledgers import Ledger, kept
 
     if number == into:
@@ -117,10 +108,11 @@ def join(
         return [kept(into, each) for each in before.named(number).tracks]
 
     found = _changed(change, simulated=simulated).named(into)
-    if json_:
-        output.emit_json(object_json(found))
-    else:
-        output.say(f"UCT {number} is {found.called}: {len(found.tracks)} tracks")
+    output.answer(
+        json_,
+        found,
+        lambda known: f"UCT {number} is {known.called}: {len(known.tracks)} tracks",
+    )
 
 
 @ledger_app.command()
@@ -140,24 +132,19 @@ def forget(
         return [forgotten(number)]
 
     _changed(change, simulated=simulated)
-    if json_:
-        output.emit_json({"number": number, "forgotten": True})
-    else:
-        output.say(f"UCT {number} is forgotten: it names no track any more")
+    found = {"number": number, "forgotten": True}
+    output.answer(json_, found, lambda _: f"UCT {number} is forgotten: it names no track any more")
 
 
 def _list(*, simulated: bool, json_: bool) -> None:
-    from rsoconsole.cli.words import HEADER, object_json, object_line
+    from rsoconsole.cli.words import HEADER, object_line
     from rsoconsole.session.ledgers import ledger_path
 
     found = _read(simulated=simulated)
     if found.objects and not json_:
         output.say(HEADER)
     for each in found.objects:
-        if json_:
-            output.emit_json(object_json(each))
-        else:
-            output.say(object_line(each))
+        output.answer(json_, each, object_line)
     if not found.objects:
         output.complain(f"no object is kept in {ledger_path(is_simulated=simulated)}")
 
@@ -173,12 +160,9 @@ def _read(*, simulated: bool) -> Any:
 
 
 def _changed(change: Any, *, simulated: bool) -> Any:
+    from rsoconsole.cli.words import say_moved_aside
     from rsoconsole.session.ledgers import change_ledger, ledger_path
 
     found, aside = change_ledger(change, ledger_path(is_simulated=simulated))
-    if aside is not None:
-        output.complain(
-            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
-            " lines that can be read"
-        )
+    say_moved_aside(aside)
     return found

@@ -5,9 +5,17 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, completion, output, piped, progress
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    completion,
+    output,
+    piped,
+    progress,
+    site_of,
+)
 from rsoconsole.config import load_config
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ConfigError, ExportError
 
 if TYPE_CHECKING:
     from rsoconsole.export import ReadAs
@@ -119,7 +127,7 @@ def orbit(
 
     Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
-    from rsoconsole.cli.words import form_of, write_elements
+    from rsoconsole.cli.words import form_of, orbit_lines, write_elements
     from rsoconsole.export import Target, read_observations
     from rsoconsole.orbits.elements import ANALYST_NUMBERS
     from rsoconsole.pipeline.orbits import (
@@ -163,12 +171,8 @@ def orbit(
         if str(out) == "-":
             return
         output.complain(words)
-    if json_:
-        output.emit_json(report)
-        return
-    from rsoconsole.cli.words import orbit_lines
-
-    output.say(*orbit_lines([path.name for path in paths], report))
+    names = [path.name for path in paths]
+    output.answer(json_, report, lambda found: orbit_lines(names, found))
 
 
 def read_as(
@@ -181,24 +185,11 @@ def read_as(
 ) -> "ReadAs":
     """What the options say of files. Raises BadParameter for a site that is none."""
     from rsoconsole.export import ReadAs
-    from rsoconsole.records import Site
 
-    place = None
-    if site is not None:
-        try:
-            latitude, longitude, *height = (float(part) for part in site.split(","))
-            if len(height) > 1 or not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0):
-                raise ValueError(site)
-        except ValueError as error:
-            raise typer.BadParameter(
-                f"{site!r}: write LATITUDE,LONGITUDE,METRES, such as 47.1,8.52,620",
-                param_hint="--site",
-            ) from error
-        place = Site(
-            latitude_deg=latitude,
-            longitude_deg=(longitude + 180.0) % 360.0 - 180.0,
-            elevation_m=height[0] if height else 0.0,
-        )
+    try:
+        place = None if site is None else site_of(site)
+    except ConfigError as error:
+        raise typer.BadParameter(str(error)) from error
     return ReadAs(
         sigma_arcsec=sigma_arcsec,
         site=place,

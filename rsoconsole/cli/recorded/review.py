@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import SocketOption, completion
-from rsoconsole.config import Graphics, load_config
+from rsoconsole.cli.words import GraphicsOption, SocketOption, completion
+from rsoconsole.config import load_config
 from rsoconsole.instruments.mount import stop_past_engine
 
 
@@ -28,10 +28,7 @@ def review(
     at: Annotated[
         str, typer.Option(metavar="FRAME|UTC", help="Begin there: 128, 03:14 or 03:14:22.")
     ] = "",
-    graphics: Annotated[
-        Graphics | None,
-        typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
-    ] = None,
+    graphics: GraphicsOption = None,
     sample: Annotated[
         bool,
         typer.Option(

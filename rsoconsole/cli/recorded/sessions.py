@@ -1,8 +1,7 @@
 """The verb sessions: what was recorded, whether it is whole, and how long it is kept."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -85,10 +84,8 @@ def _list(root: Path | None, config: Path | None, json_: bool) -> None:
     if found and not json_:
         output.say(sessions_words.HEADER)
     for each in found:
-        if json_:
-            output.emit_json(sessions_words.summary_json(each))
-        else:
-            output.say(sessions_words.summary_words(each))
+        schemas = sessions_words.schemas(each.schema)
+        output.answer(json_, each, sessions_words.summary_words, **schemas)
     if not found:
         output.complain(f"no session is kept in {folder}")
 
@@ -116,20 +113,14 @@ def verify(
     """
     from rsoconsole.session.upkeep import verify_session
 
-    failed = 0
-    for place in places:
-        with byte_progress() as report, _each(place, json_) as outcome:
+    def verified(place: Path) -> bool:
+        with byte_progress() as report:
             found = verify_session(place, lambda done, total: report("verifying", done, total))
-            outcome["is_done"] = True
-        if not outcome:
-            failed += 1
-            continue
-        failed += not found.is_sound
-        if json_:
-            output.emit_json(sessions_words.verification_json(found))
-        else:
-            sessions_words.say_verification(found)
-    _end(failed, "not sound")
+        schemas = sessions_words.schemas(found.schema)
+        output.answer(json_, found, sessions_words.verification_lines, **schemas)
+        return found.is_sound
+
+    _each(places, verified, "not sound", json_)
 
 
 @sessions_app.command()
@@ -147,18 +138,11 @@ def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
     """
     from rsoconsole.session.upkeep import repair_session
 
-    failed = 0
-    for place in places:
-        with _each(place, json_) as outcome:
-            done = repair_session(place, time.time_ns())
-            outcome["is_done"] = True
-        if not outcome:
-            failed += 1
-        elif json_:
-            output.emit_json(sessions_words.repair_json(done))
-        else:
-            sessions_words.say_repair(done)
-    _end(failed, "not repaired")
+    def repaired(place: Path) -> bool:
+        output.answer(json_, repair_session(place, time.time_ns()), sessions_words.repair_lines)
+        return True
+
+    _each(places, repaired, "not repaired", json_)
 
 
 @sessions_app.command()
@@ -184,31 +168,14 @@ def archive(
     """
     from rsoconsole.session.upkeep import archive_session
 
-    failed = 0
-    for place in places:
-        with byte_progress() as report, _each(place, json_) as outcome:
-            target = place.resolve().parent if out is None else out
+    def archived(place: Path) -> bool:
+        target = place.resolve().parent if out is None else out
+        with byte_progress() as report:
             made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=report)
-            outcome["is_done"] = True
-        if not outcome:
-            failed += 1
-            continue
-        if json_:
-            output.emit_json(
-                {
-                    "session": str(place),
-                    "archive": str(made.path),
-                    "files": made.files,
-                    "bytes": made.bytes,
-                    "compressed": made.compressed,
-                    "removed": made.is_removed,
-                }
-            )
-            continue
-        gone = "; the original is removed" if made.is_removed else ""
-        size = sessions_words.size_words(made.bytes)
-        output.say(f"{made.path}: {made.files} files, {size}, read back and verified{gone}")
-    _end(failed, "not archived")
+        output.answer(json_, made, sessions_words.archive_words)
+        return True
+
+    _each(places, archived, "not archived", json_)
 
 
 @sessions_app.command()
@@ -262,10 +229,7 @@ def prune(
     if yes:
         prune_sessions(steps, policy, now_utc_ns)
     for step in steps:
-        if json_:
-            output.emit_json(sessions_words.step_json(step, what, yes))
-        else:
-            output.say(sessions_words.step_words(step))
+        output.answer(json_, step, sessions_words.step_words, what=what, is_done=yes and step.goes)
     if not json_:
         sessions_words.say_plan(steps, folder, what, yes)
 
@@ -290,24 +254,22 @@ def keep(
         output.say(f"{place}: {'may be pruned' if release else 'kept'}")
 
 
-@contextmanager
-def _each(place: Path, json_: bool) -> Iterator[dict[str, bool]]:
-    """What becomes of one session does not keep the next from its turn.
+def _each(places: list[Path], is_well: Callable[[Path], bool], what_else: str, json_: bool) -> None:
+    """One after another: what becomes of one session does not keep the next from its turn.
 
-    Gives a dictionary that stays empty when the work could not be done; the reason is told.
+    Exit 1 where one is not well, or cannot be worked on, which is said with its reason.
     """
-    outcome: dict[str, bool] = {}
-    try:
-        yield outcome
-    except SessionError as error:
-        if json_:
-            output.emit_json({"session": str(place), "error": str(error)})
-        output.complain(f"rsoconsole: {error}")
-
-
-def _end(failed: int, what: str) -> None:
+    failed = 0
+    for place in places:
+        try:
+            failed += not is_well(place)
+        except SessionError as error:
+            failed += 1
+            if json_:
+                output.emit_json({"session": place, "error": str(error)})
+            output.complain(f"rsoconsole: {error}")
     if failed:
-        output.complain(f"rsoconsole: {failed} {what}")
+        output.complain(f"rsoconsole: {failed} {what_else}")
         raise typer.Exit(1)
 
 

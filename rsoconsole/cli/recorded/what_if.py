@@ -1,7 +1,5 @@
 """The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
 
-import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,17 +9,21 @@ from typer.core import TyperCommand
 from rsoconsole.cli.words import (
     JsonOption,
     NoDaskOption,
+    PresetOption,
     SchedulerOption,
     SerialOption,
+    TauOption,
     WorkersOption,
     completion,
     everywhere,
+    number_or_text,
     output,
     progress,
 )
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.batch import Question, WorkerPool
+    from rsoconsole.pipeline.replay import Branch
 
 SessionsArgument = Annotated[
     list[Path],
@@ -68,19 +70,14 @@ def register(app: typer.Typer) -> None:
 def what_if(
     sessions: SessionsArgument,
     *,
-    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    tau: TauOption = None,
     q: Annotated[float | None, typer.Option("--q", help="Factor on Q.")] = None,
     r: Annotated[float | None, typer.Option("--r", help="Factor on R.")] = None,
     sigma: Annotated[
         float | None, typer.Option(help="Sigma of preset paper, in arcseconds.")
     ] = None,
     gate: Annotated[float | None, typer.Option(help="NIS above which nothing is taken.")] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
-        ),
-    ] = None,
+    preset: PresetOption = None,
     set_: SetOption = None,
     detector: Annotated[
         bool, typer.Option("--detector", help="Detect again in the frames that were kept.")
@@ -135,10 +132,9 @@ def what_if(
         name, _, value = pair.partition("=")
         if not name or not value:
             raise typer.BadParameter("it takes a name and a value", param_hint="--set")
-        changes[name] = _number_or_text(value)
-    _check_usage(
-        changes=bool(changes) or detector or solver, propose=propose, list_=list_, drop=drop
-    )
+        changes[name] = number_or_text(value)
+    if sum((bool(changes) or detector or solver, propose, list_, drop is not None)) > 1:
+        raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
     if (list_ or drop is not None) and len(sessions) > 1:
         raise typer.BadParameter("--list and --drop look at one session")
     if list_:
@@ -172,24 +168,10 @@ def what_if(
     _answer(questions, pool, json_)
 
 
-def _check_usage(*, changes: bool, propose: bool, list_: bool, drop: str | None) -> None:
-    wanted = [changes, propose, list_, drop is not None]
-    if sum(wanted) > 1:
-        raise typer.BadParameter("--propose, --list, --drop and settings to try exclude each other")
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        value = float(text)
-    except ValueError:
-        return text
-    return value if math.isfinite(value) else text
-
-
 def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
-    from rsoconsole.cli.words import answer_lines, answer_report
+    from rsoconsole.cli.words import answer_lines
     from rsoconsole.pipeline.batch import answer, no_answer, share_out
 
     failures = 0
@@ -198,7 +180,8 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
         with progress("frames looked through") as on_frame:
             answers = [answer(questions[0], on_frame)]
     else:
-        whole = [replace(q, session=path) for q, path in _resolved(questions)]
+        paths = everywhere([each.session for each in questions])
+        whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
             answers = list(
                 share_out(
@@ -206,7 +189,7 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
                     whole,
                     pool,
                     failed=no_answer,
-                    paths=[question.session for question in whole],
+                    paths=paths,
                     on_done=on_done,
                 )
             )
@@ -218,20 +201,15 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
                 output.emit_json({"session": shown, "error": found.error})
             output.complain(f"rsoconsole: {found.error}")
         elif json_:
-            output.emit_json({"session": shown, **answer_report(found)})
+            output.emit_json(found, session=shown)
         else:
-            for line in answer_lines(shown, found):
-                output.say(line)
+            output.say(*answer_lines(shown, found))
     if failures:
         raise typer.Exit(1)
 
 
-def _resolved(questions: "list[Question]") -> "Iterable[tuple[Question, Path]]":
-    return zip(questions, everywhere([q.session for q in questions]), strict=True)
-
-
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
-    from rsoconsole.cli.words import proposal_lines, proposal_report
+    from rsoconsole.cli.words import proposal_lines
     from rsoconsole.pipeline.replay import check_name, save_branch, what_if_session
     from rsoconsole.pipeline.tuning import propose
 
@@ -245,12 +223,13 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
     if save is not None and found.changes:
         branches = [save_branch(effect, save, force=force) for effect in effects]
     if json_:
-        output.emit_json(proposal_report(found, effects, branches))
+        figures = [
+            {"session": each.session, "recorded": each.recorded, "what_if": each.what_if}
+            for each in effects
+        ]
+        output.emit_json(found, branches=branches, effects=figures)
         return
-    for line in proposal_lines(found, effects):
-        output.say(line)
-    for folder in branches:
-        output.say(f"  kept as {folder}")
+    output.say(*proposal_lines(found, effects), *(f"  kept as {folder}" for folder in branches))
     if save is not None and not branches:
         output.say("  nothing is proposed that could be kept")
 
@@ -258,33 +237,24 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
 def _list_branches(session: Path, json_: bool) -> None:
     from rsoconsole.pipeline.replay import branches_of
     from rsoconsole.session.reading import SessionReader
-    from rsoconsole.sky import utc_ns_to_iso
 
     SessionReader(session)  # says so where it is none
     for branch in branches_of(session):
-        made = branch.t_made_utc_ns
-        if json_:
-            report: dict[str, Any] = {
-                "session": str(session),
-                "branch": branch.name,
-                "folder": str(branch.folder),
-                "made_utc": None if made is None else utc_ns_to_iso(made),
-                "tried": branch.changes,
-                **(branch.figures or {"recorded": None, "what_if": None}),
-                "fault": branch.fault,
-            }
-            output.emit_json(report)
-            continue
-        changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
-        when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
-        output.say(f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}")
+        output.answer(json_, branch, _branch_line, session=session)
+
+
+def _branch_line(branch: "Branch") -> str:
+    from rsoconsole.sky import utc_ns_to_iso
+
+    made = branch.t_made_utc_ns
+    changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
+    when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
+    return f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}"
 
 
 def _drop_branch(session: Path, name: str, json_: bool) -> None:
     from rsoconsole.pipeline.replay import drop_branch
 
     folder = drop_branch(session, name)
-    if json_:
-        output.emit_json({"session": str(session), "dropped": name, "folder": str(folder)})
-    else:
-        output.say(f"{folder} is deleted")
+    found = {"session": str(session), "dropped": name, "folder": str(folder)}
+    output.answer(json_, found, lambda _: f"{folder} is deleted")

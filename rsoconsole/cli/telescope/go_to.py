@@ -58,8 +58,7 @@ def goto(
     )
     preview = read_preview(_answer(client, Preview(move=move)))
     if not json_:
-        for line in understood_lines(found, preview):
-            output.say(line)
+        output.say(*understood_lines(found, preview))
     follower = Follower(client) if wait else None
     outcome = client.send(move)
     if follower is not None and outcome.ok:

@@ -1,12 +1,17 @@
 """Verbs that keep the house: doctor, config, index."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, output
 from rsoconsole.config import default_config_path, load_config
+
+if TYPE_CHECKING:
+    from rsoconsole.config import Setting
+    from rsoconsole.engine.doctor import Check
 
 config_app = typer.Typer(
     no_args_is_help=True, help="The effective configuration: show, init, check."
@@ -47,23 +52,17 @@ def doctor(
     failed = 0
     for check in run_checks(load_config(config)):
         failed += check.ok is False
-        if json_:
-            output.emit_json(
-                {
-                    "check": check.check,
-                    "ok": check.ok,
-                    "detail": check.detail,
-                    "remedy": check.remedy,
-                }
-            )
-            continue
-        mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
-        output.say(f"{mark} {check.check:16} {check.detail}")
-        if not check.ok and check.remedy:
-            output.say(f"     {'':16} {check.remedy}")
+        output.answer(json_, check, _check_lines)
     if failed:
         output.complain(f"rsoconsole: {failed} check(s) failed; each says what to do")
         raise typer.Exit(1)
+
+
+def _check_lines(check: "Check") -> Iterator[str]:
+    mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
+    yield f"{mark} {check.check:16} {check.detail}"
+    if not check.ok and check.remedy:
+        yield f"     {'':16} {check.remedy}"
 
 
 @config_app.command("show")
@@ -78,20 +77,13 @@ def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
     from rsoconsole.config import effective_settings
 
     for setting in effective_settings(config):
-        if json_:
-            output.emit_json(
-                {
-                    "name": setting.name,
-                    "value": setting.value,
-                    "origin": setting.origin,
-                    "variable": setting.variable,
-                    "description": setting.description,
-                }
-            )
-        else:
-            value = "-" if setting.value is None else setting.value
-            origin = setting.variable or setting.origin
-            output.say(f"{setting.name:30} {value!s:24} {origin:12} {setting.description}")
+        output.answer(json_, setting, _setting_line)
+
+
+def _setting_line(setting: "Setting") -> str:
+    value = "-" if setting.value is None else setting.value
+    origin = setting.variable or setting.origin
+    return f"{setting.name:30} {value!s:24} {origin:12} {setting.description}"
 
 
 @config_app.command("init")
@@ -118,10 +110,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
 
     faults = config_faults(config)
     for fault in faults:
-        if json_:
-            output.emit_json({"name": fault.name, "problem": fault.problem, "remedy": fault.remedy})
-        else:
-            output.say(f"{fault.name or 'file'}: {fault.problem}: {fault.remedy}")
+        output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
     if faults:
         output.complain(f"rsoconsole: {len(faults)} fault(s) in the configuration")
         raise typer.Exit(1)
@@ -157,21 +146,12 @@ def index_list(config: ConfigOption = None, json_: JsonOption = False) -> None:
     settings = load_config(config)
     needed = needed_scales(settings.optics.field_deg)
     for file in list_index_files(config_search_dirs(settings.solver)):
-        row = {
-            "path": str(file.path),
-            "scale": file.scale,
-            "dec_min": file.dec_deg[0],
-            "dec_max": file.dec_deg[1],
-            "bytes": file.size_bytes,
-            "ok": file.is_healthy,
-            "needed": file.scale in needed,
-            "fault": file.fault or None,
-        }
+        is_needed = file.scale in needed
         if json_:
-            output.emit_json(row)
+            output.emit_json(file, is_needed=is_needed)
             continue
         cover = f"Dec {file.dec_deg[0]:+.0f} to {file.dec_deg[1]:+.0f}"
-        note = file.fault or ("needed" if row["needed"] else "")
+        note = file.fault or ("needed" if is_needed else "")
         size = f"{file.size_bytes / 1e6:6.1f} MB"
         output.say(f"{file.scale or '?':>4}  {cover:18} {size}  {note:8} {file.path}")
     if not json_:

@@ -4,7 +4,6 @@ A command that has an example for the shell is a verb here; its fields are argum
 """
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
-from rsoconsole.cli.words import JsonOption, SocketOption, completion, output
+from rsoconsole.cli.words import JsonOption, SocketOption, completion, number_or_text, output
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
 
@@ -139,15 +138,6 @@ def _value(hint: Any, given: Any) -> Any:
     if isinstance(given, list):
         return tuple(given)
     return number_or_text(given) if {str, float} <= {*get_args(hint)} else given
-
-
-def number_or_text(value: str) -> float | str:
-    """A number where that is one that can be worked with, else the text itself."""
-    try:
-        number = float(value)
-    except ValueError:
-        return value
-    return number if math.isfinite(number) else value
 
 
 def _has_numbers(command: type[Command]) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output, piped, progress
+from rsoconsole.cli.words import ConfigOption, JsonOption, catalogue_of, output, piped, progress
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 
@@ -85,20 +85,12 @@ def passes(
         output.say(f"no pass {span.words}: {_left_out_words(found, top)}")
         return
     dark = any(each.lit_from_utc_ns is None for each in shown)
-    output.say(f"{len(shown)} passes {span.words}" + "; * in shadow" * dark, HEADER)
-    for each in shown:
-        output.say(_line(each))
+    head = f"{len(shown)} passes {span.words}" + "; * in shadow" * dark
+    output.say(head, HEADER, *map(_line, shown))
 
 
 def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[CatalogueEntry]":
-    from rsoconsole.pipeline.orbits import read_catalogue
-
-    if not files:
-        raise OrbitError(
-            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
-            " configuration"
-        )
-    entries = read_catalogue(files)
+    entries = catalogue_of(files)
     known = {each.norad_id for each in entries}
     missing = [str(each) for each in norad if each not in known]
     if missing:

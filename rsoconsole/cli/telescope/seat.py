@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import SocketOption, completion, output
-from rsoconsole.config import Graphics
+from rsoconsole.cli.words import GraphicsOption, SocketOption, completion, output
 from rsoconsole.instruments.mount import stop_past_engine
 
 
@@ -26,10 +25,7 @@ def console(
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Only look; STOP works all the same.")
     ] = False,
-    graphics: Annotated[
-        Graphics | None,
-        typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
-    ] = None,
+    graphics: GraphicsOption = None,
     socket: SocketOption = None,
 ) -> None:
     """The operator's console: attaches to the running engine and shows its whole night.

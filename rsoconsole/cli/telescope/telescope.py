@@ -164,9 +164,7 @@ def status(
     words.extend(f"FAULT {fault}" for fault in status.faults)
     if status.state == "FAULT" and not status.faults:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
-    output.say(" · ".join(words))
-    for lack in status.mount_lacks:
-        output.say(lack)
+    output.say(" · ".join(words), *status.mount_lacks)
     _say_field(status)
 
 
@@ -199,8 +197,7 @@ def _say_field(status: Status) -> None:
         lines += track_table(status)
         lines += [] if status.next_aim is None else [next_aim_words(status.next_aim)]
     lines += field_words(status.pairs, status.unseen, status.uncatalogued)
-    for line in lines:
-        output.say(line)
+    output.say(*lines)
 
 
 def stop(

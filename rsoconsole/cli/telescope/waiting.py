@@ -5,7 +5,6 @@ nothing could be measured. The seconds are the engine's: a simulated night's go 
 """
 
 import contextlib
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from rsoconsole.cli.words import bars_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.control import AskStatus, Outcome, Status, motion_words
 from rsoconsole.errors import ControlError, SessionError
@@ -198,17 +198,8 @@ def _how(status: Status) -> str:
 @contextlib.contextmanager
 def _shown() -> Iterator[Callable[[str], None]]:
     """What the mount does meanwhile, on a terminal's stderr, nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn
+    from rich.progress import SpinnerColumn, TextColumn
 
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-        redirect_stdout=False,
-        redirect_stderr=False,
-    ) as line:
+    with bars_of(SpinnerColumn(), TextColumn("{task.description}")) as line:
         task = line.add_task("waits for the mount", total=None)
         yield lambda words: line.update(task, description=words)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress, ProgressColumn, TaskID
 
 WorkersOption = Annotated[
     int | None, typer.Option(min=1, help="How many sessions at once; default: the cores there are.")
@@ -53,17 +53,31 @@ class Bar:
             self._bars.start()
 
 
+def bars_of(*columns: "ProgressColumn") -> "Progress":
+    """On a terminal's stderr, gone in the end; nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    # stdout is the program's answer and may be a pipe: it never passes through a bar.
+    return Progress(
+        *columns,
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )
+
+
 @contextlib.contextmanager
 def progress(words: str, total: int | None = None) -> Iterator[Bar]:
     """A bar up to ``total`` steps; a count of them where their number is not known."""
     if not sys.stderr.isatty():
         yield Bar()
         return
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
-        Progress,
         ProgressColumn,
         SpinnerColumn,
         TextColumn,
@@ -74,14 +88,7 @@ def progress(words: str, total: int | None = None) -> Iterator[Bar]:
     columns: tuple[ProgressColumn, ...] = (name, BarColumn(), MofNCompleteColumn(), elapsed)
     if total is None:
         columns = (SpinnerColumn(), name, TextColumn("{task.completed:.0f}"), elapsed)
-    # stdout is the program's answer and may be a pipe: it never passes through the bar.
-    with Progress(
-        *columns,
-        console=Console(stderr=True),
-        transient=True,
-        redirect_stdout=False,
-        redirect_stderr=False,
-    ) as bars:
+    with bars_of(*columns) as bars:
         yield Bar(bars, bars.add_task(words, total=total))
 
 
@@ -92,19 +99,10 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
     What is called takes what is done, how many bytes of it, of how many; it may be called from
     any thread.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description:12}"), BarColumn(), DownloadColumn())
-    with Progress(
-        *columns,
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-        redirect_stdout=False,
-        redirect_stderr=False,
-    ) as bars:
+    name = TextColumn("{task.description:12}")
+    with bars_of(name, BarColumn(), DownloadColumn(), TimeRemainingColumn()) as bars:
         task = bars.add_task("", total=None)
 
         def report(doing: str, done: int, total: int) -> None:

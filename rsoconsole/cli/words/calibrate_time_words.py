@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
+from rsoconsole.cli.words import output
 from rsoconsole.orbits.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
 from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
 
@@ -14,107 +16,37 @@ _SOURCES = {
 }
 
 
-_KEYS = (
-    *("camera_mode", "bias_s", "bias_sigma_s", "scatter_s", "scatter_sigma_s"),
-    *("line_time_us", "line_time_sigma_us"),
-)
-
-
-def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
-    """One object."""
+def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
+    """What is printed as JSON: the result's records, each mode with its timing."""
     calibration = found.calibration
+    modes = [_mode_report(mode, timing) for mode, timing in found.modes]
+    measured = [each for each in modes if "measurements" in each]
+    of_nights = zip(found.nights, calibration.drift_arcsec, calibration.is_separated, strict=True)
     return {
-        "source": found.kind,
+        "kind": found.kind,
         "is_sanity_check": found.kind == "tle",
-        "measured_on": found.measured_on.isoformat(),
-        **_of_most_streaks(found),
-        "modes": [_mode_report(mode, timing) for mode, timing in found.modes],
+        "measured_on": found.measured_on,
+        "of_most_streaks": max(measured, key=lambda each: each["measurements"], default=None),
+        "modes": modes,
         "nights": [
-            {
-                "day": night.day.isoformat(),
-                "sessions": [str(folder) for folder in night.folders],
-                "streaks": night.streaks,
-                "candidates": night.candidates,
-                "clock_offset_s": night.clock_offset_s,
-                "catalogue_drift_arcsec": [each.value for each in drift],
-                "catalogue_drift_sigma_arcsec": [each.sigma for each in drift],
-                "is_drift_told_apart": is_apart,
-            }
-            for night, drift, is_apart in zip(
-                found.nights, calibration.drift_arcsec, calibration.is_separated, strict=True
-            )
+            {**output.keyed(night), "drift_arcsec": drift, "is_separated": is_separated}
+            for night, drift, is_separated in of_nights
         ],
-        "satellites": [
-            {
-                "satellite": each.name,
-                "norad_id": each.norad_id,
-                "name": each.norad_name or None,
-                "streaks": each.streaks,
-                "rate_arcsec_s": each.rate_arcsec_s,
-                "position_angle_deg": each.position_angle_deg,
-            }
-            for each in found.satellites
-        ],
+        "satellites": found.satellites,
         "place_arcsec": calibration.place_arcsec,
         "error_scale": calibration.error_scale,
-        "rejected": sum(not each for each in calibration.is_used),
-        "skipped": dict(found.skipped),
+        "rejected": calibration.is_used.count(False),
+        "skipped": found.skipped,
         "cautions": list(cautions(found)),
         "written": written,
     }
 
 
-def _of_most_streaks(found: FoundTiming) -> dict[str, Any]:
-    """The mode in which most was measured, for those who have one."""
-    measured = [(timing.measurements, mode, timing) for mode, timing in found.modes if timing]
-    if not measured:
-        return dict.fromkeys(_KEYS)
-    _, mode, timing = max(measured, key=lambda each: each[0])
-    line = timing.line_time_s
-    return {
-        "camera_mode": mode_words(mode),
-        "bias_s": timing.bias_s.value,
-        "bias_sigma_s": timing.bias_s.sigma,
-        "scatter_s": timing.scatter_s.value,
-        "scatter_sigma_s": timing.scatter_s.sigma,
-        "line_time_us": line.value * 1e6,
-        "line_time_sigma_us": line.sigma * 1e6 if timing.is_line_time_found else None,
-    }
-
-
 def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
-    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
-    report: dict[str, Any] = {
-        "exposure_s": mode.exposure_s,
-        "binning": binning,
-        "width": width_px,
-        "height": height_px,
-        "x0_px": x0_px,
-        "y0_px": y0_px,
-        "gain": gain,
-        "time_by": time_by,
-    }
-    if timing is None:
-        return {**report, "bias_s": None}
-    return {
-        **report,
-        "bias_s": timing.bias_s.value,
-        "bias_sigma_s": timing.bias_s.sigma,
-        "scatter_s": timing.scatter_s.value,
-        "scatter_sigma_s": timing.scatter_s.sigma,
-        "line_time_us": timing.line_time_s.value * 1e6,
-        "line_time_sigma_us": (
-            timing.line_time_s.sigma * 1e6 if timing.is_line_time_found else None
-        ),
-        "middle_row_px": timing.middle_row_px,
-        "bias_at_middle_s": timing.bias_at_middle_s.value,
-        "bias_at_middle_sigma_s": timing.bias_at_middle_s.sigma,
-        "night_spread_s": timing.night_spread_s,
-        "measurements": timing.measurements,
-        "frames": timing.frames,
-        "tracks": timing.tracks,
-        "rejected": timing.rejected,
-    }
+    names = ("binning", "width", "height", "x0_px", "y0_px", "gain", "time_by")
+    read_out = dict(zip(names, mode.read_out, strict=True))
+    known = {"bias_s": None} if timing is None else output.keyed(timing)
+    return {"mode": mode_words(mode), "exposure_s": mode.exposure_s, **read_out, **known}
 
 
 def timing_lines(found: FoundTiming) -> Iterator[str]:

@@ -1,9 +1,16 @@
 """How far elements are taken to be off, and by what, in words; 80 columns at most."""
 
+import itertools
+import math
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
+from rsoconsole.cli.words import output
+from rsoconsole.config import CatalogueConfig
+from rsoconsole.orbits.identification import ElementRow, FittedFactors
+
+AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)
 KINDS = {
     "GEO": "geosynchronous orbits",
     "MEO": "medium orbits",
@@ -24,12 +31,11 @@ def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> 
 
 
 def _measured(each: dict[str, Any]) -> str:
-    words = _counted(each, "own track")
+    words = _counted(each["tracks"], each["objects"], "own track")
     return f"errors of {KINDS[each['regime']]} by {words}, to {each['oldest_days']:.0f} days"
 
 
-def _counted(each: dict[str, Any], what: str = "track") -> str:
-    tracks, objects = each["tracks"], each["objects"]
+def _counted(tracks: int, objects: int, what: str = "track") -> str:
     return (
         f"{tracks} {what}{'s' if tracks > 1 else ''} of {objects}"
         f" object{'s' if objects > 1 else ''}"
@@ -38,6 +44,41 @@ def _counted(each: dict[str, Any], what: str = "track") -> str:
 
 def _joined(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def regime_report(
+    fitted: FittedFactors, rows: Sequence[ElementRow], catalogue: CatalogueConfig
+) -> dict[str, Any]:
+    """One kind of orbit, for JSON and lines; ``rows`` are the ledger's."""
+    own = [each for each in rows if each.regime == fitted.regime]
+    in_use = [each for each in catalogue.error_factors if each.regime == fitted.regime]
+    return {
+        **output.keyed(fitted),
+        "youngest_days": min(abs(each.age_days) for each in own),
+        "in_use": in_use[0].model_dump(mode="json") if in_use else None,
+        "ages": [
+            _age_report(low, high, bin_rows)
+            for low, high in itertools.pairwise(AGES_DAYS)
+            if (bin_rows := [r for r in own if low <= abs(r.age_days) < high])
+        ],
+    }
+
+
+def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str, Any]:
+    return {
+        "from_days": low,
+        "to_days": high if math.isfinite(high) else None,
+        "tracks": len(rows),
+        "objects": len({each.norad_id for each in rows}),
+        "along_rms_s": _rms([each.along_s for each in rows]),
+        "along_rms_km": _rms([each.along_km for each in rows]),
+        "across_rms_arcsec": _rms([each.across_arcsec for each in rows]),
+        "across_rms_km": _rms([each.across_km for each in rows]),
+    }
+
+
+def _rms(values: Sequence[float]) -> float:
+    return math.sqrt(sum(each**2 for each in values) / len(values))
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
@@ -51,8 +92,8 @@ def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
 def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield (
-        f"{KINDS[each['regime']]}: {_counted(each)}, weighed as {each['counted_as']:.0f};"
-        f" to {each['t_last_utc'][:10]}"
+        f"{KINDS[each['regime']]}: {_counted(each['rows'], each['objects'])},"
+        f" weighed as {each['counted']:.0f}; to {each['t_last_utc'][:10]}"
     )
     yield f"  {'age, days':>9} {'tracks':>7} {'objects':>8} {'along, rms':>20} {'across, rms':>20}"
     for one in each["ages"]:
@@ -64,7 +105,7 @@ def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
     used = each["in_use"]
     yield f"  times the assumed errors{'':14} measured{'':6} in use"
     for name, words in _FACTORS.items():
-        value, sigma = each["factors"][name], each["factors"][f"{name}_sigma"]
+        value, sigma = each["factors"][name], each["sigmas"][name]
         now = 1.0 if used is None else used[name]
         yield f"    {words:34} {value:5.2f} ± {sigma:<5.2f} {now:7.2f}"
 

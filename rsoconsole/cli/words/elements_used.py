@@ -1,9 +1,26 @@
-"""Which element files a session is identified by, where no option names them."""
+"""Which elements names are sought in, where an option names them and where none does."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rsoconsole.cli.words import output
+from rsoconsole.errors import OrbitError
+
+if TYPE_CHECKING:
+    from rsoconsole.orbits.elements import CatalogueEntry
+
+
+REMEDY = "name element sets with --tle FILE, or in catalogue.tle_files of the configuration"
+
+
+def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
+    """What is in these files. Raises OrbitError with the remedy where none is named."""
+    from rsoconsole.pipeline.orbits import read_catalogue
+
+    if not files:
+        raise OrbitError(f"no catalogue: {REMEDY}")
+    return read_catalogue(files)
 
 
 def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
@@ -13,8 +30,7 @@ def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
     """
     from rsoconsole.pipeline.orbits import elements_used
 
-    remedy = "name element sets with --tle FILE, or in catalogue.tle_files of the configuration"
-    used = elements_used(path, configured, remedy)
+    used = elements_used(path, configured, REMEDY)
     if used.is_recorded:
         named = ", ".join(map(str, used.files))
         output.complain(f"rsoconsole: by the elements that the session was recorded with: {named}")

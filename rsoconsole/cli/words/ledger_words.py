@@ -1,10 +1,10 @@
-"""Uncatalogued objects in columns and as JSON; 80 columns at most."""
+"""Uncatalogued objects in columns; 80 columns at most."""
 
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
 
-from rsoconsole.cli.words.output import direction_text
-from rsoconsole.session.ledgers import LedgerObject, LedgerTrack
+from rsoconsole.cli.words import output
+from rsoconsole.session.ledgers import LedgerObject
 from rsoconsole.sky import utc_ns_to_iso
 
 HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
@@ -26,7 +26,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
     """All that is known of one."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
-    yield f"  last direction   {direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
+    yield f"  last direction   {output.direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
     yield (
         f"  motion           {last.rate_east_arcsec_s:+.3f} arcsec/s east,"
         f" {last.rate_north_arcsec_s:+.3f} north"
@@ -48,40 +48,13 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
         )
 
 
-def object_json(known: LedgerObject) -> dict[str, Any]:
-    """The object that JSON.md promises."""
-    last = known.last
-    orbit = last.orbit
-    return {
-        "number": known.number,
-        "name": known.name or None,
-        "called": known.called,
-        "tracks": [_track_json(each) for each in known.tracks],
-        "nights": len({each.session for each in known.tracks}),
-        "t_first_utc": utc_ns_to_iso(known.tracks[0].t_first_utc_ns),
-        "t_last_utc": utc_ns_to_iso(last.t_last_utc_ns),
-        "label": None if orbit is None else orbit.label,
-        "a_km": None if orbit is None else orbit.a_km,
-        "e": None if orbit is None else orbit.e,
-        "i_deg": None if orbit is None else orbit.i_deg,
-        "ra": last.ra_icrs_deg,
-        "dec": last.dec_icrs_deg,
-        "rate_east_arcsec_s": last.rate_east_arcsec_s,
-        "rate_north_arcsec_s": last.rate_north_arcsec_s,
-        "simulated": last.is_simulated,
-    }
-
-
-def _track_json(track: LedgerTrack) -> dict[str, Any]:
-    return {
-        "session": track.session,
-        "folder": track.folder,
-        "track": track.track_id,
-        "t_first_utc": utc_ns_to_iso(track.t_first_utc_ns),
-        "t_last_utc": utc_ns_to_iso(track.t_last_utc_ns),
-        "observations": track.observations,
-        "label": None if track.orbit is None else track.orbit.label,
-    }
+def say_moved_aside(aside: Path | None) -> None:
+    """Where a damaged ledger is, if one had to be set aside."""
+    if aside is not None:
+        output.complain(
+            f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
+            " lines that can be read"
+        )
 
 
 def _clock(t_utc_ns: int) -> str:

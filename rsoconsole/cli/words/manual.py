@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from rsoconsole import __version__
+from rsoconsole.cli.words.usage import OWN_LINE
 from rsoconsole.config import APP
 
 _HEAD = """\
@@ -132,8 +133,6 @@ rsoconsole \\-\\-install\\-completion
 """
 WIDTH = 70
 _KINDS = re.compile(r"<(?:list\[)?(\w+)(?:\]| range)?>")
-_ALONE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
-"""How a line of help begins that stands for itself."""
 
 
 def manual_page(program: Any) -> str:
@@ -178,7 +177,7 @@ def _text_lines(text: str) -> Iterator[str]:
                 yield from (".PP",) if place or words.strip() else ()
                 yield from ("Example:", ".PP", ".EX", f"    {_line(command)}", ".EE")
             else:
-                yield from (".br",) if place and _ALONE.match(line) else ()
+                yield from (".br",) if place and OWN_LINE.match(line) else ()
                 yield from _lines(line)
 
 

@@ -1,12 +1,16 @@
-"""Options that several verbs have."""
+"""Options that several verbs have, and values as a shell gives them."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rsoconsole.cli.words import completion
+from rsoconsole.config import Graphics
 from rsoconsole.control import OVERRIDE_HELP
+from rsoconsole.errors import ConfigError
+from rsoconsole.records import Site
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
 SocketOption = Annotated[
@@ -18,7 +22,48 @@ SessionOption = Annotated[
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
 ]
+TauOption = Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Filter preset: adaptive, tuned or paper.", autocompletion=completion.presets
+    ),
+]
+GraphicsOption = Annotated[
+    Graphics | None,
+    typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
+]
 OverrideOption = Annotated[
     list[str] | None,
     typer.Option("--override", help=OVERRIDE_HELP, autocompletion=completion.checks),
 ]
+
+
+def site_of(text: str) -> Site:
+    """A site written LAT,LON,ELEV: degrees north, degrees east, metres (0 where left out).
+
+    Raises ConfigError for anything else.
+    """
+    try:
+        latitude_deg, longitude_deg, *height_m = map(float, text.split(","))
+        (elevation_m,) = height_m or (0.0,)
+    except ValueError as error:
+        raise ConfigError(f"--site {text!r}: write LAT,LON,ELEV, like 52.2,21.0,110") from error
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0):
+        raise ConfigError(f"--site {text!r}: latitude is -90 to 90, longitude -360 to 360")
+    if not -430.0 <= elevation_m <= 9000.0:
+        raise ConfigError(f"--site {text!r}: elevation is -430 to 9000 m")
+    return Site(
+        latitude_deg=latitude_deg,
+        longitude_deg=(longitude_deg + 180.0) % 360.0 - 180.0,
+        elevation_m=elevation_m,
+    )
+
+
+def number_or_text(value: str) -> float | str:
+    """A number where that is one that can be worked with, else the text itself."""
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    return number if math.isfinite(number) else value

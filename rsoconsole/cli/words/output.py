@@ -7,15 +7,19 @@ names of files may say whatever they like, and nothing of it reaches the termina
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from datetime import date
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
 from rsoconsole.control import SCHEMA, one_line, printable
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
+Answer = TypeVar("Answer")
 WITH_UNITS: Mapping[str, str] = MappingProxyType(
     {
         "ra": "ra_icrs_deg",
@@ -24,8 +28,6 @@ WITH_UNITS: Mapping[str, str] = MappingProxyType(
         "az": "az_deg",
         "mount_ra": "mount_ra_icrs_deg",
         "mount_dec": "mount_dec_icrs_deg",
-        "dec_min": "dec_min_icrs_deg",
-        "dec_max": "dec_max_icrs_deg",
         "x": "x_px",
         "y": "y_px",
         "x_a": "x_a_px",
@@ -42,13 +44,27 @@ WITH_UNITS: Mapping[str, str] = MappingProxyType(
 """A key of the first version -> the one with its unit and frame that stands beside it."""
 
 
-def emit_json(value: Mapping[str, Any]) -> None:
-    """One object, one line; NaN and infinity become null.
+def emit_json(found: Any, **more: Any) -> None:
+    """One object, one line, of a record or a mapping; NaN and infinity become null.
 
     It carries the number of the schema, and the keys with units beside those without.
     """
-    whole = {"schema": SCHEMA, **_with_units(value)}
+    whole = {"schema": SCHEMA, **keyed(found), **keyed(more)}
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
+
+
+def answer(
+    json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]], **more: Any
+) -> None:
+    """What a verb found: as JSON alone, or in lines for a person, which are made only then.
+
+    ``more``: what the JSON has besides.
+    """
+    if json_:
+        emit_json(found, **more)
+        return
+    words = lines(found)
+    say(*((words,) if isinstance(words, str) else words))
 
 
 def say(*lines: str) -> None:
@@ -73,22 +89,41 @@ def direction_text(ra_deg: float, dec_deg: float) -> str:
     return f"{format_ra(ra_deg)} {format_dec(dec_deg)}"
 
 
-def _with_units(value: Any) -> Any:
+def keyed(value: Any) -> Any:
+    """Records as mappings, at every depth; beside each key without its unit stands one with it.
+
+    A record has the names of its fields and properties, an instant also as ``NAME_utc``.
+    """
     if isinstance(value, list | tuple):
-        return [_with_units(item) for item in value]
+        return [keyed(item) for item in value]
+    is_record = is_dataclass(value)
+    if is_record:
+        value = {name: getattr(value, name) for name in _names_of(value)}
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
     for key, item in value.items():
-        result[str(key)] = _with_units(item)
+        result[str(key)] = keyed(item)
         if key in WITH_UNITS:
             result.setdefault(WITH_UNITS[key], result[key])
+        if is_record and key.endswith("_utc_ns"):
+            result[key.removesuffix("_ns")] = None if item is None else utc_ns_to_iso(item)
     return result
+
+
+def _names_of(record: Any) -> list[str]:
+    own = vars(type(record)).items()
+    return [
+        *(each.name for each in fields(record)),
+        *(name for name, each in own if isinstance(each, property) and name[0] != "_"),
+    ]
 
 
 def _finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if isinstance(value, Path | date):
+        return str(value)
     if isinstance(value, dict):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

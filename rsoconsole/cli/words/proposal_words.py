@@ -1,48 +1,13 @@
-"""A proposal of Q and R in words and as JSON."""
+"""A proposal of Q and R in words."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from rsoconsole.cli.words.what_if_words import figures_lines, figures_report
+from rsoconsole.cli.words.what_if_words import figures_lines
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import WhatIf
     from rsoconsole.pipeline.tuning import Proposal, Soundness
-
-
-def proposal_report(
-    proposal: "Proposal", effects: "Sequence[WhatIf]", branches: Sequence[Path]
-) -> dict[str, Any]:
-    """The object of ``rsoconsole what-if --propose``."""
-    figures = [
-        {
-            "session": str(each.session),
-            "recorded": figures_report(each.recorded),
-            "what_if": figures_report(each.what_if),
-        }
-        for each in effects
-    ]
-    fields = asdict(proposal)
-    fields["tried"] = fields.pop("changes")
-    alone = figures[0] if len(figures) == 1 else dict.fromkeys(("session", "recorded", "what_if"))
-    return {
-        **alone,
-        "tried": dict(proposal.changes),
-        "sessions": figures,
-        "branches": [str(folder) for folder in branches],
-        "proposal": {
-            **fields,
-            "sessions": [str(folder) for folder in proposal.sessions],
-            "before": _soundness_report(proposal.before),
-            "after": _soundness_report(proposal.after),
-        },
-    }
-
-
-def _soundness_report(found: "Soundness | None") -> dict[str, Any] | None:
-    return None if found is None else {**asdict(found), "is_nis_in_band": found.is_nis_in_band}
 
 
 def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from rsoconsole.control import SCHEMA
 
 if TYPE_CHECKING:
     from rsoconsole.session.files import Finding, Verification
-    from rsoconsole.session.upkeep import Repair, SessionSummary, Step
+    from rsoconsole.session.upkeep import Archive, Repair, SessionSummary, Step
 
 MOST_ALIKE = 3
 """Findings of one sort that are told one by one; --json tells all."""
@@ -19,30 +20,6 @@ MOST_ALIKE = 3
 def schemas(of_session: Any) -> dict[str, Any]:
     """The session's schema and that of the JSON: the key ``schema`` has long been the former."""
     return {"session_schema": of_session, "json_schema": SCHEMA}
-
-
-def summary_json(each: "SessionSummary") -> dict[str, Any]:
-    """A session at a glance, as --json gives it."""
-    return {
-        "session": str(each.folder),
-        "title": each.title,
-        "state": each.state,
-        "t_first_utc": _iso(each.t_first_utc_ns),
-        "t_last_utc": _iso(each.t_last_utc_ns),
-        "duration_s": each.duration_s,
-        "frames": each.frames,
-        "records": each.records,
-        "followed_frames": each.followed_frames,
-        "followed_share": each.followed_share,
-        "size_bytes": each.size_bytes,
-        "schema": each.schema,
-        **schemas(each.schema),
-        "simulated": each.is_simulated,
-        "kept": each.is_kept,
-        "branches": list(each.branches),
-        "fault": each.fault,
-        "rescues": None if each.rescues is None else str(each.rescues),
-    }
 
 
 HEADER = "begin, UTC         length  frames  followed       size  state     session"
@@ -68,36 +45,11 @@ def summary_words(each: "SessionSummary") -> str:
     )
 
 
-def verification_json(found: "Verification") -> dict[str, Any]:
-    """What was found in a session, as --json gives it."""
-    return {
-        "session": str(found.session),
-        "ok": found.is_sound,
-        "state": found.state,
-        "schema": found.schema,
-        **schemas(found.schema),
-        "records": found.records,
-        "frames": found.frames,
-        "files": found.files,
-        "bytes": found.bytes,
-        "digest": found.digest,
-        "findings": [
-            {
-                "severity": each.severity,
-                "place": each.place,
-                "what": each.what,
-                "remedy": each.remedy,
-            }
-            for each in found.findings
-        ],
-    }
-
-
-def say_verification(found: "Verification") -> None:
+def verification_lines(found: "Verification") -> Iterator[str]:
     """What was found in a session; of many alike only the first are told."""
     digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
     state = "sound" if found.is_sound else "DAMAGED"
-    output.say(
+    yield (
         f"{found.session}: {state}, {found.state}; {found.records} records, "
         f"{digest[found.digest]}; {found.files} files, {size_words(found.bytes)} read"
     )
@@ -106,10 +58,10 @@ def say_verification(found: "Verification") -> None:
         sort = (each.severity, each.what)
         alike[sort] += 1
         if alike[sort] <= MOST_ALIKE:
-            output.say(_finding_words(each))
+            yield _finding_words(each)
     for (severity, what), number in alike.items():
         if number > MOST_ALIKE:
-            output.say(f"  {severity:8} and {number - MOST_ALIKE} more: {what}")
+            yield f"  {severity:8} and {number - MOST_ALIKE} more: {what}"
 
 
 def _finding_words(each: "Finding") -> str:
@@ -117,50 +69,17 @@ def _finding_words(each: "Finding") -> str:
     return f"  {each.severity:8} {each.place}: {each.what}{remedy}"
 
 
-def repair_json(done: "Repair") -> dict[str, Any]:
-    """What was done to a session, as --json gives it."""
-    saved = done.recovered
-    return {
-        "session": str(done.session),
-        "changed": done.did_anything,
-        "closed": done.closed,
-        "folded": done.folded,
-        "adopted": done.adopted,
-        "removed": done.removed,
-        "left": [{"path": path, "why": why} for path, why in done.left.items()],
-        "merged": [
-            {
-                "rescue": str(each.rescue),
-                "session": str(each.session),
-                "records": each.records,
-                "files": each.files,
-            }
-            for each in done.merged
-        ],
-        "unmerged": [{"rescue": str(path), "why": why} for path, why in done.unmerged.items()],
-        "recovered": None
-        if saved is None
-        else {
-            "session": str(saved.folder),
-            "records": saved.records,
-            "missing": saved.missing,
-            "files": saved.files,
-            "new": saved.is_new,
-        },
-    }
-
-
-def say_repair(done: "Repair") -> None:
+def repair_lines(done: "Repair") -> Iterator[str]:
     """What was done to a session."""
     saved = done.recovered
     if saved is not None:
         lost = f", {saved.missing} missing" if saved.missing else ", none missing up to the last"
         again = "" if saved.is_new else " already"
-        output.say(
+        yield (
             f"{done.session}: damaged, and left as it is; {saved.records} records{lost} and "
             f"{saved.files} files are saved{again} in {saved.folder}"
         )
-        _say_rescues(done)
+        yield from _rescue_lines(done)
         return
     deeds = [
         *(["closed, with the digest of its log"] if done.closed else []),
@@ -168,33 +87,27 @@ def say_repair(done: "Repair") -> None:
         *([f"{len(done.adopted)} files taken in"] if done.adopted else []),
         *([f"{len(done.removed)} half-written files removed"] if done.removed else []),
     ]
-    output.say(f"{done.session}: {'; '.join(deeds) or 'nothing to do'}")
+    yield f"{done.session}: {'; '.join(deeds) or 'nothing to do'}"
     for path, why in done.left.items():
-        output.say(f"  left     {path}: {why}")
-    _say_rescues(done)
+        yield f"  left     {path}: {why}"
+    yield from _rescue_lines(done)
 
 
-def _say_rescues(done: "Repair") -> None:
+def _rescue_lines(done: "Repair") -> Iterator[str]:
     for each in done.merged:
-        output.say(
+        yield (
             f"  merged   {each.rescue}: {each.records} records and {each.files} rows of files are"
             f" now in {each.session}, read back; the rescue session is removed"
         )
     for path, why in done.unmerged.items():
-        output.say(f"  kept     {path}, a rescue session, is not merged: {why}")
+        yield f"  kept     {path}, a rescue session, is not merged: {why}"
 
 
-def step_json(step: "Step", what: str, is_done: bool) -> dict[str, Any]:
-    """What becomes of a session, as --json gives it."""
-    return {
-        "session": str(step.session),
-        "goes": step.goes,
-        "what": what,
-        "why": step.why,
-        "files": len(step.files),
-        "bytes": step.bytes,
-        "done": is_done and step.goes,
-    }
+def archive_words(made: "Archive") -> str:
+    """What was packed, and where it lies."""
+    gone = "; the original is removed" if made.is_removed else ""
+    size = size_words(made.bytes)
+    return f"{made.path}: {made.files} files, {size}, read back and verified{gone}"
 
 
 def step_words(step: "Step") -> str:

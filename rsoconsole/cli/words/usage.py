@@ -3,18 +3,20 @@
 import inspect
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import typer
 
-from rsoconsole.config import APP, hiding_variables
+from rsoconsole.cli.words import output
+from rsoconsole.config import APP, default_config_path, hiding_variables
 from rsoconsole.fault_text import nearest, plain_fault
 
 USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-_OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
+OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
 """How a line of help begins that stands for itself."""
 
 
@@ -36,7 +38,7 @@ def folded(text: str) -> str:
     for paragraph in inspect.cleandoc(text).split("\n\n"):
         lines: list[str] = []
         for line in map(str.strip, paragraph.splitlines()):
-            if lines and not _OWN_LINE.match(line):
+            if lines and not OWN_LINE.match(line):
                 lines[-1] += f" {line}"
             else:
                 lines.append(line)
@@ -54,12 +56,20 @@ def usage_line(error: Any) -> str:
     return f"{path}: {words[:1].lower()}{words[1:]}{remedy}"
 
 
-def hidden_words(names: Iterable[str]) -> list[str]:
-    """What to say where settings are written to a file that environment variables hide."""
-    return [
-        f"{APP}: {each} is set and counts more than the file: unset it"
-        for each in hiding_variables(names, os.environ)
-    ]
+def set_in_file(
+    config: Path | None, settings: Mapping[str, Any], *, is_secret: bool = False
+) -> Path:
+    """Write settings into the configuration file; its place. Raises ConfigError.
+
+    Environment variables that hide them are named.
+    """
+    from rsoconsole.config import write_settings
+
+    path = config or default_config_path()
+    write_settings(path, settings, is_secret=is_secret)
+    for each in hiding_variables(settings, os.environ):
+        output.complain(f"{APP}: {each} is set and counts more than the file: unset it")
+    return path
 
 
 def is_help(error: Any) -> bool:

@@ -1,37 +1,14 @@
-"""A what-if in words and as JSON: the figures as recorded beside those that would have been."""
+"""A what-if in words: the figures as recorded beside those that would have been."""
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
     from rsoconsole.pipeline.batch import Answer
 
 LABEL, COLUMN = 22, 20
-
-
-def figures_report(figures: "TrackFigures") -> dict[str, Any]:
-    """The object of one set of figures."""
-    report = {**asdict(figures), "is_nis_sound": figures.is_nis_sound}
-    del report["nis_curve"]  # of the session's own log, frame by frame
-    return report
-
-
-def answer_report(answer: "Answer") -> dict[str, Any]:
-    """The object of ``rsoconsole what-if``, without the session's name."""
-    assert answer.recorded is not None
-    assert answer.what_if is not None
-    return {
-        "tried": dict(answer.changes),
-        "recorded_settings": dict(answer.before),
-        "recorded": figures_report(answer.recorded),
-        "what_if": figures_report(answer.what_if),
-        "reproduced": answer.is_reproduced,
-        "rerun": None if answer.rerun is None else asdict(answer.rerun),
-        "branch": None if answer.branch is None else str(answer.branch),
-    }
 
 
 def answer_lines(session: str, answer: "Answer") -> Iterator[str]:

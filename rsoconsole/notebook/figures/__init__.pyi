@@ -7,5 +7,4 @@ from .draw_time import draw_residuals as draw_residuals
 from .figures import write_figures as write_figures
 from .inline import NightFigure as NightFigure
 from .inline import styled as styled
-from .page import STYLE as STYLE
 from .plots import NightPlots as NightPlots

@@ -16,7 +16,6 @@ from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
-from rsoconsole.notebook.figures.page import STYLE
 from rsoconsole.notebook.night import Night, read_night, read_truth
 from rsoconsole.session.reading import SessionReader, clock_notes
 
@@ -83,19 +82,14 @@ def _written(
     notes: tuple[str, ...],
 ) -> tuple[Path, ...]:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from rsoconsole.notebook.figures.inline import NightFigure, styled
 
     paths = []
-    # A fixed salt makes the same session give the same SVG.
-    style: Any = {**STYLE, "svg.hashsalt": night.title}
-    with mpl.rc_context(style), warnings.catch_warnings():
+    with styled(salt=night.title), warnings.catch_warnings():
         # A sign that the font lacks is a box in the picture, nothing to print code lines for.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         for number, drawing in enumerate(drawings, start=1):
-            figure = Figure(figsize=(WIDTH_IN, drawing.height_in))
-            FigureCanvasAgg(figure)
+            figure = NightFigure(WIDTH_IN, drawing.height_in)
             drawing.draw(figure, night)
             if notes:
                 # Times on both sides of such an instant do not go together.

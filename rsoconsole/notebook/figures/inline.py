@@ -18,9 +18,12 @@ SAVED_DPI = 144
 """For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
 
 
-def styled() -> AbstractContextManager[None]:
-    """While it holds, matplotlib draws in the product's type and colours."""
-    style: Any = STYLE
+def styled(salt: str | None = None) -> AbstractContextManager[None]:
+    """While it holds, matplotlib draws in the product's type and colours.
+
+    ``salt``: by which the same drawing gives the same SVG.
+    """
+    style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
     return mpl.rc_context(style)
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.errors import SessionError
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import Summary, summary_of, tracks_of
@@ -48,25 +47,11 @@ class Report:
     is_simulated: bool
 
 
-def write_report(session: Path, out: Path) -> Path:
-    """Render a session's report into the file ``out``, written again; returns its path.
-
-    Raises SessionError when the session cannot be read, holds no frame, or ``out`` cannot be
-    written.
-    """
-    from rsoconsole.durable_files import write_durably
-
-    content = render_report(session).html.encode("utf-8")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_durably(out, content)
-    except OSError as error:
-        raise SessionError(f"{out} cannot be written: {error}") from error
-    return out
-
-
 def render_report(session: Path) -> Report:
-    """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
+    """The report of a session or a branch.
+
+    Raises SessionError when the session cannot be read or holds no frame.
+    """
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(night.frames)
     field = field_facts(record for _, _, record in SessionReader(session).records())

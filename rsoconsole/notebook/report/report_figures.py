@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rsoconsole.notebook.figures import (
-    STYLE,
     draw_about_line,
     draw_confidence,
     draw_nis,
@@ -124,17 +123,13 @@ def inline_figures(
 
 def _drawn(draw: Callable[[Any, Night], None], night: Night, height_in: float) -> str:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from rsoconsole.notebook.figures import NightFigure, styled
 
-    # A fixed salt makes the same session give the same drawing.
-    style: Any = {**STYLE, "svg.hashsalt": night.title}
+    salt = night.title
     # Nothing of it is shown; a dollar in a title would begin a formula.
     night = replace(night, title="")
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(7.2, height_in))
-        FigureCanvasAgg(figure)
+    with styled(salt):
+        figure = NightFigure(7.2, height_in)
         draw(figure, night)
         for axis in figure.axes:
             axis.set_title("", loc="left")  # the page's caption says it

@@ -2,9 +2,7 @@ from .element_calibration import NightRows as NightRows
 from .element_calibration import is_session as is_session
 from .element_calibration import rows_of_lines as rows_of_lines
 from .element_calibration import rows_of_session as rows_of_session
-from .element_ledger_report import regime_report as regime_report
-from .element_ledger_report import row_report as row_report
-from .element_ledger_report import settings_of as settings_of
+from .element_settings import settings_of as settings_of
 from .navigation_files import from_elements as from_elements
 from .navigation_files import read_rinex as read_rinex
 from .navigation_files import read_sp3 as read_sp3

@@ -1,3 +1,4 @@
+from .branches import Branch as Branch
 from .branches import branches_of as branches_of
 from .branches import check_name as check_name
 from .branches import drop_branch as drop_branch

@@ -1,3 +1,4 @@
+from .archive import Archive as Archive
 from .archive import archive_session as archive_session
 from .merge import find_rescues as find_rescues
 from .pruning import Policy as Policy
