@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, assert_never
+from typing import Literal
 
 from rsoconsole.control import (
     IN_ENGINE,
@@ -30,31 +30,17 @@ from rsoconsole.reasons import (
 )
 from rsoconsole.records import (
     CatalogueMatch,
-    Closeup,
-    CycleTiming,
     Detections,
     Event,
-    ExpectedMembers,
-    FollowedAgain,
-    FrameTaken,
     Identified,
-    LeapDone,
-    LowPass,
-    Measurement,
     Miss,
     NotFollowed,
     NotSolved,
     OperatorAction,
-    OrbitEstimate,
-    PairMotions,
     ParameterChange,
     Record,
-    Ruling,
-    SlewCommand,
-    Solution,
     StateChange,
     Topic,
-    TrackState,
 )
 from rsoconsole.streak_text import remarkable
 
@@ -264,25 +250,8 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
         case ParameterChange():
             by = without_console(record.by)
             return "info", f"{by}: {record.name} {record.before} → {record.after}"
-        case (
-            FrameTaken()
-            | Solution()
-            | Measurement()
-            | TrackState()
-            | SlewCommand()
-            | CycleTiming()
-            | Closeup()
-            | Ruling()
-            | FollowedAgain()
-            | OrbitEstimate()
-            | PairMotions()
-            | ExpectedMembers()
-            | LeapDone()
-            | LowPass()
-        ):
-            return None
         case _:
-            assert_never(record)
+            return None
 
 
 def _of_state(record: StateChange) -> tuple[Level, str]:

@@ -6,38 +6,20 @@ before the next one: what a screen shows at its end is the whole frame.
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, assert_never
+from typing import Literal, NamedTuple
 
 from rsoconsole.console.night import FOLLOWING
 from rsoconsole.console.words import refused_of
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
     Event,
-    ExpectedMembers,
-    FollowedAgain,
     FrameTaken,
-    Identified,
-    LeapDone,
     LoopState,
-    LowPass,
-    Measurement,
     Miss,
-    NotFollowed,
-    NotSolved,
     OperatorAction,
-    OrbitEstimate,
-    PairMotions,
-    ParameterChange,
     Record,
-    Ruling,
-    SlewCommand,
-    Solution,
     StateChange,
-    TrackState,
 )
 
 TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
@@ -248,28 +230,5 @@ def _kind_of(record: Record) -> TimelineEventKind | None:
             return None if is_to_come else "operator"
         case Event():
             return "alarm" if record.level == "alarm" else None
-        case (
-            FrameTaken()
-            | Detections()
-            | Solution()
-            | NotSolved()
-            | Measurement()
-            | NotFollowed()
-            | Miss()
-            | TrackState()
-            | SlewCommand()
-            | ParameterChange()
-            | CycleTiming()
-            | Closeup()
-            | Ruling()
-            | FollowedAgain()
-            | OrbitEstimate()
-            | Identified()
-            | PairMotions()
-            | ExpectedMembers()
-            | LeapDone()
-            | LowPass()
-        ):
-            return None
         case _:
-            assert_never(record)
+            return None

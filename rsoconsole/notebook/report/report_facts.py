@@ -5,7 +5,6 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import assert_never
 
 from rsoconsole.control import command_words
 from rsoconsole.export import MeasuredRow
@@ -13,29 +12,11 @@ from rsoconsole.night import NightFrame, NightTrack
 from rsoconsole.notebook.night import Night
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
     Event,
-    ExpectedMembers,
-    FollowedAgain,
-    FrameTaken,
-    Identified,
-    LeapDone,
-    LowPass,
-    Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
     OperatorAction,
-    OrbitEstimate,
-    PairMotions,
     ParameterChange,
     Ruling,
-    SlewCommand,
-    Solution,
     StateChange,
-    TrackState,
 )
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import utc_ns_to_iso
@@ -188,29 +169,6 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
                 words += f", {refused} refused" if refused else ""
                 words += _of_tracks(record)
                 actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"decision: {words}"))
-            case (
-                FrameTaken()
-                | Detections()
-                | Solution()
-                | NotSolved()
-                | Measurement()
-                | NotFollowed()
-                | Miss()
-                | TrackState()
-                | SlewCommand()
-                | CycleTiming()
-                | Closeup()
-                | FollowedAgain()
-                | OrbitEstimate()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-            ):
-                pass  # not asked for
-            case _:
-                assert_never(record)
     for frame in night.frames:
         for words in _missed(frame, tracks):
             entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", words)

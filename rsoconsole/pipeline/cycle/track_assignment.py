@@ -3,33 +3,13 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import assert_never
 
 from rsoconsole.pipeline.frame import BEGIN_MARK, HELD
 from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
-    Event,
-    ExpectedMembers,
     FollowedAgain,
-    FrameTaken,
-    Identified,
-    LeapDone,
-    LowPass,
     Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
     OperatorAction,
-    OrbitEstimate,
-    PairMotions,
-    ParameterChange,
     Record,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
     TrackState,
 )
 
@@ -112,31 +92,6 @@ class TracksTaken:
                     self._let_go(record.track_id, steps)
             case OperatorAction() if record.verb == BEGIN_MARK:
                 self._most_whole = WHOLE + HELD
-            case (
-                FrameTaken()
-                | Detections()
-                | Solution()
-                | NotSolved()
-                | NotFollowed()
-                | Miss()
-                | SlewCommand()
-                | StateChange()
-                | ParameterChange()
-                | OperatorAction()
-                | CycleTiming()
-                | Closeup()
-                | Ruling()
-                | OrbitEstimate()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | Event()
-            ):
-                pass  # no direction of a track
-            case _:
-                assert_never(record)
 
     def tracks(self) -> list[Track]:
         """All of them, in order of time."""
