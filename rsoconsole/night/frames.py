@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.control import BeginMark
 from rsoconsole.night.frame import FrameFold, FrameTrack, NightFrame
 from rsoconsole.reasons import FROM_OUTSIDE
 from rsoconsole.records import (
@@ -19,6 +20,7 @@ from rsoconsole.records import (
     Miss,
     NotFollowed,
     NotSolved,
+    OperatorAction,
     OrbitEstimate,
     ParameterChange,
     Record,
@@ -30,7 +32,9 @@ from rsoconsole.records import (
 
 NEWEST = 16
 """Frames of which everything is kept where a night goes on for long: a word on a frame comes within
-twelve, a picture within a few."""
+twelve, a picture within a few. Where somebody marks in a frame all since then are kept."""
+MARKED_FOR = 600
+"""Frames for which one is held to be marked in, as the engine does (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 """States in which a frame is folded into what is followed."""
@@ -52,6 +56,8 @@ class _Reading:
     """The frame whose fold comes in."""
     again: frozenset[int] = frozenset()
     """Frames with nothing from outside after them, which a decision may have followed again."""
+    marked: Mapping[int, int] = field(default_factory=dict)
+    """Frames that somebody marks in, and the last frame for which that is so."""
     is_ruled: bool = False
     """A decision has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
@@ -98,7 +104,7 @@ class NightFrames:
         """The loop's; None before the record says."""
         return self._reading.state
 
-    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912 -- one case a kind
+    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912, PLR0915
         """One record; ``t_utc_ns``: when it was put down."""
         reading = self._reading
         match record:
@@ -142,6 +148,8 @@ class NightFrames:
                 self._followed_again(record)
             case StateChange():
                 self._state_change(record)
+            case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
+                self._mark(record.arguments)
             case CycleTiming():
                 self.close()
             case ParameterChange():
@@ -193,10 +201,24 @@ class NightFrames:
         )
         self.changed.add(frame_id)
         reading.awaited = frame_id
+        reading.marked = {n: last for n, last in reading.marked.items() if last >= frame_id}
         while self._newest is not None and len(self._frames) > self._newest:
-            past = self._frames.pop(next(iter(self._frames)))
+            oldest = next(iter(self._frames))
+            if oldest >= min(reading.marked, default=frame_id):
+                break
+            past = self._frames.pop(oldest)
             self._past = max(self._past, past.frame_id)
             self._on_past(past)
+
+    def _mark(self, arguments: Mapping[str, Any]) -> None:
+        """A mark begins, or is left off: what was said on the frame may still be taken back."""
+        frame_id, frames = (
+            arguments.get("frame"),
+            MARKED_FOR if arguments.get("on", True) else NEWEST,
+        )
+        if isinstance(frame_id, int):
+            last = max(self._frames, default=0) + frames
+            self._reading.marked = {**self._reading.marked, frame_id: last}
 
     def _track_state(self, record: TrackState) -> None:
         frame = self.of(record.frame_id)
@@ -237,7 +259,7 @@ class NightFrames:
     def _state_change(self, record: StateChange) -> None:
         if is_from_outside(record):
             self.close()
-            self._reading.again = frozenset()
+            self._reading.again, self._reading.marked = frozenset(), {}
             self._reading.fold_state = record.after
         else:
             self._fold(record)

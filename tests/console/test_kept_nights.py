@@ -4,6 +4,8 @@ from pathlib import Path
 
 from rsoconsole.night import Night
 from rsoconsole.night.chunks import CHUNK, in_chunks
+from rsoconsole.reasons import DONE
+from rsoconsole.records import CycleTiming, FollowedAgain, OperatorAction, Ruling
 from rsoconsole.session.reading import SessionReader
 from tests.nights import eventful_night
 
@@ -60,3 +62,27 @@ def test_a_night_that_goes_back_is_as_it_was(tmp_path: Path) -> None:
     for seq, t_utc_ns, record in records[len(records) // 2 + 1 :]:
         night.take(t_utc_ns, record, seq)
     assert night.view() == end
+
+
+def test_a_frame_that_somebody_marks_in_is_followed_again_however_many_came_meanwhile(
+    tmp_path: Path,
+) -> None:
+    writer = eventful_night.write(tmp_path / "night", 40)
+    writer.close()
+    reader = SessionReader(writer.folder)
+    night = Night(reader.folder, reader.about(), reader.config())
+    begun = OperatorAction(
+        verb="begin_mark", arguments={"frame": 11, "on": True}, outcome=DONE, by="console"
+    )
+    for seq, t_utc_ns, record in reader.records():
+        night.take(t_utc_ns, record, seq)
+        if isinstance(record, CycleTiming) and record.frame_id == 12:
+            night.take(t_utc_ns, begun)
+    row = night.row(11)
+    assert row is not None
+    assert row.residual_arcsec is not None
+    night.take(0, Ruling(frame_id=11, refused=(), by="console"))
+    night.take(0, FollowedAgain(frame_id=11))
+    again = night.row(11)
+    assert again is not None
+    assert (again.residual_arcsec, again.is_followed) == (None, False)
