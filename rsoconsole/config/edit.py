@@ -1,17 +1,19 @@
 """Settings put into a configuration file; its comments, its order and all else in it stay.
 
-The file is changed by whole statements (a header, a setting with its value over however many
-lines), and what comes out must read as what went in with just these settings changed: a form that
-this cannot handle is refused, never written over.
+What comes out must read as what went in with just these settings changed: a form that this cannot
+handle is refused, never written over.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tomlkit
 from pydantic import ValidationError
+from tomlkit.container import OutOfOrderTableProxy
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Comment, Item, Key, Table, Whitespace
 
 from rsoconsole.config.file import initial_config_text, toml_value
 from rsoconsole.config.settings import Config
@@ -20,8 +22,10 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-_QUOTES = ('"""', "'''", '"', "'")
+_TABLES = (Table, AoT, OutOfOrderTableProxy)
+"""What has lines of its own; an inline table is a value like any other."""
+_Body = list[tuple[Key | None, Item]]
+"""What stands in a table, line by line: settings, comments, empty lines."""
 
 
 def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool = False) -> None:
@@ -70,6 +74,7 @@ def with_settings(text: str, settings: Mapping[str, Any]) -> str:
     change.
     """
     wanted = toml_of(text)
+    text = text.rstrip() + "\n"
     for name, value in settings.items():
         section, _, key = name.partition(".")
         table = wanted.setdefault(section, {})
@@ -78,18 +83,17 @@ def with_settings(text: str, settings: Mapping[str, Any]) -> str:
         table.pop(key, None)
         if value is not None:
             table[key] = toml_of(f"it = {toml_value(value)}")["it"]
-        text = _with_setting(text, section, key, value)
-    if not _says(text, wanted):
+    try:
+        for name, value in settings.items():
+            section, _, key = name.partition(".")
+            text = _with_setting(text, section, key, value)
+        is_right = _filled(toml_of(text)) == _filled(wanted)
+    except (ValueError, TOMLKitError, RecursionError):  # tomlkit gives up before tomllib does
+        is_right = False
+    if not is_right:
         names = " and ".join(settings)
         raise ValueError(f"{names} cannot be set in the form that the file has: edit it by hand")
-    return text
-
-
-def _says(text: str, wanted: dict[str, Any]) -> bool:
-    try:
-        return _filled(toml_of(text)) == _filled(wanted)
-    except ValueError:
-        return False
+    return text.rstrip() + "\n"
 
 
 def _filled(table: dict[str, Any]) -> dict[str, Any]:
@@ -97,129 +101,31 @@ def _filled(table: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in table.items() if value != {}}
 
 
-@dataclass(frozen=True, slots=True)
-class _Statement:
-    """Lines that belong together."""
-
-    kind: str
-    """``header``, ``setting`` or ``other``: a comment, an empty line."""
-    table: tuple[str, ...]
-    """The header that it stands under, or is."""
-    key: str
-    """Of a setting."""
-    lines: tuple[str, ...]
-
-
-def _statements(text: str) -> Iterator[_Statement]:
-    lines = text.split("\n")
-    table: tuple[str, ...] = ()
-    place = 0
-    while place < len(lines):
-        line = lines[place]
-        stripped = line.strip()
-        end = place + 1
-        if stripped.startswith("["):
-            table = _names(stripped.strip("[ \t"))
-            yield _Statement("header", table, "", (line,))
-        elif not stripped or stripped.startswith("#"):
-            yield _Statement("other", table, "", (line,))
-        else:
-            while end < len(lines) and _is_open("\n".join(lines[place:end])):
-                end += 1
-            key = ".".join(_names(stripped))
-            yield _Statement("setting", table, key, tuple(lines[place:end]))
-        place = end
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """The parts of the dotted key that a text begins with."""
-    found: list[str] = []
-    while text:
-        text = text.lstrip()
-        if text[:1] in ('"', "'"):
-            end = text.find(text[0], 1)
-            if end < 0:
-                break
-            found.append(text[1:end])
-            text = text[end + 1 :]
-        elif (bare := _BARE.match(text)) is not None:
-            found.append(bare[0])
-            text = text[bare.end() :]
-        text = text.lstrip()
-        if not text.startswith("."):
-            break
-        text = text[1:]
-    return tuple(found)
-
-
-def _is_open(text: str) -> bool:
-    """Whether a value goes on in the next line: a bracket or a string is not closed."""
-    depth, place, _ = _scanned(text)
-    return depth > 0 or place > len(text)
-
-
-def _scanned(text: str) -> tuple[int, int, int]:
-    """Brackets left open; the place reached, beyond the end inside a string; where a last comment
-    begins, -1 without one."""
-    depth, place, comment = 0, 0, -1
-    while place < len(text):
-        char = text[place]
-        if char == "#":
-            comment = place
-            place = text.find("\n", place)
-            if place < 0:
-                break
-            comment = -1
-        quote = next((each for each in _QUOTES if text.startswith(each, place)), None)
-        if quote is not None:
-            place = _after_string(text, place + len(quote), quote)
-            continue
-        depth += (char in "[{") - (char in "]}")
-        place += 1
-    return depth, len(text) if place < 0 else place, comment
-
-
-def _after_string(text: str, place: int, quote: str) -> int:
-    """Where a string ends; beyond the text where it does not."""
-    while place < len(text):
-        if text[place] == "\\" and quote[0] == '"':
-            place += 2
-        elif text.startswith(quote, place):
-            return place + len(quote)
-        else:
-            place += 1
-    return len(text) + 1
-
-
 def _with_setting(text: str, section: str, key: str, value: Any) -> str:
-    kept = [each for each in _statements(text.rstrip("\n")) if not _is_of_block(each, section, key)]
-    own = next((n for n, each in enumerate(kept) if _is_own(each, section, key)), None)
-    if _is_blocks(value):
-        if own is not None:
-            del kept[own]
-        kept = _with_section(kept, section)
-        blocks = [line for each in value for line in ("", *_block(section, key, each))]
-        return "\n".join([*_lines(kept), *blocks, ""])
+    document = tomlkit.parse(text)
+    # A section may stand in several places: its header, its sub-sections, names with its dot.
+    parts = [
+        table
+        for name, table in document.body
+        if name is not None and name.key == section and isinstance(table, Table)
+    ]
+    for part in parts:
+        is_line = key in part and not isinstance(part[key], _TABLES)
+        if is_line and value is not None and not _is_blocks(value):
+            part[key] = tomlkit.value(toml_value(value))
+            return document.as_string()
+        _take_away(part.value.body, key)
     if value is None:
-        if own is not None:
-            del kept[own]
-        return "\n".join([*_lines(kept), ""])
-    if own is not None:
-        kept[own] = _replaced(kept[own], value)
-        return "\n".join([*_lines(kept), ""])
-    kept = _with_section(kept, section)
-    line = f"{key} = {toml_value(value)}"
-    kept.insert(_place(kept, section, key), _Statement("setting", (section,), key, (line,)))
-    return "\n".join([*_lines(kept), ""])
-
-
-def _is_own(each: _Statement, section: str, key: str) -> bool:
-    return each.kind == "setting" and ".".join((*each.table, each.key)) == f"{section}.{key}"
-
-
-def _is_of_block(each: _Statement, section: str, key: str) -> bool:
-    """Whether it is part of ``[[section.key]]``; comments there stay."""
-    return each.table[:2] == (section, key) and (each.kind != "other" or not each.lines[0].strip())
+        return document.as_string()
+    home = next((part.value.body for part in parts if not part.is_super_table()), None)
+    if home is None:
+        begun = f"{document.as_string().rstrip()}\n\n[{section}]\n"
+        return _with_setting(begun, section, key, value)
+    if _is_blocks(value):
+        blocks = [line for each in value for line in ("", *_block(section, key, each))]
+        return "\n".join([document.as_string().rstrip(), *blocks, ""])
+    home.insert(_place(home, key), (tomlkit.key(key), tomlkit.value(toml_value(value))))
+    return document.as_string()
 
 
 def _is_blocks(value: Any) -> bool:
@@ -238,38 +144,33 @@ def _block(section: str, key: str, table: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name} = {toml_value(value)}"
 
 
-def _with_section(kept: Sequence[_Statement], section: str) -> list[_Statement]:
-    """With a header of that section, at the end where there was none."""
-    if any(each.kind == "header" and each.table == (section,) for each in kept):
-        return list(kept)
-    return [
-        *kept,
-        _Statement("other", (), "", ("",)),
-        _Statement("header", (section,), "", (f"[{section}]",)),
+def _take_away(body: _Body, key: str) -> None:
+    """Comments in blocks of that name stay."""
+    for place, (name, item) in enumerate(body):
+        if name is not None and name.key == key:
+            left = _comments(item)
+            body[place] = (None, tomlkit.ws(left if left.strip() else ""))
+
+
+def _comments(item: Item) -> str:
+    """Those in a table or in blocks, with the empty lines about them."""
+    if isinstance(item, Comment | Whitespace):
+        return item.as_string()
+    tables = item.body if isinstance(item, AoT) else [item] if isinstance(item, Table) else []
+    return "".join(_comments(inner) for table in tables for _, inner in table.value.body)
+
+
+def _place(body: _Body, key: str) -> int:
+    """Below the comment that shows its default, else below the last setting."""
+    shown = re.compile(rf"#\s*{re.escape(key)} (=|is not set)")
+    commented = [
+        place
+        for place, (_, item) in enumerate(body)
+        if isinstance(item, Comment) and shown.match(item.trivia.comment)
     ]
-
-
-def _place(kept: Sequence[_Statement], section: str, key: str) -> int:
-    """Below the comment that shows its default, else below the section's last setting."""
-    shown = re.compile(rf"\s*#\s*{re.escape(key)} (=|is not set)")
-    here = [n for n, each in enumerate(kept) if each.table == (section,)]
-    commented = [n for n in here if kept[n].kind == "other" and shown.match(kept[n].lines[0])]
-    stated = [n for n in here if kept[n].kind != "other"]
-    return (commented or stated)[-1] + 1
-
-
-def _replaced(old: _Statement, value: Any) -> _Statement:
-    """Another value behind the same key; a comment behind it stays."""
-    text = "\n".join(old.lines)
-    at = text.index("=") + 1
-    comment = _scanned(text[at:])[2]
-    behind = "" if comment < 0 else "  " + text[at:][comment:]
-    line = f"{text[:at]} {toml_value(value)}{behind}"
-    return _Statement("setting", old.table, old.key, (line,))
-
-
-def _lines(statements: Sequence[_Statement]) -> list[str]:
-    lines = [line for each in statements for line in each.lines]
-    while lines and not lines[-1].strip():
-        lines.pop()
-    return lines
+    stated = [
+        place
+        for place, (name, item) in enumerate(body)
+        if name is not None and (name.is_dotted() or not isinstance(item, _TABLES))
+    ]
+    return max(commented or stated, default=-1) + 1

@@ -34,7 +34,7 @@ tau = 0.4
 
 def test_a_setting_that_is_there_gets_another_value_and_keeps_its_comment() -> None:
     after = with_settings(BY_HAND, {"catalogue.gate_deg": 0.5})
-    assert after == BY_HAND.replace("gate_deg = 0.3 ", "gate_deg = 0.5")
+    assert after == BY_HAND.replace("gate_deg = 0.3 ", "gate_deg = 0.5 ")
     # its value over several lines
     after = with_settings(BY_HAND, {"catalogue.tle_files": ["c.tle"]})
     assert 'tle_files = ["c.tle"]\n\ngate_deg = 0.3   # degrees' in after
@@ -75,10 +75,17 @@ def test_tables_become_blocks_and_take_the_place_of_older_ones() -> None:
     assert with_settings(once, {"exposure.calibrated": None}).startswith(BY_HAND)
 
 
+def test_what_stands_above_the_next_section_stays_there_when_blocks_before_it_go() -> None:
+    block, after = "[[exposure.calibrated]]\nn = 1\n", "\n# Ours:\n[site]\nlatitude_deg = 47.5\n"
+    moved = with_settings(block * 2 + after, {"exposure.calibrated": [{"n": 3}]})
+    assert moved == after + "\n[exposure]\n\n" + block.replace("1", "3")
+
+
 @pytest.mark.parametrize(
     "text",
     [
         "[catalogue.gate_deg]\na = 1\n",
+        '[site]\nname = """\n[catalogue]\n"""\n[catalogue]\ngate_deg.a = 1\n',
         'catalogue."gate_deg" = {a = 1}\n[site]\n[catalogue.more]\nb = 1\n',
     ],
 )
@@ -92,8 +99,9 @@ def test_a_form_that_can_be_edited_says_what_was_set_and_nothing_else(text: str)
     "text",
     [
         "catalogue = {gate_deg = 0.3}\n",
-        '[site]\nname = """\n[catalogue]\n"""\n[catalogue]\ngate_deg.a = 1\n',
         "catalogue = 3\n",
+        "[[a.k]]\n[b]\n[a.k.c]\n[[a.k]]\n[catalogue]\n",
+        f"[catalogue]\nx = {'[' * 300}{']' * 300}\n",
         "[catalogue]\ngate_deg = 0.1\n[catalogue]\n",
     ],
 )

@@ -20,7 +20,7 @@ from rsoconsole.pipeline.frame import Reduction
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import CycleTiming, Frame, Solution, TrackState
-from rsoconsole.tracking.filters import lqe
+from rsoconsole.tracking.filters import estimator
 
 CLEAR_FRAMES = 2
 """Frames in a row with their stars: the sky has cleared."""
@@ -214,7 +214,7 @@ class FrameTurn:
         }
         # The mount is on its way: nobody waits for this.
         self._leaping.record()
-        lqe.make_ready()
+        estimator.make_ready(self._control.config.filter)
         self._session_log.append_all(self._orbits.refine())
         self._guide.prepare(self._instrument_controller.now_utc_ns())
         self.look_ahead()

@@ -4,6 +4,7 @@ from rsoconsole.control import Set
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.tasks import SessionLog, Temporary, change_record, changed
 from rsoconsole.reasons import DONE, CommandResult
+from rsoconsole.tracking.filters import estimator
 
 
 class Settings:
@@ -32,4 +33,6 @@ class Settings:
             self._temporary.lend(before, command.name, command.frames)
         self._session_log.append(change_record(before, after, command.name, by))
         self._control.configure(after)
+        if after.filter.preset != before.filter.preset:
+            estimator.make_ready(after.filter)
         return DONE

@@ -20,7 +20,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, FilterConfig
 from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
@@ -200,10 +200,10 @@ class WhatIfProcess:
 def main(socket_fd: int) -> None:
     """Answer one question after the other until the parent's end of the socket closes."""
     from rsoconsole.pipeline.replay.what_if_figures import what_if
-    from rsoconsole.tracking.filters import lqe
+    from rsoconsole.tracking.filters import estimator
 
     os.nice(STEP_BACK)
-    lqe.make_ready()
+    estimator.make_ready(FilterConfig())
     connection, session = Connection(socket_fd), LogOfOneSession()
     while True:
         try:

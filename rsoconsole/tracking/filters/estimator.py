@@ -15,6 +15,15 @@ from rsoconsole.tracking.filters.adaptive import Bend
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 
+def make_ready(settings: FilterConfig) -> None:
+    """Load what the next frames need, where somebody has the time: the night's first slew to a
+    satellite would wait for it otherwise."""
+    if settings.preset == "adaptive":
+        import scipy.optimize  # noqa: F401 - which measurement is of which of several tracks
+    else:
+        import filterpy.kalman  # noqa: F401
+
+
 def initialise(
     first: Measurement,
     second: Measurement,

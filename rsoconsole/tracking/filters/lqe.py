@@ -324,16 +324,10 @@ _own = threading.local()
 """Each thread's filter: making one takes as long as a step with it."""
 
 
-def make_ready() -> None:
-    """Load what the first prediction needs, where somebody has the time: the night's first slew
-    to a satellite would wait for it otherwise."""
-    import filterpy.kalman  # noqa: F401 - loaded now
-
-
 def _kalman(state: TrackState) -> Any:
     kalman = getattr(_own, "kalman", None)
     if kalman is None:
-        # filterpy pulls in scipy, most of a second: only who filters pays for it.
+        # filterpy pulls in most of scipy, a second: only these presets pay for it.
         from filterpy.kalman import KalmanFilter
 
         kalman = _own.kalman = KalmanFilter(dim_x=4, dim_z=2)
