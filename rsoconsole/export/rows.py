@@ -147,8 +147,6 @@ _BESIDE: tuple[Column, ...] = tuple(
 )
 """Whatever else a measurement has on record that a cell of a table holds."""
 COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE)
-DERIVED = ("t_mid_utc",)
-"""Columns for people: made of others, and not read back."""
 
 
 def row_of(
