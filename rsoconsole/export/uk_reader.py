@@ -47,7 +47,6 @@ def parse_uk(line: str) -> IodObservation:
         norad_id=None,
         cospar=f"{full_year(found['year'])}-{found['launch']}{_piece(int(found['piece']))}",
         station=found["station"],
-        sky=None,
         t_utc_ns=t_utc_ns,
         t_step_ns=step_ns,
         time_sigma_s=_time_sigma_s(match.string[27:32]),
@@ -56,10 +55,6 @@ def parse_uk(line: str) -> IodObservation:
         first_deg=first,
         second_deg=second,
         position_sigma_arcsec=_position_arcsec(code, found["position"]),
-        behaviour=None,
-        magnitude=None,
-        magnitude_sigma=None,
-        flash_period_s=None,
     )
 
 
