@@ -64,13 +64,13 @@ class ExportOptions:
 class Export:
     """What was written."""
 
-    path: Path | None
+    path: Path | None = None
     """The file; the folder where each frame has its own; None where only a text was made."""
-    files: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
     format: str
     measurements: int
     tracks: int
-    left_out: Mapping[str, int]
+    left_out: Mapping[str, int] = field(default_factory=dict)
     """How many of what is not in it, in words."""
     is_simulated: bool
 
@@ -109,12 +109,9 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
         "jsonl": lambda: to_jsonl(night.rows),
     }
     made = Export(
-        path=None,
-        files=(),
         format=kind,
         measurements=len(night.rows),
         tracks=len(night.tracks),
-        left_out={},
         is_simulated=night.is_simulated,
     )
     return texts[kind](), made
@@ -165,8 +162,6 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
         "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
     }
     made = Export(
-        path=None,
-        files=(),
         format=kind,
         measurements=len(sent),
         tracks=len(tracks),
