@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control.field_now import PairNow, UnseenNow
-from rsoconsole.control.fields import as_json, read_fields
+from rsoconsole.control.fields import as_json, read_record
 from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import StopOutcome
 
@@ -261,6 +261,5 @@ def status_json(status: Status) -> dict[str, Any]:
 def read_status(data: Mapping[str, Any]) -> Status:
     """The status in an engine's answer; what is missing or odd in it counts as not said."""
     first = {name: data[key] for name, key in FIRST_NAMES.items() if key in data}
-    values = read_fields(Status, {**first, **data})
-    values.setdefault("now_utc_ns", values.get("t_utc_ns"))
-    return Status(**values)
+    said = {"now_utc_ns": data.get("t_utc_ns"), **first, **data}
+    return read_record(Status, said) or Status()
