@@ -27,8 +27,7 @@ from .commands import Stop as Stop
 from .commands import Track as Track
 from .commands import Unpark as Unpark
 from .field_now import field_words as field_words
-from .field_now import pairs_now as pairs_now
-from .field_now import unseen_now as unseen_now
+from .field_now import nearest_first as nearest_first
 from .fields import as_json as as_json
 from .fields import read_record as read_record
 from .frame_commands import Accept as Accept

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control.field_now import PairNow, UnseenNow
 from rsoconsole.control.fields import as_json, read_record
 from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import StopOutcome
+from rsoconsole.records import PairMotion, UnseenMember
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
@@ -222,9 +222,9 @@ class Status:
     """All that are followed, by their numbers."""
     next_aim: NextAim | None = None
     """None while nothing is followed."""
-    pairs: tuple[PairNow, ...] = ()
-    """How they move to each other, the nearest first."""
-    unseen: tuple[UnseenNow, ...] = ()
+    pairs: tuple[PairMotion, ...] = ()
+    """How they move to each other as of the last frame, the nearest first."""
+    unseen: tuple[UnseenMember, ...] = ()
     """Catalogued objects that should be in the field and have no track."""
     uncatalogued: tuple[int, ...] = ()
     """Tracks that no catalogued object explains."""
