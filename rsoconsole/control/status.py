@@ -45,11 +45,13 @@ class Machine:
     """The machine that the engine runs on, as it was seen last; None: it does not say."""
 
     model: str | None = None
+    """Of the board, from its device tree."""
     cpu_temperature_c: float | None = None
     cpu_frequency_mhz: float | None = None
     cpu_frequency_max_mhz: float | None = None
     is_under_voltage: bool | None = None
     is_throttled: bool | None = None
+    """The processor is slowed down by force: for heat, or because its supply is too weak."""
     has_been_under_voltage: bool | None = None
     has_been_throttled: bool | None = None
     troubles: tuple[str, ...] = ()
@@ -61,6 +63,11 @@ class Machine:
     time_source: str | None = None
     time_source_detail: str | None = None
     real_time_clock: str | None = None
+
+    @property
+    def is_pi(self) -> bool:
+        """Whether the board says that it is a Raspberry Pi."""
+        return self.model is not None and self.model.startswith("Raspberry Pi")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
