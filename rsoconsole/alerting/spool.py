@@ -6,7 +6,6 @@ then.
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
@@ -17,7 +16,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import write_durably
+from rsoconsole.durable_files import lock_file, write_durably
 from rsoconsole.foreign_text import json_of, read_foreign
 
 MOST = 200
@@ -170,20 +169,14 @@ class Spool:
             self._write()
 
     def _claim(self) -> int | None:
-        folder = self._folder
         try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        except OSError as error:
-            self.fault = f"{folder} cannot be used ({error.strerror})"
-            return None
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(descriptor)
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            return lock_file(self._folder / LOCK)
+        except BlockingIOError:
             self.fault = "another engine's messages are kept there"
-            return None
-        return descriptor
+        except OSError as error:
+            self.fault = f"{self._folder} cannot be used ({error.strerror})"
+        return None
 
     def _write(self) -> None:
         if self._owns is None:

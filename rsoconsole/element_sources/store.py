@@ -5,7 +5,6 @@ their names, and every source may be asked again two hours later.
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import time
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import data_dir
-from rsoconsole.durable_files import PART, write_durably
+from rsoconsole.durable_files import PART, lock_file, write_durably
 from rsoconsole.element_sources.names import Source
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import json_of, read_foreign
@@ -200,29 +199,21 @@ class ElementStore:
         """One writer at a time: a timer's and the operator's."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            descriptor = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)
+        except BlockingIOError as error:
+            raise OrbitError(
+                f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see whether it hangs"
+            ) from error
         except OSError as error:
             raise OrbitError(
                 f"{self.folder} cannot be made ({error.strerror or error}): set its permissions"
             ) from error
         try:
-            deadline = time.monotonic() + _WAIT_S
-            while True:
-                try:
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except OSError as error:
-                    if time.monotonic() > deadline:
-                        raise OrbitError(
-                            f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see"
-                            " whether it hangs"
-                        ) from error
-                    time.sleep(0.05)
             for beside in self.folder.glob(f"*{PART}"):
                 beside.unlink(missing_ok=True)
             yield
         finally:
-            os.close(descriptor)
+            os.close(lock)
 
 
 def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
