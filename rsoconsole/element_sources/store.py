@@ -16,7 +16,7 @@ from typing import Any
 from rsoconsole.config import data_dir
 from rsoconsole.durable_files import PART, lock_file, write_durably
 from rsoconsole.element_sources.names import Source
-from rsoconsole.errors import OrbitError
+from rsoconsole.errors import OrbitError, said_as
 from rsoconsole.foreign_text import json_of, read_foreign
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_S
@@ -186,28 +186,22 @@ class ElementStore:
         self._write(INDEX, json.dumps(content, indent=1).encode())
 
     def _write(self, name: str, content: bytes) -> None:
-        try:
+        remedy = "): free space there, or set its permissions"
+        with said_as(OrbitError, f"{self.folder / name} cannot be written (", remedy):
             write_durably(self.folder / name, content, mode=0o600)
-        except OSError as error:
-            raise OrbitError(
-                f"{self.folder / name} cannot be written ({error.strerror or error}): free space"
-                " there, or set its permissions"
-            ) from error
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         """One writer at a time: a timer's and the operator's."""
-        try:
+        with said_as(OrbitError, f"{self.folder} cannot be made (", "): set its permissions"):
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)
-        except BlockingIOError as error:
-            raise OrbitError(
-                f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see whether it hangs"
-            ) from error
-        except OSError as error:
-            raise OrbitError(
-                f"{self.folder} cannot be made ({error.strerror or error}): set its permissions"
-            ) from error
+            try:
+                lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)
+            except BlockingIOError as error:
+                raise OrbitError(
+                    f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see whether it"
+                    " hangs"
+                ) from error
         try:
             for beside in self.folder.glob(f"*{PART}"):
                 beside.unlink(missing_ok=True)

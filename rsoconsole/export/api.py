@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ExportError, said_as
 from rsoconsole.export import frames as on_record
 from rsoconsole.export.eo_observation import to_udl
 from rsoconsole.export.iod import STATION, check_station, site_line, to_iod
@@ -129,13 +129,9 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:
         raise ExportError(f"{path} is there already: --force writes it again, --out names another")
-    try:
+    with said_as(ExportError, f"{path} cannot be written: ", "; name another place with --out"):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, content)
-    except OSError as error:
-        raise ExportError(
-            f"{path} cannot be written: {error.strerror or error}; name another place with --out"
-        ) from error
 
 
 def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
