@@ -16,6 +16,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from rsoconsole.durable_files import lock_file, write_durably
 from rsoconsole.foreign_text import json_of, read_foreign
 
@@ -199,12 +201,7 @@ def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
         fields_: dict[str, Any] = json_of(read_foreign(path))
-        for row in fields_["waiting"][-MOST:]:
-            waiting = Waiting(**row)
-            texts = (waiting.kind, waiting.title, waiting.body, *waiting.pending)
-            numbers = (waiting.number, waiting.t_utc_ns)
-            if all(isinstance(t, str) for t in texts) and all(isinstance(n, int) for n in numbers):
-                found.append(waiting)
+        found += TypeAdapter(list[Waiting]).validate_python(fields_["waiting"][-MOST:])
         # Format 1 knew of one session alone.
         pairs = fields_["seen"] if fields_.get("format") != 1 else [fields_["seen"]]
         seen = {str(session): int(seq) for session, seq in pairs}

@@ -8,10 +8,12 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from rsoconsole.config import data_dir
 from rsoconsole.durable_files import PART, lock_file, write_durably
@@ -167,9 +169,11 @@ class ElementStore:
         """As the index says; None where it is damaged or lost."""
         try:
             rows = json_of(read_foreign(self.folder / INDEX))["sources"]
-            found = [_read(each) for each in rows]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+            found = TypeAdapter(list[Kept]).validate_python(rows)
+        except (OSError, ValueError, KeyError, TypeError):
             return None
+        if any(each.file is not None and Path(each.file).name != each.file for each in found):
+            return None  # it names what lies elsewhere
         return {each.source: each for each in found}
 
     def _of_files(self) -> dict[str, Kept]:
@@ -232,19 +236,3 @@ def _figures_of(path: Path) -> dict[str, Any]:
     except (OSError, OrbitError):
         return {}
     return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(entries)}
-
-
-def _read(row: Mapping[str, Any]) -> Kept:
-    """Raises ValueError or TypeError for what this has not written."""
-    known = {each.name for each in fields(Kept)}
-    kept = Kept(**{key: value for key, value in row.items() if key in known})
-    texts = (kept.file, kept.fault)
-    times = (kept.asked_utc_ns, kept.fetched_utc_ns, kept.refused_utc_ns)
-    numbers = (kept.newest_epoch_utc_ns, kept.middle_epoch_utc_ns, kept.objects, kept.sets)
-    if not isinstance(kept.source, str) or any(not isinstance(t, str | None) for t in texts):
-        raise ValueError("not of this cache")
-    if any(not isinstance(number, int | None) for number in (*times, *numbers)):
-        raise ValueError("not of this cache")
-    if kept.file is not None and Path(kept.file).name != kept.file:
-        raise ValueError("not of this cache")
-    return kept
