@@ -1,11 +1,14 @@
-"""Files that are whole on the disk, with their names, or not there at all."""
+"""Files that are whole on the disk, with their names, or not there at all; files that lock."""
 
 import errno
+import fcntl
 import os
+import time
 from pathlib import Path
 
 PART = ".part"
 """Ending of a file that is not yet whole."""
+_POLL_S = 0.05
 
 
 def write_durably(path: Path, content: bytes, mode: int | None = None) -> None:
@@ -43,3 +46,25 @@ def sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def lock_file(path: Path, *, wait_s: float = 0.0) -> int:
+    """Descriptor of a file, made where it is not there, that others cannot lock until it is closed.
+
+    Raises BlockingIOError where another has it for longer than ``wait_s``, OSError where it cannot
+    be made.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    deadline = time.monotonic() + wait_s
+    try:
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return descriptor
+            except BlockingIOError:
+                if time.monotonic() >= deadline:
+                    raise
+                time.sleep(_POLL_S)
+    except BaseException:
+        os.close(descriptor)
+        raise

@@ -3,6 +3,9 @@
 What is merely expected (nothing detected, not solved) is a value, never one of these.
 """
 
+import contextlib
+from collections.abc import Iterator
+
 
 class RsoconsoleError(Exception):
     """Base of every error an operator may read: one line, what happened and what to do."""
@@ -10,6 +13,15 @@ class RsoconsoleError(Exception):
     def _render_traceback_(self) -> list[str]:
         """What IPython and Jupyter show of it: the line alone (``%debug`` knows the rest)."""
         return [f"{type(self).__name__}: {self}"]
+
+
+@contextlib.contextmanager
+def said_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterator[None]:
+    """Raise what the system refuses as an error of ours: its reason between both texts."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{words}{error.strerror or error}{remedy}") from error
 
 
 class ConfigError(RsoconsoleError):

@@ -6,7 +6,6 @@ then.
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
@@ -17,7 +16,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import write_durably
+from pydantic import TypeAdapter
+
+from rsoconsole.durable_files import lock_file, write_durably
 from rsoconsole.foreign_text import json_of, read_foreign
 
 MOST = 200
@@ -170,20 +171,14 @@ class Spool:
             self._write()
 
     def _claim(self) -> int | None:
-        folder = self._folder
         try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        except OSError as error:
-            self.fault = f"{folder} cannot be used ({error.strerror})"
-            return None
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(descriptor)
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            return lock_file(self._folder / LOCK)
+        except BlockingIOError:
             self.fault = "another engine's messages are kept there"
-            return None
-        return descriptor
+        except OSError as error:
+            self.fault = f"{self._folder} cannot be used ({error.strerror})"
+        return None
 
     def _write(self) -> None:
         if self._owns is None:
@@ -206,12 +201,7 @@ def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
         fields_: dict[str, Any] = json_of(read_foreign(path))
-        for row in fields_["waiting"][-MOST:]:
-            waiting = Waiting(**row)
-            texts = (waiting.kind, waiting.title, waiting.body, *waiting.pending)
-            numbers = (waiting.number, waiting.t_utc_ns)
-            if all(isinstance(t, str) for t in texts) and all(isinstance(n, int) for n in numbers):
-                found.append(waiting)
+        found += TypeAdapter(list[Waiting]).validate_python(fields_["waiting"][-MOST:])
         # Format 1 knew of one session alone.
         pairs = fields_["seen"] if fields_.get("format") != 1 else [fields_["seen"]]
         seen = {str(session): int(seq) for session, seq in pairs}

@@ -18,7 +18,7 @@ from tomlkit.items import AoT, Comment, Item, Key, Table, Whitespace
 from rsoconsole.config.file import initial_config_text, toml_value
 from rsoconsole.config.settings import Config
 from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, said_as
 from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
@@ -49,10 +49,8 @@ def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool =
         ) from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be written to as it is: {error}") from error
-    try:
+    with said_as(ConfigError, f"{path} cannot be written: "):
         _replace(path, after, is_secret=is_secret)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
 def _replace(path: Path, text: str, *, is_secret: bool) -> None:

@@ -107,18 +107,22 @@ def _plain(variable: str) -> str:
     return variable.removeprefix(PREFIX).replace(BETWEEN, ".").lower()
 
 
+def sections_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """The classes of its sections, by their names."""
+    return {
+        name: info.annotation
+        for name, info in model.model_fields.items()
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel)
+    }
+
+
 def _names(model: type[BaseModel]) -> Iterator[str]:
-    for section_name, section in model.model_fields.items():
-        assert isinstance(section.annotation, type)
-        assert issubclass(section.annotation, BaseModel)
-        yield from (f"{section_name}.{key}" for key in section.annotation.model_fields)
+    for name, section in sections_of(model).items():
+        yield from (f"{name}.{key}" for key in section.model_fields)
 
 
 def _is_list(model: type[BaseModel], section: str, key: str) -> bool:
-    home = model.model_fields[section].annotation
-    assert isinstance(home, type)
-    assert issubclass(home, BaseModel)
-    annotation = home.model_fields[key].annotation
+    annotation = sections_of(model)[section].model_fields[key].annotation
     options = get_args(annotation) if get_origin(annotation) is types.UnionType else (annotation,)
     return any(get_origin(each) in (tuple, list) for each in options)
 

@@ -8,10 +8,10 @@ from datetime import date
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from rsoconsole.config.environment import VariableError
+from rsoconsole.config.environment import VariableError, sections_of
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import Config, Layers, default_config_path, load_config, walk
 from rsoconsole.durable_files import write_durably
@@ -75,10 +75,7 @@ def initial_config_text() -> str:
         "# Configuration of rsoconsole. Every line shows a default: take away the '#' before a",
         "# setting to change it. 'rsoconsole config check' tells whether the file is sound.",
     ]
-    for section_name, section_field in Config.model_fields.items():
-        section = section_field.annotation
-        assert isinstance(section, type)
-        assert issubclass(section, BaseModel)
+    for section_name, section in sections_of(Config).items():
         lines += ["", f"# {(section.__doc__ or '').strip()}", f"[{section_name}]"]
         defaults = section().model_dump(mode="json")
         for key, info in section.model_fields.items():
@@ -223,11 +220,8 @@ def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFaul
 
 
 def _field(place: list[str]) -> FieldInfo | None:
-    section_field = Config.model_fields.get(place[0]) if len(place) > 1 else None
-    section = section_field.annotation if section_field is not None else None
-    if isinstance(section, type) and issubclass(section, BaseModel):
-        return section.model_fields.get(place[1])
-    return None
+    section = sections_of(Config).get(place[0]) if len(place) > 1 else None
+    return None if section is None else section.model_fields.get(place[1])
 
 
 def _limits(info: FieldInfo) -> str:

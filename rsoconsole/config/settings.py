@@ -41,7 +41,7 @@ from rsoconsole.config.observatory import (
     SiteConfig,
     WaitsConfig,
 )
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, said_as
 from rsoconsole.fault_text import nearest, plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
@@ -153,13 +153,11 @@ def runtime_dir() -> Path:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         path = cache
-        try:
+        behind = "): make ~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
+        with said_as(
+            ConfigError, f"no folder for the engine's socket can be made ({path}: ", behind
+        ):
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"no folder for the engine's socket can be made ({path}: {error.strerror}): make "
-                "~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
-            ) from error
     _expect_own(path)
     path.chmod(0o700)
     return path

@@ -27,8 +27,9 @@ from .commands import Stop as Stop
 from .commands import Track as Track
 from .commands import Unpark as Unpark
 from .field_now import field_words as field_words
-from .field_now import pairs_now as pairs_now
-from .field_now import unseen_now as unseen_now
+from .field_now import nearest_first as nearest_first
+from .fields import as_json as as_json
+from .fields import read_record as read_record
 from .frame_commands import Accept as Accept
 from .frame_commands import BeginMark as BeginMark
 from .frame_commands import Choose as Choose
@@ -47,8 +48,6 @@ from .place import default_socket_path as default_socket_path
 from .place import engine_pid as engine_pid
 from .poller import Poller as Poller
 from .preview import MovePreview as MovePreview
-from .preview import preview_json as preview_json
-from .preview import read_preview as read_preview
 from .sender import Sender as Sender
 from .sender import sender_of as sender_of
 from .server import ControlServer as ControlServer

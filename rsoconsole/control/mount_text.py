@@ -1,14 +1,13 @@
 """Where the mount itself says that it stands, and what it does: for console and shell alike."""
 
 from rsoconsole.control.status import Status
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
 
 OLD_S = 10.0
 """A word of the mount older than that is told with its instant."""
 SLOW_DEG_S = 0.02
 """Below it a rate is told in arcseconds."""
 STANDS = "stands, measured"
-NS_PER_S = 1_000_000_000
 
 
 def mount_words(status: Status) -> tuple[str, ...]:

@@ -1,10 +1,6 @@
 """The answer to a preview: where a move would lead, and what stands against it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
-
-from rsoconsole.control.fields import as_json, read_value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,15 +25,3 @@ class MovePreview:
     """Limit and how far inside it the telescope would be."""
     refused: str | None = None
     """Why it may not go there; None where it may."""
-
-
-def preview_json(preview: MovePreview) -> dict[str, Any]:
-    """As JSON carries it."""
-    data: dict[str, Any] = as_json(preview)
-    return data
-
-
-def read_preview(data: Mapping[str, Any]) -> MovePreview | None:
-    """The preview in an engine's answer; None where that is none."""
-    preview: MovePreview | None = read_value(MovePreview, data)
-    return preview

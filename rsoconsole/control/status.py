@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control.field_now import PairNow, UnseenNow
-from rsoconsole.control.fields import as_json, read_fields
+from rsoconsole.control.fields import as_json, read_record
 from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import StopOutcome
+from rsoconsole.records import PairMotion, UnseenMember
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
@@ -45,11 +45,13 @@ class Machine:
     """The machine that the engine runs on, as it was seen last; None: it does not say."""
 
     model: str | None = None
+    """Of the board, from its device tree."""
     cpu_temperature_c: float | None = None
     cpu_frequency_mhz: float | None = None
     cpu_frequency_max_mhz: float | None = None
     is_under_voltage: bool | None = None
     is_throttled: bool | None = None
+    """The processor is slowed down by force: for heat, or because its supply is too weak."""
     has_been_under_voltage: bool | None = None
     has_been_throttled: bool | None = None
     troubles: tuple[str, ...] = ()
@@ -61,6 +63,11 @@ class Machine:
     time_source: str | None = None
     time_source_detail: str | None = None
     real_time_clock: str | None = None
+
+    @property
+    def is_pi(self) -> bool:
+        """Whether the board says that it is a Raspberry Pi."""
+        return self.model is not None and self.model.startswith("Raspberry Pi")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,9 +229,9 @@ class Status:
     """All that are followed, by their numbers."""
     next_aim: NextAim | None = None
     """None while nothing is followed."""
-    pairs: tuple[PairNow, ...] = ()
-    """How they move to each other, the nearest first."""
-    unseen: tuple[UnseenNow, ...] = ()
+    pairs: tuple[PairMotion, ...] = ()
+    """How they move to each other as of the last frame, the nearest first."""
+    unseen: tuple[UnseenMember, ...] = ()
     """Catalogued objects that should be in the field and have no track."""
     uncatalogued: tuple[int, ...] = ()
     """Tracks that no catalogued object explains."""
@@ -261,6 +268,5 @@ def status_json(status: Status) -> dict[str, Any]:
 def read_status(data: Mapping[str, Any]) -> Status:
     """The status in an engine's answer; what is missing or odd in it counts as not said."""
     first = {name: data[key] for name, key in FIRST_NAMES.items() if key in data}
-    values = read_fields(Status, {**first, **data})
-    values.setdefault("now_utc_ns", values.get("t_utc_ns"))
-    return Status(**values)
+    said = {"now_utc_ns": data.get("t_utc_ns"), **first, **data}
+    return read_record(Status, said) or Status()

@@ -5,19 +5,20 @@ their names, and every source may be asked again two hours later.
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from rsoconsole.config import data_dir
-from rsoconsole.durable_files import PART, write_durably
+from rsoconsole.durable_files import PART, lock_file, write_durably
 from rsoconsole.element_sources.names import Source
-from rsoconsole.errors import OrbitError
+from rsoconsole.errors import OrbitError, said_as
 from rsoconsole.foreign_text import json_of, read_foreign
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_S
@@ -168,9 +169,11 @@ class ElementStore:
         """As the index says; None where it is damaged or lost."""
         try:
             rows = json_of(read_foreign(self.folder / INDEX))["sources"]
-            found = [_read(each) for each in rows]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+            found = TypeAdapter(list[Kept]).validate_python(rows)
+        except (OSError, ValueError, KeyError, TypeError):
             return None
+        if any(each.file is not None and Path(each.file).name != each.file for each in found):
+            return None  # it names what lies elsewhere
         return {each.source: each for each in found}
 
     def _of_files(self) -> dict[str, Kept]:
@@ -187,42 +190,28 @@ class ElementStore:
         self._write(INDEX, json.dumps(content, indent=1).encode())
 
     def _write(self, name: str, content: bytes) -> None:
-        try:
+        remedy = "): free space there, or set its permissions"
+        with said_as(OrbitError, f"{self.folder / name} cannot be written (", remedy):
             write_durably(self.folder / name, content, mode=0o600)
-        except OSError as error:
-            raise OrbitError(
-                f"{self.folder / name} cannot be written ({error.strerror or error}): free space"
-                " there, or set its permissions"
-            ) from error
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         """One writer at a time: a timer's and the operator's."""
-        try:
+        with said_as(OrbitError, f"{self.folder} cannot be made (", "): set its permissions"):
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            descriptor = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        except OSError as error:
-            raise OrbitError(
-                f"{self.folder} cannot be made ({error.strerror or error}): set its permissions"
-            ) from error
+            try:
+                lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)
+            except BlockingIOError as error:
+                raise OrbitError(
+                    f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see whether it"
+                    " hangs"
+                ) from error
         try:
-            deadline = time.monotonic() + _WAIT_S
-            while True:
-                try:
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except OSError as error:
-                    if time.monotonic() > deadline:
-                        raise OrbitError(
-                            f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see"
-                            " whether it hangs"
-                        ) from error
-                    time.sleep(0.05)
             for beside in self.folder.glob(f"*{PART}"):
                 beside.unlink(missing_ok=True)
             yield
         finally:
-            os.close(descriptor)
+            os.close(lock)
 
 
 def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
@@ -247,19 +236,3 @@ def _figures_of(path: Path) -> dict[str, Any]:
     except (OSError, OrbitError):
         return {}
     return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(entries)}
-
-
-def _read(row: Mapping[str, Any]) -> Kept:
-    """Raises ValueError or TypeError for what this has not written."""
-    known = {each.name for each in fields(Kept)}
-    kept = Kept(**{key: value for key, value in row.items() if key in known})
-    texts = (kept.file, kept.fault)
-    times = (kept.asked_utc_ns, kept.fetched_utc_ns, kept.refused_utc_ns)
-    numbers = (kept.newest_epoch_utc_ns, kept.middle_epoch_utc_ns, kept.objects, kept.sets)
-    if not isinstance(kept.source, str) or any(not isinstance(t, str | None) for t in texts):
-        raise ValueError("not of this cache")
-    if any(not isinstance(number, int | None) for number in (*times, *numbers)):
-        raise ValueError("not of this cache")
-    if kept.file is not None and Path(kept.file).name != kept.file:
-        raise ValueError("not of this cache")
-    return kept

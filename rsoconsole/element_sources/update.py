@@ -11,7 +11,7 @@ from rsoconsole.element_sources.names import Source
 from rsoconsole.element_sources.space_track import fetch_with_login, read_login
 from rsoconsole.element_sources.store import ElementStore, Kept
 from rsoconsole.element_sources.unpack import expect_elements_not_a_page, text_of
-from rsoconsole.errors import OrbitError
+from rsoconsole.errors import OrbitError, said_as
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import utc_ns_to_iso
 
@@ -139,14 +139,12 @@ def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
 
 
 def _file_content(path: Path) -> bytes:
-    try:
+    with said_as(OrbitError, f"{path} cannot be read: "):
         if not path.is_file():
             raise OrbitError(f"{path} is no file: name a file of element sets")
         if path.stat().st_size > MOST_BYTES:
             raise OrbitError(f"{path} is larger than {MOST_BYTES >> 20} MB: name element sets")
         return path.read_bytes()
-    except OSError as error:
-        raise OrbitError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def _words(before: Kept, now: Kept) -> str:

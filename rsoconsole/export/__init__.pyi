@@ -12,8 +12,5 @@ from .observed import ReadAs as ReadAs
 from .observed import read_observations as read_observations
 from .rows import COLUMNS as COLUMNS
 from .rows import MeasuredRow as MeasuredRow
-from .tables import read_csv as read_csv
-from .tables import read_ecsv as read_ecsv
-from .tables import read_jsonl as read_jsonl
 from .target import Target as Target
 from .tdm_reader import parse_tdm as parse_tdm

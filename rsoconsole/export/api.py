@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ExportError, said_as
 from rsoconsole.export import frames as on_record
 from rsoconsole.export.eo_observation import to_udl
 from rsoconsole.export.iod import STATION, check_station, site_line, to_iod
@@ -64,13 +64,13 @@ class ExportOptions:
 class Export:
     """What was written."""
 
-    path: Path | None
+    path: Path | None = None
     """The file; the folder where each frame has its own; None where only a text was made."""
-    files: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
     format: str
     measurements: int
     tracks: int
-    left_out: Mapping[str, int]
+    left_out: Mapping[str, int] = field(default_factory=dict)
     """How many of what is not in it, in words."""
     is_simulated: bool
 
@@ -109,12 +109,9 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
         "jsonl": lambda: to_jsonl(night.rows),
     }
     made = Export(
-        path=None,
-        files=(),
         format=kind,
         measurements=len(night.rows),
         tracks=len(night.tracks),
-        left_out={},
         is_simulated=night.is_simulated,
     )
     return texts[kind](), made
@@ -132,13 +129,9 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:
         raise ExportError(f"{path} is there already: --force writes it again, --out names another")
-    try:
+    with said_as(ExportError, f"{path} cannot be written: ", "; name another place with --out"):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, content)
-    except OSError as error:
-        raise ExportError(
-            f"{path} cannot be written: {error.strerror or error}; name another place with --out"
-        ) from error
 
 
 def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
@@ -165,8 +158,6 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
         "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
     }
     made = Export(
-        path=None,
-        files=(),
         format=kind,
         measurements=len(sent),
         tracks=len(tracks),

@@ -1,7 +1,8 @@
 """IOD lines read back, of all angle formats; what is not said is None.
 
-Strict in the columns, as the format is: a line that is one column off is none. Digits that are
-missing at the end of a time or an angle are zeros, and ``t_step_ns`` says how fine the time is.
+Strict in the columns, as the format is: a line that is one column off is none, also in those of
+sky, behaviour, magnitude and flash period, which are not read. Digits that are missing at
+the end of a time or an angle are zeros, and ``t_step_ns`` says how fine the time is.
 """
 
 import math
@@ -17,7 +18,7 @@ _LINE = re.compile(
     (?:(?P<norad>\d{5})[ ](?P<year>\d{2})[ ](?P<launch>\d{3})
        (?P<piece>[A-Z]{3}|[A-Z]{2}[ ]|[A-Z][ ][ ])[ ]|[ ]{16})
     (?P<station>[0-9A-HJ-NP-Z]{4})[ ]
-    (?P<sky>[EGFPBTCO ])[ ]
+    [EGFPBTCO ][ ]
     (?P<date>\d{8})
     (?:(?P<short_time>\d{0,9})[ ]*$
        |(?=[\d ]{9}[ ])(?P<time>\d{0,9})[ ]*(?<=^.{41})
@@ -27,10 +28,10 @@ _LINE = re.compile(
            (?P<sign>[+-])(?=[\d ]{6}(?:[ ]|$))(?P<second>\d{1,6})[ ]*(?<=^.{62})
            (?P<position_mx>\d{2})
            |[ ]{20})
-        (?:[ ](?P<behaviour>[EFIRSXBHPADMNV])
-           (?:(?P<magnitude_sign>[+-])(?=[\d ]{3}(?:[ ]|$))(?P<magnitude>\d{1,3})[ ]*(?<=^.{70})
-              (?:[ ](?=[\d ]{2}|\d$)(?P<magnitude_sigma>\d{1,2})[ ]*
-                 (?:(?<=^.{74})(?=[\d ]{1,6}[ ]*$)[ ]*(?P<flash>\d{1,6}))?
+        (?:[ ][EFIRSXBHPADMNV]
+           (?:[+-](?=[\d ]{3}(?:[ ]|$))\d{1,3}[ ]*(?<=^.{70})
+              (?:[ ](?=[\d ]{2}|\d$)\d{1,2}[ ]*
+                 (?:(?<=^.{74})(?=[\d ]{1,6}[ ]*$)[ ]*\d{1,6})?
               )?
            )?
         )?[ ]*$
@@ -56,8 +57,6 @@ class IodObservation:
     cospar: str | None
     """As in ``1998-123A``."""
     station: str
-    sky: str | None
-    """Of the station: E, G, F, P, B, T; C: clouded out, O: observer not there."""
     t_utc_ns: int
     t_step_ns: int
     """What the time's last digit is worth."""
@@ -71,10 +70,6 @@ class IodObservation:
     second_deg: float | None
     """Declination, or elevation."""
     position_sigma_arcsec: float | None
-    behaviour: str | None
-    magnitude: float | None
-    magnitude_sigma: float | None
-    flash_period_s: float | None
 
 
 def parse_iod(line: str) -> IodObservation:
@@ -93,7 +88,6 @@ def parse_iod(line: str) -> IodObservation:
         norad_id=None if found["norad"] is None else int(found["norad"]),
         cospar=None if found["norad"] is None else _cospar(found),
         station=found["station"],
-        sky=found["sky"].strip() or None,
         t_utc_ns=t_utc_ns,
         t_step_ns=t_step_ns,
         time_sigma_s=None if found["time_mx"] is None else _mx(found["time_mx"]),
@@ -102,10 +96,6 @@ def parse_iod(line: str) -> IodObservation:
         first_deg=first,
         second_deg=second,
         position_sigma_arcsec=position,
-        behaviour=found["behaviour"],
-        magnitude=_magnitude(found),
-        magnitude_sigma=_tenths(found["magnitude_sigma"], 2),
-        flash_period_s=None if found["flash"] is None else int(found["flash"]) / 1000.0,
     )
 
 
@@ -132,16 +122,6 @@ def _instant(day: str, clock: str) -> tuple[int, int]:
 
 def _mx(text: str) -> float:
     return int(text[0]) * 10.0 ** (int(text[1]) - 8)
-
-
-def _tenths(text: str | None, width: int) -> float | None:
-    """Digits with one decimal behind an implied point; missing ones are zeros."""
-    return None if text is None else int(text.ljust(width, "0")) / 10.0
-
-
-def _magnitude(found: dict[str, str | None]) -> float | None:
-    size = _tenths(found["magnitude"], 3)
-    return size if size is None or found["magnitude_sign"] == "+" else -size
 
 
 def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, float]:

@@ -52,25 +52,25 @@ class MeasuredRow:
     dec_a_icrs_deg: float | None
     ra_b_icrs_deg: float | None
     dec_b_icrs_deg: float | None
-    predicted_ra_icrs_deg: float | None
+    predicted_ra_icrs_deg: float | None = None
     """Where the track expected its object in this frame."""
-    predicted_dec_icrs_deg: float | None
-    predicted_sigma_ra_arcsec: float | None
-    predicted_sigma_dec_arcsec: float | None
-    residual_ra_arcsec: float | None
+    predicted_dec_icrs_deg: float | None = None
+    predicted_sigma_ra_arcsec: float | None = None
+    predicted_sigma_dec_arcsec: float | None = None
+    residual_ra_arcsec: float | None = None
     """Measured minus predicted."""
-    residual_dec_arcsec: float | None
-    sigma_residual_ra_arcsec: float | None
+    residual_dec_arcsec: float | None = None
+    sigma_residual_ra_arcsec: float | None = None
     """sqrt of the diagonal of S."""
-    sigma_residual_dec_arcsec: float | None
-    nis: float | None
+    sigma_residual_dec_arcsec: float | None = None
+    nis: float | None = None
     """Normalised innovation squared; 2 on average for a sound filter."""
-    updated_ra_icrs_deg: float | None
+    updated_ra_icrs_deg: float | None = None
     """The track's place after this measurement."""
-    updated_dec_icrs_deg: float | None
-    rate_ra_arcsec_s: float | None
+    updated_dec_icrs_deg: float | None = None
+    rate_ra_arcsec_s: float | None = None
     """The track's motion on the sky after it."""
-    rate_dec_arcsec_s: float | None
+    rate_dec_arcsec_s: float | None = None
     is_superseded: bool
     """By the operator's word it counts no more; only there when all was asked for."""
 
@@ -147,8 +147,8 @@ _BESIDE: tuple[Column, ...] = tuple(
 )
 """Whatever else a measurement has on record that a cell of a table holds."""
 COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE)
-DERIVED = ("t_mid_utc",)
-"""Columns for people: made of others, and not read back."""
+_SAME = MeasuredRow.__dataclass_fields__.keys() & Measurement.__dataclass_fields__.keys()
+"""What a row has as the measurement has it."""
 
 
 def row_of(
@@ -169,20 +169,12 @@ def row_of(
     both = sigma_east * sigma_north
     end_a, end_b = measurement.ends_icrs_deg or ((None, None), (None, None))
     return MeasuredRow(
-        frame_id=measurement.frame_id,
+        **{name: getattr(measurement, name) for name in _SAME},
         track=track,
-        t_mid_utc_ns=measurement.t_mid_utc_ns,
         exposure_s=None if frame is None else frame.exposure_s,
-        ra_icrs_deg=measurement.ra_icrs_deg,
-        dec_icrs_deg=measurement.dec_icrs_deg,
         sigma_ra_arcsec=sigma_east,
         sigma_dec_arcsec=sigma_north,
         correlation=min(max(cross / both, -1.0), 1.0) if both > 0.0 else 0.0,
-        x_px=measurement.x_px,
-        y_px=measurement.y_px,
-        confidence=measurement.confidence,
-        source=measurement.source,
-        is_clipped=measurement.is_clipped,
         is_taken=is_taken,
         not_taken_because=reason,
         ra_a_icrs_deg=end_a[0],
@@ -197,27 +189,31 @@ def row_of(
 
 
 def _predicted(state: TrackState | None) -> dict[str, Any]:
-    names = ("ra_icrs_deg", "dec_icrs_deg", "sigma_ra_arcsec", "sigma_dec_arcsec")
     if state is None:
-        return {f"predicted_{name}": None for name in names}
+        return {}
     covariance = sky_covariance_arcsec2(state)
-    sigmas = (math.sqrt(float(covariance[0, 0])), math.sqrt(float(covariance[1, 1])))
-    values = (wrap_360(state.x[0]), state.x[2], *sigmas)
-    return {f"predicted_{name}": value for name, value in zip(names, values, strict=True)}
+    return {
+        "predicted_ra_icrs_deg": wrap_360(state.x[0]),
+        "predicted_dec_icrs_deg": state.x[2],
+        "predicted_sigma_ra_arcsec": math.sqrt(float(covariance[0, 0])),
+        "predicted_sigma_dec_arcsec": math.sqrt(float(covariance[1, 1])),
+    }
 
 
 def _corrected(state: TrackState | None, nis: float | None) -> dict[str, Any]:
-    residual = (None, None) if state is None else state.innovation_arcsec or (None, None)
-    sigma = (None, None) if state is None else state.sigma_innovation_arcsec or (None, None)
-    rate = (None, None) if state is None else sky_rate_arcsec_s(state)
+    if state is None:
+        return {"nis": nis}
+    residual = state.innovation_arcsec or (None, None)
+    sigma = state.sigma_innovation_arcsec or (None, None)
+    rate = sky_rate_arcsec_s(state)
     return {
         "residual_ra_arcsec": residual[0],
         "residual_dec_arcsec": residual[1],
         "sigma_residual_ra_arcsec": sigma[0],
         "sigma_residual_dec_arcsec": sigma[1],
-        "nis": nis if state is None else state.nis,
-        "updated_ra_icrs_deg": None if state is None else wrap_360(state.x[0]),
-        "updated_dec_icrs_deg": None if state is None else state.x[2],
+        "nis": state.nis,
+        "updated_ra_icrs_deg": wrap_360(state.x[0]),
+        "updated_dec_icrs_deg": state.x[2],
         "rate_ra_arcsec_s": rate[0],
         "rate_dec_arcsec_s": rate[1],
     }

@@ -61,12 +61,13 @@ class Target:
         norad = UNKNOWN_NORAD + track if self.norad_id is None else self.norad_id
         match = _COSPAR.fullmatch(self.cospar or "")
         if match is None:
-            piece = _piece(track)
+            piece = piece_letters(track)
             return f"{norad:05d} {year % 100:02d} {UNKNOWN_LAUNCH:03d}{piece:<3}"
         return f"{norad:05d} {int(match[1]) % 100:02d} {match[2]}{match[3]:<3}"
 
 
-def _piece(number: int) -> str:
+def piece_letters(number: int) -> str:
+    """Of the piece of a launch with that number: 1 is A, 24 Z, 25 AA."""
     letters = ""
     while number > 0:
         number, place = divmod(number - 1, len(_PIECES))

@@ -8,6 +8,7 @@ import re
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export.iod_reader import EPOCHS, IodObservation, angles_of, full_year
+from rsoconsole.export.target import piece_letters
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
@@ -30,8 +31,6 @@ _LINE = re.compile(
     """,
     re.VERBOSE | re.ASCII,
 )
-_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
-"""Of pieces: 01 is A; without I and O."""
 
 
 def parse_uk(line: str) -> IodObservation:
@@ -47,7 +46,6 @@ def parse_uk(line: str) -> IodObservation:
         norad_id=None,
         cospar=f"{full_year(found['year'])}-{found['launch']}{_piece(int(found['piece']))}",
         station=found["station"],
-        sky=None,
         t_utc_ns=t_utc_ns,
         t_step_ns=step_ns,
         time_sigma_s=_time_sigma_s(match.string[27:32]),
@@ -56,10 +54,6 @@ def parse_uk(line: str) -> IodObservation:
         first_deg=first,
         second_deg=second,
         position_sigma_arcsec=_position_arcsec(code, found["position"]),
-        behaviour=None,
-        magnitude=None,
-        magnitude_sigma=None,
-        flash_period_s=None,
     )
 
 
@@ -71,11 +65,7 @@ def is_uk(line: str) -> bool:
 def _piece(number: int) -> str:
     if number == 0:
         raise ExportError("piece 00 is none: the first is 01")
-    letters = ""
-    while number > 0:
-        number, place = divmod(number - 1, len(_LETTERS))
-        letters = _LETTERS[place] + letters
-    return letters
+    return piece_letters(number)
 
 
 def _instant(day: str, clock: str) -> tuple[int, int]:

@@ -157,6 +157,22 @@ def test_status_tells_the_machines_heat_and_what_is_wrong_with_it(machine, said)
 
 
 @pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        (None, " · STOP ordered in 2 ms, answered in 41 ms: measuring"),
+        ("stands", ""),
+        ("tracks", ""),
+        ("moves", "STILL MOVES"),
+    ],
+)
+def test_status_says_what_the_last_stop_has_come_to(motion, said):
+    stop = {"ordered_ms": 2.0, "answered_ms": 41.0, "motion": motion, "rate_deg_s": 3.9}
+    with engine_that(lambda _: Outcome(ok=True, data={**STATUS, "last_stop": stop})):
+        line = rsoconsole("status").stdout.removeprefix("TRACK · autonomy has the mount · frame 24")
+    assert said in line if said else line == "\n"
+
+
+@pytest.mark.parametrize(
     "words", [["arm"], ["disarm"], ["set", "detector.tau", "1"], ["quit"], ["status"]]
 )
 def test_without_an_engine_each_verb_says_how_to_start_one(words):

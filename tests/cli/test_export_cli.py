@@ -13,7 +13,6 @@ from rsoconsole.export import (
     Target,
     export,
     parse_iod,
-    read_csv,
     read_night,
 )
 from rsoconsole.session.writing.writer import SessionWriter
@@ -21,6 +20,7 @@ from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
 from tests.nights.orbit_night import identified_of
 from tests.nights.samples import SAMPLE
+from tests.pages.tables import read_csv
 from tests.rigs.in_process import run_here
 
 

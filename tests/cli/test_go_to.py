@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.control import ControlServer, MovePreview, Outcome, Request, default_socket_path
 from rsoconsole.control.commands import AskStatus, Goto, Preview
-from rsoconsole.control.preview import preview_json
+from rsoconsole.control.fields import as_json
 from rsoconsole.control.status import Status, status_json
 from rsoconsole.records import Site
 from rsoconsole.sky.frames import icrs_to_altaz
@@ -47,7 +47,7 @@ class Engine:
                 slew_s=52.0,
                 margins_deg=(("altitude", 30.0),),
             )
-            return Outcome(ok=True, data=preview_json(told))
+            return Outcome(ok=True, data=as_json(told))
         assert isinstance(command, Goto)
         self.moves.append(command)
         return Outcome(ok=not self.refusal, message=self.refusal or "on its way")

@@ -1,7 +1,7 @@
 """The page on the program's JSON holds what the program prints."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,14 @@ from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope.order import verb_of
 from rsoconsole.cli.words.output import WITH_UNITS, emit_json
 from rsoconsole.control import COMMANDS, ControlServer, Health, Outcome, Status, default_socket_path
-from rsoconsole.control.status import FIRST_NAMES, SCHEMA, Machine, read_status, status_json
+from rsoconsole.control.status import (
+    FIRST_NAMES,
+    SCHEMA,
+    LastStop,
+    Machine,
+    read_status,
+    status_json,
+)
 from rsoconsole.records import Detection, Detections, Frame, NotSolved
 from tests.makers import straight_detection
 from tests.pages.json_page import expect_documented, first_keys, keys_of
@@ -45,6 +52,7 @@ WHOLE = Status(
     lifted=("sun",),
     faults=("camera is silent",),
     temporary={"detector.tau": 3},
+    last_stop=LastStop(number=2, by="ann", motion="tracks", measured_ms=3100.0, is_over=True),
     health=(Health(name="disk", ok=False, text="4 GB"),),
     machine=Machine(cpu_temperature_c=51.6, troubles=("hot",)),
     seat="ann@tty1",
@@ -74,6 +82,23 @@ def test_the_table_of_units_is_the_programs():
 def test_a_status_crosses_as_itself():
     assert read_status(json.loads(json.dumps(status_json(WHOLE)))) == WHOLE
     assert read_status({}) == Status()
+
+
+@pytest.mark.parametrize(
+    ("name", "odd"),
+    [("frame_id", "seven"), ("tracks", 3), ("machine", ["hot"]), ("mount_rate_deg_s", {})],
+)
+def test_a_field_that_cannot_be_used_counts_as_not_said(name: str, odd: object):
+    told = read_status({**status_json(WHOLE), name: odd})
+    assert told == replace(WHOLE, **{name: getattr(Status(), name)})
+
+
+def test_what_would_command_a_terminal_is_taken_out_of_texts_and_a_path_kept(tmp_path: Path):
+    night = tmp_path / "night\u3000one"
+    told = Status(target="A\x1b[2JB", session=night, health=(Health(name="d", text="\x07"),))
+    there = read_status(json.loads(json.dumps(status_json(told))))
+    assert (there.target, there.health[0].text) == ("A [2JB", " ")
+    assert there.session == night
 
 
 def test_an_engine_of_the_first_version_is_read_too():

@@ -13,7 +13,7 @@ from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope import waiting
 from rsoconsole.control import ControlServer, MovePreview, Outcome, Request, default_socket_path
 from rsoconsole.control.commands import AskStatus, Goto, Park, Preview
-from rsoconsole.control.preview import preview_json
+from rsoconsole.control.fields import as_json
 from rsoconsole.control.status import LastStop, Status, status_json
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
@@ -58,7 +58,7 @@ class Engine:
                 way_deg=79.8,
                 slew_s=52.0,
             )
-            return Outcome(ok=True, data=preview_json(told))
+            return Outcome(ok=True, data=as_json(told))
         self.orders.append(request)
         if isinstance(command, Goto):
             where = {"command_ra_icrs_deg": VEGA[0], "command_dec_icrs_deg": VEGA[1]}

@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 
 from rsoconsole.console.words.pair_lines import neighbour_lines
-from rsoconsole.control.field_now import field_words, pairs_now, unseen_now
+from rsoconsole.control.field_now import field_words, nearest_first
 from rsoconsole.control.status import Status, read_status, status_json
 from rsoconsole.night.night import Night
 from tests.nights import eight_tracks as eight
@@ -89,8 +89,8 @@ def test_status_has_pairs_and_the_missing_over_the_wire_and_in_plain_lines():
     close = replace(pairs[0], is_close=True)
     dark = unseen_of("ASTRA 2C", is_lit=False)
     told = Status(
-        pairs=pairs_now([*pairs[1:], close]),
-        unseen=unseen_now(expected_of(12, unseen_of(), dark)),
+        pairs=nearest_first([*pairs[1:], close]),
+        unseen=(unseen_of(), dark),
         uncatalogued=(3,),
     )
     there = read_status(json.loads(json.dumps(status_json(told))))

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.control import Machine
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.loop.interruptions import TimeTrouble
-from rsoconsole.engine.machine.machine import MachineReading, troubles_of
+from rsoconsole.engine.machine.machine import troubles_of
 from rsoconsole.engine.machine.medium import Medium
 from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.engine.service import health
@@ -55,7 +56,7 @@ def read(folder: Path, of: MountReport | None, **machine: object) -> dict[str, t
 
 
 def seen(**machine: object) -> MachineState:
-    reading = MachineReading(model="Raspberry Pi 4 Model B Rev 1.4", **machine)
+    reading = Machine(model="Raspberry Pi 4 Model B Rev 1.4", **machine)
     return MachineState(
         reading=reading,
         troubles=troubles_of(reading),

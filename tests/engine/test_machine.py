@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Status, read_status, status_json
+from rsoconsole.control import Machine, Status, read_status, status_json
 from rsoconsole.engine.doctor import doctor_machine
 from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import MachineReading, Trouble, read_machine, troubles_of
+from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
 from rsoconsole.engine.machine.medium import Medium, medium_of
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
 from rsoconsole.engine.service import machine_watch
@@ -22,7 +22,7 @@ NO_TIME = TimeSource(kind="unknown", detail="this system does not tell", rtc=Non
 
 def test_a_pi_tells_its_model_heat_frequency_and_supply(tmp_path):
     reading = read_machine(pi_files(tmp_path))
-    assert reading == MachineReading(
+    assert reading == Machine(
         model="Raspberry Pi 4 Model B Rev 1.4",
         cpu_temperature_c=51.6,
         cpu_frequency_mhz=1500.0,
@@ -70,7 +70,7 @@ def test_a_word_that_is_none_is_not_told(tmp_path, word):
 
 def test_a_machine_without_such_files_tells_nothing_and_is_not_called_a_pi(tmp_path):
     reading = read_machine(tmp_path)
-    assert reading == MachineReading()
+    assert reading == Machine()
     assert not reading.is_pi
     assert troubles_of(reading) == ()
     for check in (doctor_machine.check_power(reading), doctor_machine.check_temperature(reading)):
@@ -89,8 +89,8 @@ def test_the_processors_zone_counts_before_others(tmp_path):
 
 
 def test_a_pi_is_hot_where_other_machines_are_not():
-    pi = MachineReading(model="Raspberry Pi 5 Model B Rev 1.0", cpu_temperature_c=82.0)
-    pc = MachineReading(cpu_temperature_c=82.0)
+    pi = Machine(model="Raspberry Pi 5 Model B Rev 1.0", cpu_temperature_c=82.0)
+    pc = Machine(cpu_temperature_c=82.0)
     assert [each.name for each in troubles_of(pi)] == ["hot"]
     assert troubles_of(pc) == ()
 

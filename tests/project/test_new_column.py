@@ -44,12 +44,13 @@ from pathlib import Path
 
 import rsoconsole
 from rsoconsole.export import COLUMNS, read_night
-from rsoconsole.export.tables import read_csv, to_csv, to_ecsv, to_jsonl
+from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
 from rsoconsole.notebook.session import open_session
 from rsoconsole.records.columns import documented
 from rsoconsole.records import Measurement, Ruling
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
+from tests.pages.tables import read_csv
 
 NAME, root = "position_angle_deg", Path(sys.argv[1])
 assert Path(rsoconsole.__file__).is_relative_to(Path.cwd()), rsoconsole.__file__

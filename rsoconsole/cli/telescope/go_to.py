@@ -46,7 +46,7 @@ def goto(
 
     Example: rsoconsole goto "alt 50 az 180"
     """
-    from rsoconsole.control import ControlClient, Sender, read_preview, read_status
+    from rsoconsole.control import ControlClient, MovePreview, Sender, read_record, read_status
 
     client = ControlClient(socket, sender=Sender(name="command"))
     status = read_status(_answer(client, AskStatus()))
@@ -56,7 +56,7 @@ def goto(
         dec_icrs_deg=found.dec_icrs_deg,
         override=tuple(override or ()),
     )
-    preview = read_preview(_answer(client, Preview(move=move)))
+    preview = read_record(MovePreview, _answer(client, Preview(move=move)))
     if not json_:
         output.say(*understood_lines(found, preview))
     follower = Follower(client) if wait else None

@@ -14,7 +14,7 @@ from rsoconsole.console.commands import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.watches import Previewed
 from rsoconsole.console.words import duration_text
-from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_preview
+from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_record
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.sky import format_dec, format_ra
 
@@ -131,7 +131,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         if not message.outcome.ok:
             self._say(f"{message.words}\n{message.outcome.message}")
             return
-        self._preview = preview = read_preview(message.outcome.data)
+        self._preview = preview = read_record(MovePreview, message.outcome.data)
         caution = [self._caution] if self._caution and preview and not preview.refused else []
         self._say("\n".join([message.words, *preview_lines(preview), *caution]))
 
@@ -208,7 +208,7 @@ class MoveDialog(Dialog[bool | None]):
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says."""
         outcome = message.outcome
-        preview = read_preview(outcome.data) if outcome.ok else None
+        preview = read_record(MovePreview, outcome.data) if outcome.ok else None
         lines = preview_lines(preview) if outcome.ok else [outcome.message]
         self._may_go = preview is not None and not preview.refused
         rows = [*lines, *([self._caution] if self._caution else [])]
@@ -325,7 +325,7 @@ class AimDialog(SettingsDialog):
             self._say(message.outcome.message)
             return
         ending = "enter looks there from the next exposure on"
-        self._say("\n".join(preview_lines(read_preview(message.outcome.data), ending)))
+        self._say("\n".join(preview_lines(read_record(MovePreview, message.outcome.data), ending)))
 
 
 class LineDialog(FieldDialog[str | None]):

@@ -1,12 +1,12 @@
 """The doctor's look at the machine itself: its heat, power and time, and its disk's kind."""
 
 from rsoconsole.config import Config
+from rsoconsole.control import Machine
 from rsoconsole.engine.doctor import doctor_system
 from rsoconsole.engine.doctor.doctor_check import Check
 from rsoconsole.engine.machine import (
     HEAT_REMEDY,
     POWER_REMEDY,
-    MachineReading,
     Medium,
     TimeSource,
     disk_outlook,
@@ -24,7 +24,7 @@ _NOT_REPORTED = {
 }
 
 
-def check_temperature(reading: MachineReading | None = None) -> Check:
+def check_temperature(reading: Machine | None = None) -> Check:
     """The processor is cool enough to run at its full speed."""
     name, found = "temperature", read_machine() if reading is None else reading
     if found.cpu_temperature_c is None:
@@ -45,7 +45,7 @@ def check_temperature(reading: MachineReading | None = None) -> Check:
     return Check(check=name, ok=True, detail=", ".join(parts))
 
 
-def check_power(reading: MachineReading | None = None) -> Check:
+def check_power(reading: Machine | None = None) -> Check:
     """The supply is strong enough, and nothing slows the processor down."""
     name, found = "power", read_machine() if reading is None else reading
     if found.is_under_voltage is None and found.is_throttled is None:

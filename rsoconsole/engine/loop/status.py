@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rsoconsole.control import NextAim, Status, TrackNow, pairs_now, unseen_now
+from rsoconsole.control import NextAim, Status, TrackNow, nearest_first
 from rsoconsole.engine.aim import Authority
 from rsoconsole.engine.tasks import Watch, kept_name
 from rsoconsole.pipeline.orbits import Orbits
@@ -64,8 +64,8 @@ def status_of(
         markable_frames=markable_frames,
         tracks=tracks,
         next_aim=next_aim,
-        pairs=pairs_now(last_pairs),
-        unseen=unseen_now(None if expected is None else expected.last),
+        pairs=nearest_first(last_pairs),
+        unseen=() if expected is None or expected.last is None else expected.last.unseen,
         uncatalogued=() if expected is None else expected.uncatalogued,
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),

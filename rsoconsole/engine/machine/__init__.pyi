@@ -1,6 +1,5 @@
 from .machine import HEAT_REMEDY as HEAT_REMEDY
 from .machine import POWER_REMEDY as POWER_REMEDY
-from .machine import MachineReading as MachineReading
 from .machine import Trouble as Trouble
 from .machine import read_machine as read_machine
 from .machine import troubles_of as troubles_of

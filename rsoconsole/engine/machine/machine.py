@@ -11,6 +11,8 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+from rsoconsole.control import Machine
+
 ROOT = Path("/")
 """Where ``proc`` and ``sys`` are; tests put their own here."""
 PI_HOT_C, HOT_C = 80.0, 95.0
@@ -21,32 +23,6 @@ EARLIER = 16
 """Shift from each of these bits to the bit that says whether it has been so before."""
 _THROTTLED_FILE = "sys/devices/platform/soc/soc:firmware/get_throttled"
 _CPU_ZONES = ("cpu", "soc", "pkg")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MachineReading:
-    """What the machine tells of itself; None: it does not."""
-
-    model: str | None = None
-    """Of the board, from its device tree."""
-    cpu_temperature_c: float | None = None
-    cpu_frequency_mhz: float | None = None
-    cpu_frequency_max_mhz: float | None = None
-    is_under_voltage: bool | None = None
-    is_throttled: bool | None = None
-    """The processor is slowed down by force: for heat, or because its supply is too weak."""
-    has_been_under_voltage: bool | None = None
-    has_been_throttled: bool | None = None
-
-    @property
-    def is_pi(self) -> bool:
-        """Whether the board says that it is a Raspberry Pi."""
-        return self.model is not None and self.model.startswith("Raspberry Pi")
-
-    @property
-    def hot_c(self) -> float:
-        """From here on it slows itself down."""
-        return PI_HOT_C if self.is_pi else HOT_C
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +41,11 @@ POWER_REMEDY = (
 HEAT_REMEDY = "a heat sink or a fan, air around the case, shade by day"
 
 
-def read_machine(root: Path | None = None) -> MachineReading:
+def read_machine(root: Path | None = None) -> Machine:
     """One reading; raises nothing."""
     place = ROOT if root is None else root
     alarm, word = _supply_alarm(place), _throttled_word(place)
-    return MachineReading(
+    return Machine(
         model=board_model(place),
         cpu_temperature_c=_temperature_c(place),
         cpu_frequency_mhz=_megahertz(place, "scaling_cur_freq"),
@@ -81,7 +57,7 @@ def read_machine(root: Path | None = None) -> MachineReading:
     )
 
 
-def troubles_of(reading: MachineReading) -> tuple[Trouble, ...]:
+def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
     """What is not well, worst first; empty where nothing is or nothing is told."""
     found = []
     if reading.is_under_voltage:
@@ -98,8 +74,9 @@ def troubles_of(reading: MachineReading) -> tuple[Trouble, ...]:
         remedy = POWER_REMEDY if reading.is_under_voltage else HEAT_REMEDY
         words = f"throttled: the processor is slowed down{at}"
         found.append(Trouble(name="throttled", words=words, remedy=remedy))
-    if degrees is not None and degrees >= reading.hot_c:
-        words = f"hot: {degrees:.0f} °C, it slows itself down from {reading.hot_c:.0f} °C on"
+    hot_c = PI_HOT_C if reading.is_pi else HOT_C
+    if degrees is not None and degrees >= hot_c:
+        words = f"hot: {degrees:.0f} °C, it slows itself down from {hot_c:.0f} °C on"
         found.append(Trouble(name="hot", words=words, remedy=HEAT_REMEDY))
     return tuple(found)
 

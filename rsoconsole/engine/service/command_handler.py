@@ -26,7 +26,7 @@ from rsoconsole.control import (
     Shutdown,
     Status,
     Stop,
-    preview_json,
+    as_json,
     printable,
     status_json,
 )
@@ -310,7 +310,7 @@ class CommandHandler:
 
     def _preview(self, command: Preview, _sender: Sender) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""
-        return Outcome(ok=True, data=preview_json(self._engine.by_hand.preview(command)))
+        return Outcome(ok=True, data=as_json(self._engine.by_hand.preview(command)))
 
     def _ask_seat(self, _command: AskSeat, sender: Sender) -> Outcome:
         return Outcome(ok=True, message=self._seats.ask(sender))

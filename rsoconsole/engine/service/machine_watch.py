@@ -6,13 +6,12 @@ answers the operator does it: both read what was seen last.
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from rsoconsole.control import Machine, Poller
 from rsoconsole.engine.machine import (
-    MachineReading,
     Medium,
     TimeSource,
     Trouble,
@@ -38,7 +37,7 @@ Level = Literal["info", "warning", "alarm"]
 class MachineState:
     """The machine as it was seen last."""
 
-    reading: MachineReading
+    reading: Machine
     troubles: tuple[Trouble, ...]
     """What is not well, and what was not a moment ago."""
     medium: Medium
@@ -46,16 +45,8 @@ class MachineState:
 
     def as_status(self) -> Machine:
         """What ``status`` has of it."""
-        reading = self.reading
-        return Machine(
-            model=reading.model,
-            cpu_temperature_c=reading.cpu_temperature_c,
-            cpu_frequency_mhz=reading.cpu_frequency_mhz,
-            cpu_frequency_max_mhz=reading.cpu_frequency_max_mhz,
-            is_under_voltage=reading.is_under_voltage,
-            is_throttled=reading.is_throttled,
-            has_been_under_voltage=reading.has_been_under_voltage,
-            has_been_throttled=reading.has_been_throttled,
+        return replace(
+            self.reading,
             troubles=tuple(trouble.words for trouble in self.troubles),
             recording_medium=self.medium.kind,
             recording_device=self.medium.device or None,

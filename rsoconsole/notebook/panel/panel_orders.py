@@ -23,7 +23,7 @@ from rsoconsole.control import (
     Stopping,
     Wire,
     command_of,
-    read_preview,
+    read_record,
 )
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.panel.link import Link
@@ -190,7 +190,7 @@ class PanelOrders:
             move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
             outcome = self._outcome(Preview(move=move))
             careful = [f"careful: {found.caution}"] if found.caution else []
-            preview = read_preview(outcome.data) if outcome.ok else None
+            preview = read_record(MovePreview, outcome.data) if outcome.ok else None
             lines = preview_lines(preview) if outcome.ok else [outcome.message]
             answer["lines"] = [found.words, *careful, *lines]
             answer["may_go"] = preview is not None and not preview.refused
