@@ -195,13 +195,18 @@ class Spool:
             self.fault = f"{self._path} cannot be written ({error.strerror})"
 
 
+_WAITING = TypeAdapter(Waiting)
+
+
 def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
     """What an earlier run left; nothing where that is damaged."""
     found: list[Waiting] = []
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
         fields_: dict[str, Any] = json_of(read_foreign(path))
-        found += TypeAdapter(list[Waiting]).validate_python(fields_["waiting"][-MOST:])
+        for row in fields_["waiting"][-MOST:]:
+            with contextlib.suppress(ValueError):  # the others are told all the same
+                found.append(_WAITING.validate_python(row))
         # Format 1 knew of one session alone.
         pairs = fields_["seen"] if fields_.get("format") != 1 else [fields_["seen"]]
         seen = {str(session): int(seq) for session, seq in pairs}

@@ -17,7 +17,7 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.replay import what_if_process
 from rsoconsole.pipeline.replay.what_if_figures import what_if
 from rsoconsole.session.reading.reader import SessionReader
-from tests.nights.samples import SCHEMA_1
+from tests.nights.samples import SAMPLE
 from tests.rigs.engine_rig import rig
 
 preset = sys.argv[1]
@@ -27,7 +27,7 @@ made.engine.run(frames=8)
 parent, child = socket.socketpair()
 parent.close()
 what_if_process.main(child.detach())
-log = SessionReader(SCHEMA_1)
+log = SessionReader(SAMPLE)
 night = what_if((r for _, _, r in log.records()), log.config(), {"filter.preset": preset})
 assert made.memory.records and night.updates > 10
 print("filterpy" in sys.modules)
