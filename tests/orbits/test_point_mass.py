@@ -66,15 +66,3 @@ def test_a_day_moved_as_in_the_paper_is_a_minute_of_arc_off() -> None:
     assert real_arcsec < 5.0
     assert paper_arcsec > 60.0
     assert paper_arcsec == pytest.approx(exact_arcsec, abs=0.1)
-
-
-def test_an_orbit_may_be_found_as_in_the_paper() -> None:
-    flight = geostationary(np.random.default_rng(1), 1, t0_utc_ns=T0, i_deg=2.0, e=np.array([3e-4]))
-    arc_s = np.arange(0.0, 3601.0, 120.0)
-    seen = seen_with_noise(np.random.default_rng(2), DAYTONA, flight.places(arc_s)[0], 1.0)
-    paper = determine(seen, forces=SteppedPointMass())
-    exact = determine(seen, forces=PointMass())
-    assert paper is not None
-    assert exact is not None
-    assert paper.label == exact.label
-    np.testing.assert_allclose(paper.r_km, exact.r_km, atol=0.1)
