@@ -10,7 +10,7 @@ from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Rejection
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_class import Evidence, classify, probabilities
+from rsoconsole.vision.streaks.streak_class import Evidence, decided, probabilities
 from rsoconsole.vision.streaks.streak_light import Fading
 from rsoconsole.vision.streaks.streak_names import named
 from tests.drawn.drawn_classes import Drawn, drawn
@@ -88,7 +88,7 @@ def test_what_nothing_is_known_of_is_undetermined():
         star_fwhm_px=2.5,
         star_scatter=0.05,
     )
-    name, probability = classify(nothing)
+    name, probability = decided(probabilities(nothing))
     assert name == "undetermined"
     assert probability == pytest.approx(1.0 - max(probabilities(nothing).values()))
 
@@ -111,14 +111,17 @@ def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) ->
 
 def test_what_is_out_of_focus_is_too_near_to_be_a_satellite():
     sharp, blurred = (probabilities(crossing(width)) for width in (1.0, 1.45))
-    assert classify(crossing(1.0))[0] == "satellite"
-    assert classify(crossing(1.45))[0] == "aircraft"
+    assert decided(probabilities(crossing(1.0)))[0] == "satellite"
+    assert decided(probabilities(crossing(1.45)))[0] == "aircraft"
     assert sharp["aircraft"] < 0.2
     assert blurred["satellite"] < 0.1
 
 
 def test_a_width_known_badly_decides_nothing():
-    assert classify(crossing(1.45, snr=8.0, scatter=0.4))[0] in {"undetermined", "satellite"}
+    assert decided(probabilities(crossing(1.45, snr=8.0, scatter=0.4)))[0] in {
+        "undetermined",
+        "satellite",
+    }
 
 
 @pytest.mark.parametrize("shorter_px", [0.0, 1.0, 2.0])

@@ -4,7 +4,6 @@ from .image import star_image as star_image
 from .oblong import Oblong as Oblong
 from .plate_fit import PlateFit as PlateFit
 from .plate_fit import field_radius_deg as field_radius_deg
-from .plate_fit import plate_sigma_arcsec as plate_sigma_arcsec
 from .plate_fit import refit as refit
 from .plate_fit import solution_from as solution_from
 from .plate_move import refit_from as refit_from
