@@ -12,7 +12,7 @@ from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_class import Evidence, decided, probabilities
 from rsoconsole.vision.streaks.streak_light import Fading
-from rsoconsole.vision.streaks.streak_names import named
+from rsoconsole.vision.streaks.streak_names import named_with_shares
 from tests.drawn.drawn_classes import Drawn, drawn
 from tests.tiers import plain_first
 
@@ -25,7 +25,7 @@ def seen(one: Drawn) -> Detection:
     """The streak with the name that its own frame gives it."""
     sky = local_background(one.frame.pixels)
     stars = find_stars(one.frame.pixels, sky)
-    (streak,), _ = named(one.frame, sky, stars, [one.streak])
+    (streak,), *_ = named_with_shares(one.frame, sky, stars, [one.streak])
     return streak
 
 
@@ -162,7 +162,7 @@ def test_what_was_rejected_is_named_too_and_what_was_not_measured_is_not():
     boxed = replace(one.streak, width_px=0.0, snr=0.0, method="box")
     trailed = NotAStreak(kind="stars' trails", value=30.0, limit=12.0)
     told = [Rejection(detection=each, reason=trailed) for each in (one.streak, boxed)]
-    _, (first, second) = named(one.frame, sky, stars, [], told)
+    _, (first, second), _ = named_with_shares(one.frame, sky, stars, [], told)
     assert first.detection.object_class == "star chain"
     assert second.detection == boxed
     assert (first.reason, second.reason) == (trailed, trailed)
@@ -177,6 +177,6 @@ def test_a_streak_that_leaves_the_frame_is_looked_at_as_far_as_it_goes():
         is_clipped=True,
     )
     sky = local_background(one.frame.pixels)
-    ((found,), _) = named(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
+    (found,), *_ = named_with_shares(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
     assert 0.0 <= found.class_probability <= 1.0
     assert found.modulation_period_s is None

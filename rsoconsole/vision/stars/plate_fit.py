@@ -26,6 +26,7 @@ _TIGHT_TOLERANCE_PX = 1.5
 _PRESS_GAIN = 0.9
 """A higher order must bring the leave-one-out residual below this share of the lower one's."""
 _STARS_PER_TERM = 3.0
+_MAX_SIP_ORDER = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,6 @@ def refit(
     width_px: int,
     height_px: int,
     tolerance_px: float | None = None,
-    max_sip_order: int = 3,
 ) -> PlateFit | None:
     """Match every star to the catalogue one to one and fit the plate again.
 
@@ -73,7 +73,7 @@ def refit(
         if len(pairs[0]) < MIN_MATCHED:
             return None
         # The first rounds only straighten the start: distortion is fitted to settled matches.
-        order = 1 if round_number == 0 else max_sip_order
+        order = 1 if round_number == 0 else _MAX_SIP_ORDER
         wcs, pairs, sigma_px = _robust_fit(
             stars, catalogue, pairs, wcs, width_px=width_px, height_px=height_px, max_order=order
         )
