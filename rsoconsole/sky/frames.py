@@ -6,15 +6,15 @@ EQUATORIAL_EOD_COORD means. All degrees. Diurnal aberration (0.3 arcsec) and pol
 (0.3 arcsec) are left out: nothing that points a mount can tell. Source: IAU SOFA by erfa.
 """
 
-from typing import Literal, TypeVar
+from typing import Literal
 
 import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.angles import Angle
 from rsoconsole.sky.times import TimeLike, jd_tt, lst_deg
 
-Angle = TypeVar("Angle", float, FloatArray)
 PierSide = Literal["east", "west"]
 
 
