@@ -36,6 +36,7 @@ from rsoconsole.sky import (
     NS_PER_DAY,
     NS_PER_S,
     IntArray,
+    direction_to_unit,
     site_gcrs,
     unit_to_direction,
     wrap_180,
@@ -271,9 +272,8 @@ def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
     """Whether it is about where that stood above the ground, which costs nothing to ask."""
     middle = int(np.argmin(np.abs(track.t_s)))
     instant = track.t_utc_ns[middle : middle + 1]
-    ra = np.radians(before.ra_icrs_deg + _sidereal_deg(before.t_utc_ns, instant)[0])
-    dec = np.radians(before.dec_icrs_deg)
-    line = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    ra_deg = before.ra_icrs_deg + float(_sidereal_deg(before.t_utc_ns, instant)[0])
+    line = direction_to_unit(ra_deg, before.dec_icrs_deg)
     gate = _THERE_DEG if site == before.site else _ELSEWHERE_DEG
     return float(line @ track.towards[middle]) > float(np.cos(np.radians(gate)))
 
