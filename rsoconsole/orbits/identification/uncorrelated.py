@@ -104,8 +104,6 @@ class Recognised:
 
     number: int | None
     """Of the object that it is of; None: of none that was seen before, or not surely of one."""
-    probability: float
-    """Of that object, or of the likeliest."""
     separation_arcsec: float | None
     """Measured minus predicted, of the likeliest."""
     candidates: tuple[tuple[int, float], ...]
@@ -203,10 +201,8 @@ def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float
 def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Recognised:
     order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE_SAME]
     best = order[0] if order else None
-    probability = 0.0 if best is None else float(shares[best])
     return Recognised(
-        number=numbers[best] if best is not None and probability >= SURE_SAME else None,
-        probability=probability,
+        number=numbers[best] if best is not None and shares[best] >= SURE_SAME else None,
         separation_arcsec=None if best is None else float(off[best]),
         candidates=tuple((numbers[n], float(shares[n])) for n in order),
     )

@@ -11,7 +11,6 @@ from .plate_shift import FEWEST_STARS as FEWEST_STARS
 from .plate_shift import shifted_onto as shifted_onto
 from .psf_field import Psf as Psf
 from .psf_field import PsfField as PsfField
-from .psf_field import WidthSource as WidthSource
 from .psf_memory import PsfMemory as PsfMemory
 from .star_match import FEWEST_MATCHED as FEWEST_MATCHED
 from .star_match import agreement as agreement
