@@ -57,6 +57,14 @@ def direction_to_unit(ra_deg: float | FloatArray, dec_deg: float | FloatArray) -
     return np.stack([cos_dec * np.cos(ra), cos_dec * np.sin(ra), np.sin(dec)], axis=-1)
 
 
+def east_and_north(ra_deg: FloatArray, dec_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (..., 3) across directions (...): eastward and northward."""
+    ra, dec = np.radians(ra_deg), np.radians(dec_deg)
+    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=-1)
+    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
+    return east, north
+
+
 def unit_to_direction(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Right ascension (0 to 360) and declination in degrees of vectors (..., 3) of any length."""
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
