@@ -79,7 +79,7 @@ def initial_config_text() -> str:
         lines += ["", f"# {(section.__doc__ or '').strip()}", f"[{section_name}]"]
         defaults = section().model_dump(mode="json")
         for key, info in section.model_fields.items():
-            explanation = "; ".join(part for part in (info.description, _limits(info)) if part)
+            explanation = "; ".join(part for part in (info.description, limits_of(info)) if part)
             if explanation:
                 lines.append(f"# {explanation}")
             default = defaults[key]
@@ -207,7 +207,7 @@ def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFaul
     given = found.get("input")
     shown_name = variables.get(name, name)
     info = _field(place)
-    remedy = f"allowed: {_limits(info)}" if info is not None and _limits(info) else ""
+    remedy = f"allowed: {limits_of(info)}" if info is not None and limits_of(info) else ""
     if info is not None:
         default = info.get_default(call_default_factory=True)
         remedy += ("; " if remedy else "") + f"the default is {default}"
@@ -224,7 +224,7 @@ def _field(place: list[str]) -> FieldInfo | None:
     return None if section is None else section.model_fields.get(place[1])
 
 
-def _limits(info: FieldInfo) -> str:
+def limits_of(info: FieldInfo) -> str:
     """The allowed values in words, e.g. ``> 0, < 1`` or ``one of "fast", "paper"``."""
     if get_origin(info.annotation) is Literal:
         return "one of " + ", ".join(json.dumps(choice) for choice in get_args(info.annotation))

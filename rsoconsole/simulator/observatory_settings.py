@@ -1,7 +1,6 @@
 """What a simulated observatory is to be, as it crosses to its process."""
 
-import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.simulator.devices import Schedule
@@ -29,7 +28,3 @@ class ObservatorySettings:
     """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
     world: dict[str, Any] = field(default_factory=dict)
     """Imperfections, as ``World.named`` gives them."""
-
-    def to_json(self) -> str:
-        """One line."""
-        return json.dumps(asdict(self))

@@ -6,33 +6,26 @@ numpy arrays and give back the same kind.
 
 import math
 import re
-from typing import overload
+from typing import TypeVar, overload
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
 
+Angle = TypeVar("Angle", float, FloatArray)
 _DEG = np.pi / 180.0
 _NUMBER = re.compile(r"\d+(?:\.\d*)?|\.\d+", re.ASCII)
 _MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
 
 
-@overload
-def wrap_180(angle_deg: float) -> float: ...
-@overload
-def wrap_180(angle_deg: FloatArray) -> FloatArray: ...
-def wrap_180(angle_deg: float | FloatArray) -> float | FloatArray:
+def wrap_180(angle_deg: Angle) -> Angle:
     """The same direction in -180 <= angle < 180."""
     if isinstance(angle_deg, np.ndarray):
         return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
     return wrap_360(float(angle_deg) + 180.0) - 180.0
 
 
-@overload
-def wrap_360(angle_deg: float) -> float: ...
-@overload
-def wrap_360(angle_deg: FloatArray) -> FloatArray: ...
-def wrap_360(angle_deg: float | FloatArray) -> float | FloatArray:
+def wrap_360(angle_deg: Angle) -> Angle:
     """The same direction in 0 <= angle < 360."""
     if isinstance(angle_deg, np.ndarray):
         wrapped = np.mod(angle_deg, 360.0)
@@ -47,20 +40,12 @@ def turn_deg(one_deg: float, other_deg: float) -> float:
     return abs((one_deg - other_deg + 90.0) % 180.0 - 90.0)
 
 
-@overload
-def hours_to_deg(hours: float) -> float: ...
-@overload
-def hours_to_deg(hours: FloatArray) -> FloatArray: ...
-def hours_to_deg(hours: float | FloatArray) -> float | FloatArray:
+def hours_to_deg(hours: Angle) -> Angle:
     """Hours of right ascension or hour angle as degrees; not wrapped."""
     return hours * 15.0
 
 
-@overload
-def deg_to_hours(angle_deg: float) -> float: ...
-@overload
-def deg_to_hours(angle_deg: FloatArray) -> FloatArray: ...
-def deg_to_hours(angle_deg: float | FloatArray) -> float | FloatArray:
+def deg_to_hours(angle_deg: Angle) -> Angle:
     """Degrees as hours; not wrapped."""
     return angle_deg / 15.0
 
@@ -70,6 +55,14 @@ def direction_to_unit(ra_deg: float | FloatArray, dec_deg: float | FloatArray) -
     ra, dec = np.broadcast_arrays(np.asarray(ra_deg) * _DEG, np.asarray(dec_deg) * _DEG)
     cos_dec = np.cos(dec)
     return np.stack([cos_dec * np.cos(ra), cos_dec * np.sin(ra), np.sin(dec)], axis=-1)
+
+
+def east_and_north(ra_deg: FloatArray, dec_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (..., 3) across directions (...): eastward and northward."""
+    ra, dec = np.radians(ra_deg), np.radians(dec_deg)
+    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=-1)
+    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
+    return east, north
 
 
 def unit_to_direction(vector: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,15 +6,15 @@ EQUATORIAL_EOD_COORD means. All degrees. Diurnal aberration (0.3 arcsec) and pol
 (0.3 arcsec) are left out: nothing that points a mount can tell. Source: IAU SOFA by erfa.
 """
 
-from typing import Literal, TypeVar
+from typing import Literal
 
 import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.angles import Angle
 from rsoconsole.sky.times import TimeLike, jd_tt, lst_deg
 
-Angle = TypeVar("Angle", float, FloatArray)
 PierSide = Literal["east", "west"]
 
 
@@ -99,11 +99,11 @@ def altaz_to_icrs(
     return icrs_of_hour_angle(site, ha_deg, dec_deg, t_utc_ns)
 
 
-def refraction_deg(altitude_deg: Angle, pressure_hpa: float = 1010.0) -> Angle:
+def refraction_deg(altitude_deg: Angle) -> Angle:
     """How much air at 10 C lifts a true altitude; held below -1 deg. Source: Saemundsson 1986."""
     h = np.maximum(np.asarray(altitude_deg, float), -1.0)
     lift_arcmin = 1.02 / np.tan(np.radians(h + 10.3 / (h + 5.11)))
-    return _like(altitude_deg, lift_arcmin / 60.0 * (pressure_hpa / 1010.0))
+    return _like(altitude_deg, lift_arcmin / 60.0)
 
 
 def pier_side(hour_angle_deg: float) -> PierSide:

@@ -12,7 +12,7 @@ import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.angles import unit_to_direction
+from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 from rsoconsole.sky.times import (
     ARCSEC_RAD,
     NS_PER_S,
@@ -99,22 +99,14 @@ def zenith_gcrs(site: Site, t_utc_ns: TimeLike) -> FloatArray:
 def teme_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
     """Rotation matrices (..., 3, 3) from SGP4's TEME (equinox by GMST 1982) to GCRS."""
     ut1 = jd_ut1(t_utc_ns)
-    to_cirs = erfa.gmst82(*ut1) - erfa.era00(*ut1)
-    cos_a, sin_a = np.cos(to_cirs), np.sin(to_cirs)
-    zero, one = np.zeros_like(cos_a), np.ones_like(cos_a)
-    rows = [[cos_a, sin_a, zero], [-sin_a, cos_a, zero], [zero, zero, one]]
-    about_pole = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    about_pole = _about_pole(erfa.era00(*ut1) - erfa.gmst82(*ut1))
     return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole)
 
 
 def itrf_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
     """Rotation matrices (..., 3, 3) from the Earth-fixed frame (ITRF, WGS84) to GCRS."""
     orientation, tt = earth_orientation(t_utc_ns), jd_tt(t_utc_ns)
-    to_cirs = erfa.era00(*jd_ut1(t_utc_ns))
-    cos_a, sin_a = np.cos(to_cirs), np.sin(to_cirs)
-    zero, one = np.zeros_like(cos_a), np.ones_like(cos_a)
-    rows = [[cos_a, -sin_a, zero], [sin_a, cos_a, zero], [zero, zero, one]]
-    about_pole = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    about_pole = _about_pole(erfa.era00(*jd_ut1(t_utc_ns)))
     polar_motion = erfa.pom00(
         orientation.pole_x_arcsec * ARCSEC_RAD,
         orientation.pole_y_arcsec * ARCSEC_RAD,
@@ -122,6 +114,14 @@ def itrf_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
     )
     from_itrf = np.swapaxes(polar_motion, -1, -2)
     return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole @ from_itrf)
+
+
+def _about_pole(angle: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) by an angle, from x to y."""
+    cos_a, sin_a = np.cos(angle), np.sin(angle)
+    zero, one = np.zeros_like(cos_a), np.ones_like(cos_a)
+    rows = [[cos_a, -sin_a, zero], [sin_a, cos_a, zero], [zero, zero, one]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 _FEW, _MOST_REMEMBERED = 256, 4096
@@ -202,8 +202,7 @@ def line_of_sight_gcrs(
 
     Direction of u + v_earth/c, whatever the range; the object was there at t - tau.
     """
-    ra, dec = np.radians(ra_icrs_deg), np.radians(dec_icrs_deg)
-    u = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    u = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     line = u + earth_velocity_km_s(t_utc_ns) / LIGHT_KM_S
     return np.asarray(line / np.linalg.norm(line, axis=-1, keepdims=True))
 

@@ -6,7 +6,6 @@ motion come from the table that astropy-iers-data ships (IERS finals2000A); noth
 fetched. Beyond the table's ends UT1-TAI and the pole hold their last value.
 """
 
-import math
 import re
 from dataclasses import dataclass
 from datetime import date
@@ -87,13 +86,6 @@ def jd_utc(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
     return np.asarray(JD_UNIX + days), np.asarray(in_day / NS_PER_DAY)
 
 
-def utc_ns_of_jd(jd_1: float, jd_2: float) -> int:
-    """UTC nanoseconds of a UTC Julian date given in two parts."""
-    day = math.floor(jd_1 - JD_UNIX + 0.5)
-    fraction = (jd_1 - JD_UNIX - day) + jd_2
-    return day * NS_PER_DAY + round(fraction * NS_PER_DAY)
-
-
 @lru_cache(maxsize=4096)
 def _tai_minus_utc_of_day(day: int) -> float:
     d = date.fromordinal(date(1970, 1, 1).toordinal() + day)
@@ -129,8 +121,6 @@ class EarthOrientation:
     ut1_minus_utc_s: FloatArray
     pole_x_arcsec: FloatArray
     pole_y_arcsec: FloatArray
-    is_tabulated: bool
-    """False when an instant lies outside the table: then edge values stand in."""
 
 
 def earth_orientation(t_utc_ns: TimeLike) -> EarthOrientation:
@@ -142,7 +132,6 @@ def earth_orientation(t_utc_ns: TimeLike) -> EarthOrientation:
         ut1_minus_utc_s=np.interp(t_mjd, mjd, ut1_minus_tai) + tai_minus_utc_s(t),
         pole_x_arcsec=np.interp(t_mjd, mjd, pole_x),
         pole_y_arcsec=np.interp(t_mjd, mjd, pole_y),
-        is_tabulated=bool(np.all((t_mjd >= mjd[0]) & (t_mjd <= mjd[-1]))),
     )
 
 
@@ -171,11 +160,6 @@ def gast_deg(t_utc_ns: TimeLike) -> FloatArray:
     """Greenwich apparent sidereal time, 0 to 360 (IAU 2006/2000A)."""
     gast = erfa.gst06a(*jd_ut1(t_utc_ns), *jd_tt(t_utc_ns))
     return np.asarray(np.degrees(gast))
-
-
-def gmst_deg(t_utc_ns: TimeLike) -> FloatArray:
-    """Greenwich mean sidereal time, 0 to 360 (IAU 2006)."""
-    return np.asarray(np.degrees(erfa.gmst06(*jd_ut1(t_utc_ns), *jd_tt(t_utc_ns))))
 
 
 @overload

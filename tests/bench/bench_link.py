@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbits.determination.join import Alone, alone, join_probabilities
+from rsoconsole.orbits.determination.join import Alone, alone, log_odds, probability_of
 from rsoconsole.tracking.initiation.link import link_points
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
 from tests.truth.seen_satellites import geostationary, instants, seen
@@ -73,8 +73,11 @@ def nights(count: int, seed: int) -> None:
             t = instants(since_s, frames)
             found = [alone(seen(x, t, sigma_arcsec=sigma, random=random), "geo") for x in pair]
             both.append([each for each in found if each is not None])
-        probabilities = join_probabilities(*both)
-        claims += [(float(probabilities[m, n]), m == n) for m in (0, 1) for n in (0, 1)]
+        claims += [
+            (probability_of(log_odds(one, other)), m == n)
+            for m, one in enumerate(both[0])
+            for n, other in enumerate(both[1])
+        ]
     print(f"{count} pairs of neighbours on two nights")
     calibration(claims)
 

@@ -21,6 +21,7 @@ import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -155,8 +156,8 @@ def _run(
 ) -> _Run:
     arc, later = _part(places, slice(0, -2)), _part(places, slice(-2, None))
     seen = seen_with_noise(random, DAYTONA, arc, sigma)
-    regimes = {"geo": replace(REGIMES["geo"], prior=world.prior)}
-    orbit = determine(seen, prior="geo", regimes=regimes)
+    with patch.dict(REGIMES, geo=replace(REGIMES["geo"], prior=world.prior)):
+        orbit = determine(seen, prior="geo")
     assert orbit is not None
     truth = states[int(np.flatnonzero(places.t_utc_ns == orbit.epoch_utc_ns)[0])]
     ahead = predict(orbit, DAYTONA, later.t_utc_ns)

@@ -61,7 +61,7 @@ def later(elements: ElementSet, by_s: float) -> ElementSet:
 
 def below(elements: ElementSet, t_utc_ns: int) -> Site:
     """A site near which it passes overhead."""
-    from rsoconsole.sky.times import gmst_deg
+    from tests.truth.sidereal import gmst_deg
 
     ((x, y, z),), _ = Satellite(elements).position_gcrs(np.array([t_utc_ns]))
     longitude = np.degrees(np.arctan2(y, x)) - float(gmst_deg(t_utc_ns)) + 2.0

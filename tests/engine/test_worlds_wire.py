@@ -9,13 +9,13 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.simulator.camera.truth import truth_from_json
 from rsoconsole.simulator.launch import start_observatory
 from rsoconsole.simulator.scene.world_scene import binned
 from rsoconsole.simulator.world.world_file import world_from
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.sky.wcs import describe, wcs_from_cards
+from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000
 WIDTH_PX, HEIGHT_PX = 160, 128

@@ -14,9 +14,9 @@ from rsoconsole.instruments.camera.camera import ARRIVED_KEY
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.indi_fits import fits_bytes
-from rsoconsole.simulator.camera.truth import truth_from_json
 from rsoconsole.simulator.launch import start_observatory
 from rsoconsole.sky.angles import separation_deg
+from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000
 ONE_ARCSEC = 1 / 3600

@@ -8,7 +8,7 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.night.night import Night
-from rsoconsole.orbits.motion.point_mass import MU_EARTH_KM3_S2
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2
 from rsoconsole.reasons import Cause
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate, StateChange
 from rsoconsole.session.writing.writer import SessionWriter

@@ -16,9 +16,10 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Measurement
 from rsoconsole.simulator.nights.scenarios import elements_path
 from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import NS_PER_S, gmst_deg
+from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking.association.following import Seen
 from tests.truth.seen_satellites import DAYTONA
+from tests.truth.sidereal import gmst_deg
 
 MEMBERS = 12
 SLOT_DEG = -61.0

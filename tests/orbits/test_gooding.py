@@ -43,7 +43,7 @@ def test_every_orbit_found_goes_through_all_three_lines() -> None:
     random = np.random.default_rng(5)
     for regime in REGIMES:
         case = random_case(regime, random)
-        for orbit in gooding(case.lines, mu=MU, most_revolutions=1):
+        for orbit in gooding(case.lines, mu=MU):
             since = case.lines.t_s - case.lines.t_s[1]
             places, _ = propagate(orbit.r_km, orbit.v_km_s, since, MU)
             seen = places - case.lines.sites_km

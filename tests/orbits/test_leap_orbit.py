@@ -148,7 +148,7 @@ def next_pass(each: Followed) -> ExpectedPass | None:
 
 def late_and_aside(each: Followed, expected: ExpectedPass) -> tuple[float, float]:
     """True minus predicted: seconds along the orbit, degrees across as seen from the site."""
-    t = expected.top_utc_ns
+    t = (expected.rise_utc_ns + expected.set_utc_ns) // 2
     r, _ = each.track.best.orbit.states(np.array([t]))
     true, speed = each.one.satellite.position_gcrs(np.array([t]))
     late_s = float((r[0] - true[0]) @ speed[0] / (speed[0] @ speed[0]))

@@ -95,7 +95,6 @@ def moved_by(satellite: Satellite, t_utc_ns: int) -> Orbit:
         r_km=r[0],
         v_km_s=v[0],
         covariance=np.eye(6),
-        free_covariance=np.eye(6),
         residuals_arcsec=np.zeros((3, 2)),
         is_used=np.ones(3, bool),
         cost=0.0,

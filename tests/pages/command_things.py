@@ -16,7 +16,7 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator.nights.scenarios import DAYTONA_BEACH, elements_path, scenario_named
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.sky.stars import StarCatalogue
-from rsoconsole.sky.times import NS_PER_DAY, gmst_deg, iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.sky.times import NS_PER_DAY, iso_to_utc_ns, utc_ns_to_iso
 from tests.cli.test_calibrate_elements import SLOTS
 from tests.cli.test_calibrate_elements import night as night_of_slots
 from tests.nights.samples import SAMPLE, SESSIONS
@@ -30,6 +30,7 @@ from tests.truth.navigation_truth import (
 )
 from tests.truth.navigation_truth import night as navigation_night
 from tests.truth.seen_satellites import geostationary
+from tests.truth.sidereal import gmst_deg
 
 FRAMES = tuple(sorted((SESSIONS / "frames").glob("*.fits.fz")))
 """Six of a simulated night; Intelsat 14 is in all but the last."""

@@ -14,7 +14,6 @@ from rsoconsole.records import Event, FollowedAgain, Miss, PairMotion, PairMotio
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from rsoconsole.tracking.association.closest import closest
-from rsoconsole.tracking.association.relative import way_arcsec
 from tests.nights.pair_nights import (
     BEGIN_UTC_NS,
     NS,
@@ -42,6 +41,13 @@ def motion_of(night: PairNight) -> PairMotion:
     [told] = [each for each in pairs_after(night.records).refine() if isinstance(each, PairMotions)]
     [motion] = told.pairs
     return motion
+
+
+def way_arcsec(ra_deg, dec_deg, other_ra_deg, other_dec_deg) -> np.ndarray:
+    """(N, 2) from neighbours to neighbours, east and north at the middle between them."""
+    level = np.cos(np.radians((dec_deg + other_dec_deg) / 2.0))
+    east_deg = (other_ra_deg - ra_deg + 180.0) % 360.0 - 180.0
+    return 3600.0 * np.stack([east_deg * level, other_dec_deg - dec_deg], axis=-1)
 
 
 def truth_of(night: PairNight, motion: PairMotion) -> tuple[np.ndarray, np.ndarray, float, float]:

@@ -32,10 +32,10 @@ from rsoconsole.simulator.sky.star_background import faint_stars
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
 from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 from rsoconsole.sky.sun import sun_icrs
-from rsoconsole.sky.times import gmst_deg
 from tests.real_sky.gsc_sky import Sky, serving
 from tests.rigs.whole_engine import COMMAND
 from tests.truth.ccd_law import CcdLaw
+from tests.truth.sidereal import gmst_deg
 
 PORT = 7624
 MOUNT, CAMERA = "Telescope Simulator", "CCD Simulator"

@@ -9,7 +9,6 @@ import pytest
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator.camera.imperfections import catalogue_errors_arcsec
-from rsoconsole.simulator.camera.truth import truth_from_json
 from rsoconsole.simulator.nights.scenarios import CLEAR, STEADY, scenario_named
 from rsoconsole.simulator.scene import scene as scene_module
 from rsoconsole.simulator.scene.scene import Scene
@@ -18,6 +17,7 @@ from rsoconsole.simulator.sky.star_background import faint_stars, galactic_latit
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_of_hour_angle
 from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_from_cards
+from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000
 SMALL = OpticsConfig(width_px=900, height_px=700)

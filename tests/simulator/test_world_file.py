@@ -48,7 +48,7 @@ def test_an_empty_file_names_nothing(tmp_path):
         ({"wind": {"drift_px": 3}}, r"no setting 'wind.drift_px': .*\[stars\] drift_px\?"),
         ({"sensr": {"bits": 8}}, r"no section 'sensr': did you mean \[sensor\]\?"),
         ({"drift_px": 3}, r"no section 'drift_px': did you mean \[stars\] drift_px\?"),
-        ({"stars": {"drift_px": 500}}, r"drift_px = 500 cannot be; allowed: ≥ 0, ≤ 200 px"),
+        ({"stars": {"drift_px": 500}}, r"drift_px = 500 cannot be; allowed: >= 0, <= 200 px"),
         ({"stars": {"drift_px": "far"}}, r"drift_px = 'far' cannot be; allowed"),
         ({"stars": 12}, r"stars is a section: write \[stars\] above"),
         ({"clock": {"offset_s": float("nan")}}, r"offset_s = nan cannot be"),

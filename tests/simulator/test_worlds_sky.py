@@ -5,7 +5,6 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator.camera.truth import truth_from_json
 from rsoconsole.simulator.sky.brightness_world import world_extra_mag
 from rsoconsole.simulator.world.world import SatelliteWorld
 from tests.rigs.world_rig import (
@@ -16,6 +15,7 @@ from tests.rigs.world_rig import (
     stamps,
     streak_along,
 )
+from tests.truth.frame_truth import truth_from_json
 
 TINY = OpticsConfig(width_px=80, height_px=80)
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.determination.join import alone, join_probabilities, log_odds
+from rsoconsole.orbits.determination.join import alone, log_odds, probability_of
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.initiation.link import Motion, best_disjoint, link_points
 from tests.truth.seen_satellites import SHARED, geostationary, instants, seen
@@ -139,21 +139,9 @@ def test_three_satellites_of_two_nights_two_of_them_in_one_slot_are_joined() -> 
         [alone(seen(each, instants(since), random=random), "geo") for each in sets]
         for since in (0.0, NIGHT_S)
     )
-    found = join_probabilities(first, second)
+    found = np.array([[probability_of(log_odds(a, b)) for b in second] for a in first])
     assert np.all(np.diag(found) > 0.9)
     assert np.all(found[~np.eye(3, dtype=bool)] < 0.05)
-
-
-def test_twins_that_no_direction_tells_apart_share_what_is_certain() -> None:
-    random = np.random.default_rng(9)
-    twin = geostationary(90001, -60.0)
-    first, second = (
-        [alone(seen(twin, instants(since), random=random), "geo") for _ in range(2)]
-        for since in (0.0, NIGHT_S)
-    )
-    found = join_probabilities(first, second)
-    assert found.sum(axis=1) == pytest.approx([1.0, 1.0], abs=0.02)
-    assert np.all((found > 0.1) & (found < 0.9))
 
 
 def test_a_satellite_that_was_not_there_the_night_before_is_joined_to_none() -> None:
@@ -162,4 +150,3 @@ def test_a_satellite_that_was_not_there_the_night_before_is_joined_to_none() -> 
     other = geostationary(90002, -60.05, i_deg=0.2, node_deg=300.0)
     new = alone(seen(other, instants(NIGHT_S), random=random), "geo")
     assert log_odds(ours, new) < -5.0
-    assert join_probabilities([ours], [new])[0, 0] < 0.01

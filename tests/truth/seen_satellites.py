@@ -13,7 +13,8 @@ from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
 from rsoconsole.orbits.elements.satellite import Satellite
 from rsoconsole.orbits.first.directions import Sightings, sightings
 from rsoconsole.records import Site
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray, gmst_deg
+from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray
+from tests.truth.sidereal import gmst_deg
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

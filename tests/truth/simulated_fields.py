@@ -118,13 +118,14 @@ def rendered(
     t_utc_ns, exposure_s = when
     scenario = replace(
         scenario_named("intelsat-14"),
+        site=SITE,
         t_start_utc_ns=T0_UTC_NS,
         satellites=tuple(
             ScenarioSatellite(element_set=each, standard_magnitude=magnitude)
             for each, magnitude in there
         ),
     )
-    scene = Scene(scenario, seed, site=SITE, optics=optics)
+    scene = Scene(scenario, seed, optics=optics)
     opens = t_utc_ns - round(exposure_s * NS_PER_S / 2)
     pixels, truth = scene.expose(*centre, 0.0, False, opens, exposure_s)
     hdu = fits.PrimaryHDU(pixels)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision.frame.background import local_background, resample
 
 
 def _noisy(height: int, width: int, level: float = 800.0, sigma: float = 40.0) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_expanded_maps_have_the_frames_size_and_its_values(shape):
     slope = np.linspace(0.0, 300.0, shape[1], dtype=np.float32)
     pixels = np.tile(slope, (shape[0], 1))
     sky = local_background(pixels)
-    full = sky.expand(sky.level)
+    full = resample(sky.level, sky.cell_px, *shape)
     assert full.shape == shape
     middle = shape[1] // 2
     assert full[shape[0] // 2, middle] == pytest.approx(slope[middle], abs=300.0 * 16 / shape[1])

@@ -51,8 +51,8 @@ def last_width_px(*frames: Frame) -> tuple[str, float]:
 
 def test_a_clouded_frame_has_the_width_of_the_clear_one_before_it():
     clear, clouded = analyses(CLEAR, CLOUDED, memory=PsfMemory())
-    assert clear.focus.width_source == clear.stars.width_source == "measured"
-    assert clouded.focus.width_source == clouded.stars.width_source == "remembered"
+    assert clear.stars.width_source == "measured"
+    assert clouded.stars.width_source == "remembered"
     assert len(clouded.stars) < 5
     assert clouded.focus.fwhm_px == pytest.approx(WIDTH_PX, rel=0.03)
 
@@ -61,7 +61,7 @@ def test_a_streak_under_cloud_is_believed_by_what_the_clear_frame_showed():
     (alone,) = analyses(CLOUDED, memory=None)
     _, clouded = analyses(CLEAR, CLOUDED, memory=PsfMemory())
     (guessed,), (known,) = alone.detections.detections, clouded.detections.detections
-    assert alone.focus.width_source == "guessed"
+    assert alone.stars.width_source == "guessed"
     assert alone.stars.median_fwhm_px == GUESS_PX
     assert known.width_px == pytest.approx(WIDTH_PX, rel=0.1)
     assert known.confidence / (1 - known.confidence) > 3 * guessed.confidence / (
@@ -155,7 +155,7 @@ def test_stars_that_wind_or_drift_drew_out_are_not_remembered():
     memory = PsfMemory()
     first, clouded = analyses(trailed, CLOUDED, memory=memory)
     assert first.stars.trail is not None
-    assert clouded.focus.width_source == "guessed"
+    assert clouded.stars.width_source == "guessed"
 
 
 def test_the_change_over_the_field_is_remembered_too():

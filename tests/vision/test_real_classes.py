@@ -18,7 +18,7 @@ from rsoconsole.records import Detection, Frame
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_fit import StreakFit, fit_streak
-from rsoconsole.vision.streaks.streak_names import named
+from rsoconsole.vision.streaks.streak_names import named_with_shares
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "field" / "gmn"
 EXPOSURE_S, SCALE_ARCSEC_PX = 10.24, 249.6
@@ -68,7 +68,7 @@ def told(true: dict, *, is_plate_known: bool) -> Detection:
         method="line",
         unevenness=fit.unevenness,
     )
-    ((one,), _) = named(frame, sky, stars, [streak])
+    (one,), *_ = named_with_shares(frame, sky, stars, [streak])
     return one
 
 

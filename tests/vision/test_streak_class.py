@@ -10,9 +10,9 @@ from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Rejection
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_class import Evidence, classify, probabilities
+from rsoconsole.vision.streaks.streak_class import Evidence, decided, probabilities
 from rsoconsole.vision.streaks.streak_light import Fading
-from rsoconsole.vision.streaks.streak_names import named
+from rsoconsole.vision.streaks.streak_names import named_with_shares
 from tests.drawn.drawn_classes import Drawn, drawn
 from tests.tiers import plain_first
 
@@ -25,7 +25,7 @@ def seen(one: Drawn) -> Detection:
     """The streak with the name that its own frame gives it."""
     sky = local_background(one.frame.pixels)
     stars = find_stars(one.frame.pixels, sky)
-    (streak,), _ = named(one.frame, sky, stars, [one.streak])
+    (streak,), *_ = named_with_shares(one.frame, sky, stars, [one.streak])
     return streak
 
 
@@ -88,7 +88,7 @@ def test_what_nothing_is_known_of_is_undetermined():
         star_fwhm_px=2.5,
         star_scatter=0.05,
     )
-    name, probability = classify(nothing)
+    name, probability = decided(probabilities(nothing))
     assert name == "undetermined"
     assert probability == pytest.approx(1.0 - max(probabilities(nothing).values()))
 
@@ -111,14 +111,17 @@ def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) ->
 
 def test_what_is_out_of_focus_is_too_near_to_be_a_satellite():
     sharp, blurred = (probabilities(crossing(width)) for width in (1.0, 1.45))
-    assert classify(crossing(1.0))[0] == "satellite"
-    assert classify(crossing(1.45))[0] == "aircraft"
+    assert decided(probabilities(crossing(1.0)))[0] == "satellite"
+    assert decided(probabilities(crossing(1.45)))[0] == "aircraft"
     assert sharp["aircraft"] < 0.2
     assert blurred["satellite"] < 0.1
 
 
 def test_a_width_known_badly_decides_nothing():
-    assert classify(crossing(1.45, snr=8.0, scatter=0.4))[0] in {"undetermined", "satellite"}
+    assert decided(probabilities(crossing(1.45, snr=8.0, scatter=0.4)))[0] in {
+        "undetermined",
+        "satellite",
+    }
 
 
 @pytest.mark.parametrize("shorter_px", [0.0, 1.0, 2.0])
@@ -159,7 +162,7 @@ def test_what_was_rejected_is_named_too_and_what_was_not_measured_is_not():
     boxed = replace(one.streak, width_px=0.0, snr=0.0, method="box")
     trailed = NotAStreak(kind="stars' trails", value=30.0, limit=12.0)
     told = [Rejection(detection=each, reason=trailed) for each in (one.streak, boxed)]
-    _, (first, second) = named(one.frame, sky, stars, [], told)
+    _, (first, second), _ = named_with_shares(one.frame, sky, stars, [], told)
     assert first.detection.object_class == "star chain"
     assert second.detection == boxed
     assert (first.reason, second.reason) == (trailed, trailed)
@@ -174,6 +177,6 @@ def test_a_streak_that_leaves_the_frame_is_looked_at_as_far_as_it_goes():
         is_clipped=True,
     )
     sky = local_background(one.frame.pixels)
-    ((found,), _) = named(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
+    (found,), *_ = named_with_shares(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
     assert 0.0 <= found.class_probability <= 1.0
     assert found.modulation_period_s is None

@@ -48,7 +48,7 @@ def hidden_end(
         knot_range=(-25.0, 25.0),
     )
     covariance = np.diag([1.0, variance, 1.0, 1.0])
-    fit = LineFit(line=line, covariance=covariance, chi2=0.0, excess=0.0, model=light)
+    fit = LineFit(line=line, covariance=covariance, excess=0.0, model=light)
     return with_hidden_ends(cutout, (u, v), fit, is_used)
 
 

@@ -37,14 +37,11 @@ from rsoconsole.vision.stars import (
     PlateFit,
     StarList,
     field_radius_deg,
-    plate_sigma_arcsec,
     refit,
     refit_from,
     shifted_onto,
     solution_from,
 )
-
-__all__ = ["PlateSolver", "SolveHint", "plate_sigma_arcsec"]
 
 MIN_STARS = 8
 _MAX_STARS = 100

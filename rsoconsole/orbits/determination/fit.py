@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from rsoconsole.orbits.first import LineOfSight, Sightings, State
 from rsoconsole.orbits.motion import (
-    MU_EARTH_KM3_S2,
     Motion,
     eccentricity_vector,
     propagate,
@@ -65,8 +64,6 @@ class Fit:
     v_km_s: FloatArray
     covariance: FloatArray
     """(6, 6) km and km/s"""
-    free_covariance: FloatArray
-    """The same by the directions alone: what they would give without the prior."""
     residuals_arcsec: FloatArray
     """(N, 2) measured minus predicted on the sky, also of those left out."""
     is_used: BoolArray
@@ -98,7 +95,6 @@ class _Problem:
 
     seen: Sightings
     prior: Prior
-    mu: float
     view: LineOfSight
     deviation: tuple[FloatArray, FloatArray] | None = None
     """(N, 3) off the point mass's orbit, and its rate: km, km/s."""
@@ -140,18 +136,18 @@ class _Problem:
     def _beliefs(self, r: FloatArray, v: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """What the prior adds: rows (n,) and their slopes (n, 6) by the state."""
         if self.prior.sigma_e is not None:
-            e, slopes = eccentricity_vector(r, v, self.mu)
+            e, slopes = eccentricity_vector(r, v)
             sigma = self.prior.sigma_e / np.sqrt(2.0)
             yield e / sigma, slopes / sigma
         if self.prior.a_km is not None:
-            a_km, slope = semi_major_axis(r, v, self.mu)
+            a_km, slope = semi_major_axis(r, v)
             off = (a_km - self.prior.a_km) / self.prior.sigma_a_km
             yield np.array([off]), slope[None] / self.prior.sigma_a_km
 
     def places(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places (N, 3) when the light left, and their slopes (N, 3, 6) by the state."""
         r, v = self.view.state(unknowns)
-        places, velocities, slopes = propagate_with_slopes(r, v, self.seen.t_s, self.mu)
+        places, velocities, slopes = propagate_with_slopes(r, v, self.seen.t_s)
         if self.deviation is not None:
             places, velocities = places + self.deviation[0], velocities + self.deviation[1]
         # Back along the way by the light's time: the bend of the orbit in it is a millimetre.
@@ -163,7 +159,7 @@ class _Problem:
         """Compute the deviation at these unknowns; by how many arcsec it was wrong."""
         r, v = self.view.state(unknowns)
         true = motion.states(r, v, self.seen.t_s)
-        plain = propagate(r, v, self.seen.t_s, self.mu)
+        plain = propagate(r, v, self.seen.t_s)
         before = self.deviation
         self.deviation = (true[0] - plain[0], true[1] - plain[1])
         if before is None:
@@ -187,7 +183,6 @@ def fit(
     start: State,
     *,
     prior: Prior | None = None,
-    mu: float = MU_EARTH_KM3_S2,
     motion: Motion | None = None,
 ) -> Fit:
     """The orbit near ``start`` (a state at the epoch) that fits all directions best.
@@ -195,7 +190,7 @@ def fit(
     ``motion`` other than about a point mass moves the object. Directions that fit with no orbit
     are left out, never more than a third.
     """
-    problem = _problem(seen, start, prior or Prior(), mu)
+    problem = _problem(seen, start, prior or Prior())
     unknowns = problem.view.unknowns(start)
     with np.errstate(all="ignore"):
         if motion is None:
@@ -206,10 +201,10 @@ def fit(
 
 
 def formal_covariances(
-    seen: Sightings, state: State, prior: Prior, mu: float = MU_EARTH_KM3_S2
+    seen: Sightings, state: State, prior: Prior
 ) -> tuple[FloatArray, FloatArray]:
     """Covariances (6, 6) that a fit near this state would have: with the prior, and without."""
-    problem = _problem(seen, state, prior, mu)
+    problem = _problem(seen, state, prior)
     unknowns = problem.view.unknowns(state)
     with np.errstate(all="ignore"):
         _, slopes = problem.rows(unknowns)
@@ -222,11 +217,11 @@ def formal_covariances(
     return constrained, free
 
 
-def _problem(seen: Sightings, start: State, prior: Prior, mu: float) -> _Problem:
+def _problem(seen: Sightings, start: State, prior: Prior) -> _Problem:
     nearest = int(np.argmin(np.abs(seen.t_s)))
     site_km = seen.sites_km[nearest] - seen.sites_km_s[nearest] * seen.t_s[nearest]
     view = LineOfSight.through(start, site_km, seen.sites_km_s[nearest])
-    return _Problem(seen=seen, prior=prior, mu=mu, view=view)
+    return _Problem(seen=seen, prior=prior, view=view)
 
 
 def _descend_with(
@@ -324,13 +319,11 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     squares = _squares(problem, value)
     r, v = problem.view.state(unknowns)
     prior_chi2 = float(np.sum(value[2 * len(is_used) :] ** 2))
-    alone = slopes[: 2 * len(is_used)][np.repeat(is_used, 2)]
     covariance = to_state @ inverse_of_normal(slopes[keep].T @ slopes[keep]) @ to_state.T
     return Fit(
         r_km=r,
         v_km_s=v,
         covariance=covariance,
-        free_covariance=to_state @ inverse_of_normal(alone.T @ alone) @ to_state.T,
         residuals_arcsec=problem.residuals_arcsec(unknowns),
         is_used=is_used,
         cost=float(np.sum(np.minimum(squares, _OUTLIER))) + prior_chi2,

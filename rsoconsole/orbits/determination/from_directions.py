@@ -8,7 +8,7 @@ and no prior would halve that; ``constrained by prior`` where a stated prior giv
 observable`` where the directions do not tell one range from another.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,10 +82,6 @@ class _Asked:
 
     prior: PriorName
     forces: Motion
-    regimes: Mapping[str, Regime]
-
-    def belief(self, name: PriorName) -> Prior:
-        return self.regimes[name].prior if name in self.regimes else Prior()
 
 
 def determine(
@@ -93,8 +89,6 @@ def determine(
     *,
     prior: PriorName = "auto",
     start: State | None = None,
-    forces: Motion | None = None,
-    regimes: Mapping[str, Regime] = REGIMES,
     tries_seeds: bool = True,
 ) -> Orbit | None:
     """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
@@ -103,12 +97,11 @@ def determine(
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
     seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: what the
     start leads to is then all there is. ``auto`` takes no prior where none is needed, else that of
-    the regime in which the orbit lies. ``forces``: `Forces` unless told otherwise.
+    the regime in which the orbit lies.
     """
     if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
-    forces = forces or Forces(epoch_utc_ns=seen.epoch_utc_ns)
-    asked = _Asked(prior=prior, forces=forces, regimes=regimes)
+    asked = _Asked(prior=prior, forces=Forces(epoch_utc_ns=seen.epoch_utc_ns))
     found = None
     if start is not None:
         found = _settled(seen, (start,), asked)
@@ -130,7 +123,7 @@ def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
             starts = starts_towards(found.state, covariance, seen.of(others[0]))
         known = np.sort(np.concatenate([known, *added]))
         others = [each for each in others if not any(each is one for one in added)]
-        starts = _sifted(seen.of(known), starts, asked.belief(found.prior))
+        starts = _sifted(seen.of(known), starts, _belief(found.prior))
         found = _settled(seen.of(known), starts, asked)
     return found
 
@@ -167,22 +160,26 @@ def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
 
 def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
     """With a prior where it is asked for or needed, without where the directions suffice."""
-    if asked.prior in asked.regimes:
+    if asked.prior in REGIMES:
         return _best(seen, starts, asked.prior, asked)
     is_refining = len(starts) == 1
-    if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0], asked)):
+    if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0])):
         return _best(seen, starts, "none", asked)
-    for name in (each for each in AUTOMATIC if each in asked.regimes):
-        if not _is_near(asked.regimes[name], starts):
+    for name in AUTOMATIC:
+        if not _is_near(REGIMES[name], starts):
             continue
         constrained = _best(seen, starts, name, asked)
-        if constrained is None or not is_of_its_regime(constrained.fit, asked.regimes[name]):
+        if constrained is None or not is_of_its_regime(constrained.fit, REGIMES[name]):
             continue
         # Of an orbit that is refined that was asked where it began.
-        if is_refining or not _needs_no_prior(seen, constrained.state, asked):
+        if is_refining or not _needs_no_prior(seen, constrained.state):
             return constrained
         return _best(seen, (constrained.state, *starts), "none", asked) or constrained
     return _best(seen, starts, "none", asked)
+
+
+def _belief(name: PriorName) -> Prior:
+    return REGIMES[name].prior if name in REGIMES else Prior()
 
 
 def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
@@ -191,9 +188,9 @@ def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
     return any(low <= each <= high for each in axes_km)
 
 
-def _needs_no_prior(seen: Sightings, state: State, asked: _Asked) -> bool:
+def _needs_no_prior(seen: Sightings, state: State) -> bool:
     """Whether the directions alone give axis and eccentricity, and hardly worse than a prior."""
-    near = [each.prior for each in asked.regimes.values() if each.holds(state)]
+    near = [each.prior for each in REGIMES.values() if each.holds(state)]
     constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
     sigma_a_km, sigma_e = sigma_of_a_km(state, free), sigma_of_e(state, free)
     return sigma_a_km <= min(
@@ -211,7 +208,7 @@ def _best(
 ) -> _Found | None:
     """The cheapest fit from any start, and how many others are as good."""
     motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
-    fits = [fit(seen, each, prior=asked.belief(name), motion=motion) for each in starts]
+    fits = [fit(seen, each, prior=_belief(name), motion=motion) for each in starts]
     sound = [each for each in fits if each.is_converged and is_plausible(each.r_km, each.v_km_s)]
     if not sound:
         return None
@@ -227,7 +224,7 @@ def _labelled(seen: Sightings, found: _Found, asked: _Asked) -> Orbit:
     best = found.fit
     covariance = widened_covariance(best)
     sigma_a = sigma_of_a_km(found.state, covariance)
-    label, reason = label_of(seen, best, found.prior, found.rivals, asked.regimes)
+    label, reason = label_of(seen, best, found.prior, found.rivals)
     used = best.residuals_arcsec[best.is_used]
     return Orbit(
         label=label,

@@ -4,13 +4,10 @@ The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, 
 Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
 against two orbits drawn from the population (``population``). Unmodelled forces and the stars' own
 errors move whole tracklets: each has an offset of unknown size, solved for and integrated out.
-Where several tracklets of one night face several of another, all ways of pairing them are weighed,
-so that neighbours in one slot share what is certain.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache
 
 import numpy as np
 
@@ -131,22 +128,6 @@ def probability_of(log_odds: float) -> float:
     return float(np.nan_to_num(expit(log_odds)))
 
 
-def join_probabilities(first: Sequence[Alone], second: Sequence[Alone]) -> FloatArray:
-    """(M, N) that tracklet m of one night and n of another are of one object.
-
-    No two tracklets of one night are of one object: all pairings are weighed against each other.
-    """
-    odds = np.array([[log_odds(a, b) for b in second] for a in first]).reshape(
-        len(first), len(second)
-    )
-    total = _all_pairings(odds)
-    found = np.zeros_like(odds)
-    for m, n in zip(*np.nonzero(odds > -50.0), strict=True):
-        rest = np.delete(np.delete(odds, m, axis=0), n, axis=1)
-        found[m, n] = np.exp(min(odds[m, n] + _all_pairings(rest) - total, 0.0))
-    return found
-
-
 def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
@@ -170,24 +151,6 @@ def common_error_arcsec(seen: Sightings) -> float:
 
 def _span_s(seen: Sightings) -> float:
     return float(seen.t_s[-1] - seen.t_s[0])
-
-
-def _all_pairings(odds: FloatArray) -> float:
-    """Logarithm of the summed odds of every way to pair rows with columns, or to leave single."""
-    rows, columns = odds.shape
-    weights = np.exp(np.clip(odds, -700.0, 300.0))
-
-    @cache
-    def ways(row: int, used: int) -> float:
-        if row == rows:
-            return 1.0
-        total = ways(row + 1, used)
-        for column in range(columns):
-            if not used >> column & 1 and odds[row, column] > -50.0:
-                total += weights[row, column] * ways(row + 1, used | 1 << column)
-        return total
-
-    return float(np.log(ways(0, 0)))
 
 
 def through(

@@ -1,12 +1,11 @@
 """What an orbit may be called, and how sure it is. Pure."""
 
-from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
 from rsoconsole.orbits.determination.fit import Fit
-from rsoconsole.orbits.determination.regimes import PriorName, Regime
+from rsoconsole.orbits.determination.regimes import REGIMES, PriorName, Regime
 from rsoconsole.orbits.first import Sightings, State
 from rsoconsole.orbits.motion import axis_and_inclination, eccentricity_vector, semi_major_axis
 from rsoconsole.records import FloatArray
@@ -35,11 +34,9 @@ def widened_covariance(found: Fit) -> FloatArray:
     return found.covariance * (found.chi2 / dof)
 
 
-def label_of(
-    seen: Sightings, found: Fit, prior: PriorName, rivals: int, regimes: Mapping[str, Regime]
-) -> tuple[Label, str]:
+def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str]:
     """What the orbit may be called, and why, in words."""
-    doubt = _doubt(seen, found, prior, rivals, regimes)
+    doubt = _doubt(seen, found, prior, rivals)
     if doubt is not None:
         return doubt
     times = float(np.sqrt(found.chi2 / found.degrees_of_freedom))
@@ -47,7 +44,7 @@ def label_of(
     if prior == "none":
         sigma_a_km = sigma_of_a_km((found.r_km, found.v_km_s), widened_covariance(found))
         return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone" + scatter
-    return "constrained by prior", f"{regimes[prior].words} ({prior})" + scatter
+    return "constrained by prior", f"{REGIMES[prior].words} ({prior})" + scatter
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
@@ -56,9 +53,7 @@ def is_of_its_regime(found: Fit, regime: Regime) -> bool:
     return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
 
-def _doubt(
-    seen: Sightings, found: Fit, prior: PriorName, rivals: int, regimes: Mapping[str, Regime]
-) -> tuple[Label, str] | None:
+def _doubt(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str] | None:
     covariance = widened_covariance(found)
     minutes = (seen.t_s[-1] - seen.t_s[0]) / 60.0
     state = (found.r_km, found.v_km_s)
@@ -73,7 +68,7 @@ def _doubt(
         doubt = "weak geometry", f"{rivals + 1} orbits fit alike: more directions will tell"
     elif found.degrees_of_freedom <= 0:
         doubt = "weak geometry", f"some orbit fits any {len(seen)} directions: nothing checks it"
-    elif prior != "none" and not is_of_its_regime(found, regimes[prior]):
+    elif prior != "none" and not is_of_its_regime(found, REGIMES[prior]):
         doubt = "weak geometry", f"the directions speak against the prior ({prior})"
     elif sigma_a_km > enough_km:
         doubt = "weak geometry", f"sigma of a is {sigma_a_km:.0f} km: a longer arc is needed"

@@ -16,19 +16,12 @@ ORIGINATOR = "RSOCONSOLE"
 Form = Literal["kvn", "xml", "json"]
 
 
-def omm(
-    elements: MeanElements,
-    *,
-    created_utc_ns: int,
-    form: Form = "kvn",
-    object_id: str = "UNKNOWN",
-    originator: str = ORIGINATOR,
-) -> str:
-    """One message. ``object_id``: the international designator (``2009-064A``) if it has one."""
-    header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": originator}
+def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> str:
+    """One message."""
+    header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": ORIGINATOR}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"
     parts = {
-        "metadata": _metadata(elements, elements.cospar or object_id),
+        "metadata": _metadata(elements),
         "meanElements": _mean(elements),
         "tleParameters": _tle(elements),
     }
@@ -42,10 +35,10 @@ def omm(
     return json.dumps([{key: _plain(value) for key, value in flat.items()}], indent=1) + "\n"
 
 
-def _metadata(elements: MeanElements, object_id: str) -> dict[str, str]:
+def _metadata(elements: MeanElements) -> dict[str, str]:
     return {
         "OBJECT_NAME": " ".join(elements.name.split()) or "UNKNOWN",
-        "OBJECT_ID": object_id,
+        "OBJECT_ID": elements.cospar or "UNKNOWN",
         "CENTER_NAME": "EARTH",
         "REF_FRAME": "TEME",
         "TIME_SYSTEM": "UTC",

@@ -19,6 +19,7 @@ from rsoconsole.sky import (
     IntArray,
     direction_to_unit,
     earth_velocity_km_s,
+    east_and_north,
     line_of_sight_gcrs,
     site_gcrs,
 )
@@ -117,10 +118,7 @@ def sightings(
     epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))]) if len(t) else 0
     sites_km, sites_km_s = site_gcrs(site, t)
     towards = direction_to_unit(ra, dec)
-    a, d = np.radians(ra), np.radians(dec)
-    zero = np.zeros_like(a)
-    east = np.stack([-np.sin(a), np.cos(a), zero], axis=-1)
-    north = np.stack([-np.sin(d) * np.cos(a), -np.sin(d) * np.sin(a), np.cos(d)], axis=-1)
+    east, north = east_and_north(ra, dec)
     return Sightings(
         t_utc_ns=t,
         t_s=(t - epoch) / NS_PER_S,

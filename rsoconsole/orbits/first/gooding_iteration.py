@@ -7,8 +7,7 @@ for orbit determination based on three lines of sight (angles only), DRA Technic
 axes.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ of those that arrive, one in a hundred is slower."""
 _ACCEPTED = 1e-10
 """A miss of so much of the range is none."""
 _SAME = 1e-6
-STARTS_KM = tuple(float(x) for x in np.geomspace(6_600.0, 90_000.0, 9))
+_STARTS_KM = tuple(float(x) for x in np.geomspace(6_600.0, 90_000.0, 9))
 """Distances from the Earth's centre at which a search begins."""
 
 
@@ -60,34 +59,22 @@ class GoodingOrbit:
     v_km_s: FloatArray
     ranges_km: FloatArray
     """(3,) from the sites."""
-    is_retrograde: bool
-    """Against the third axis."""
-    revolutions: int
-    """Whole ones from the first to the last line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Searches:
-    """N searches side by side: of which of Lambert's conics each makes use."""
+    """N searches side by side, along Lambert's conics without a whole revolution."""
 
     lines: Lines
     axes: FloatArray
     """(3, 3), in columns: two across the middle line of sight, and that line."""
     mu: float
     is_retrograde: BoolArray
-    revolutions: FloatArray
-    is_left: BoolArray
+    """(N,): against the third axis."""
 
     def of(self, chosen: npt.NDArray[Any]) -> "_Searches":
         """Some of them."""
-        return _Searches(
-            lines=self.lines,
-            axes=self.axes,
-            mu=self.mu,
-            is_retrograde=self.is_retrograde[chosen],
-            revolutions=self.revolutions[chosen],
-            is_left=self.is_left[chosen],
-        )
+        return replace(self, is_retrograde=self.is_retrograde[chosen])
 
     def middle(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (N, 3) at the middle instant, for outer ranges (N, 2)."""
@@ -100,8 +87,6 @@ class _Searches:
             lines.t_s[2] - lines.t_s[0],
             self.mu,
             is_retrograde=self.is_retrograde,
-            revolutions=self.revolutions,
-            is_left=self.is_left,
         )
         return propagate(first, v_first, lines.t_s[1] - lines.t_s[0], self.mu)
 
@@ -131,42 +116,27 @@ class _Searches:
 
     def times(self, copies: int) -> "_Searches":
         """All of them, repeated one behind the other."""
-        return self.of(np.tile(np.arange(len(self.revolutions)), copies))
+        return self.of(np.tile(np.arange(len(self.is_retrograde)), copies))
 
 
-def gooding(
-    lines: Lines,
-    *,
-    mu: float = MU_EARTH_KM3_S2,
-    most_revolutions: int = 0,
-    starts_km: Iterable[float] = STARTS_KM,
-) -> tuple[GoodingOrbit, ...]:
+def gooding(lines: Lines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit, ...]:
     """Every orbit found through the three lines; none where there is none.
 
-    Both directions of motion and the whole revolutions up to a limit are tried, from each distance
-    in ``starts_km``. Orbits that dive below the Earth's surface between the lines are kept: the
-    caller knows what is possible. Several orbits through three lines are common.
+    Both directions of motion are tried, less than a revolution from the first line to the last,
+    from each distance in ``_STARTS_KM``. Orbits that dive below the Earth's surface between the
+    lines are kept: the caller knows what is possible. Several orbits through three lines are
+    common.
     """
-    begun = np.array([_ranges_at(lines, radius) for radius in starts_km])
-    branches = [
-        (back, n, is_left) for back in (False, True) for n, is_left in _conics(most_revolutions)
-    ]
+    begun = np.array([_ranges_at(lines, radius) for radius in _STARTS_KM])
     searches = _Searches(
         lines=lines,
         axes=_axes(lines.directions[1]),
         mu=mu,
-        is_retrograde=np.repeat([b[0] for b in branches], len(begun)),
-        revolutions=np.repeat([float(b[1]) for b in branches], len(begun)),
-        is_left=np.repeat([b[2] for b in branches], len(begun)),
+        is_retrograde=np.repeat([False, True], len(begun)),
     )
     with np.errstate(all="ignore"):
-        ranges = _search(searches, np.tile(begun, (len(branches), 1)))
+        ranges = _search(searches, np.tile(begun, (2, 1)))
         return _accepted(searches, ranges)
-
-
-def _conics(most_revolutions: int) -> list[tuple[int, bool]]:
-    several = [(n, is_left) for n in range(1, most_revolutions + 1) for is_left in (True, False)]
-    return [(0, False), *several]
 
 
 def _ranges_at(lines: Lines, radius_km: float) -> list[float]:
@@ -253,8 +223,6 @@ def _accepted(searches: _Searches, ranges: FloatArray) -> tuple[GoodingOrbit, ..
             r_km=r[n],
             v_km_s=v[n],
             ranges_km=np.array([ranges[n, 0], middle[n], ranges[n, 1]]),
-            is_retrograde=bool(searches.is_retrograde[n]),
-            revolutions=int(searches.revolutions[n]),
         )
         if not any(_is_same(orbit, each) for each in found):
             found.append(orbit)
@@ -262,6 +230,4 @@ def _accepted(searches: _Searches, ranges: FloatArray) -> tuple[GoodingOrbit, ..
 
 
 def _is_same(one: GoodingOrbit, other: GoodingOrbit) -> bool:
-    return one.revolutions == other.revolutions and bool(
-        np.allclose(one.ranges_km, other.ranges_km, rtol=_SAME, atol=0.0)
-    )
+    return bool(np.allclose(one.ranges_km, other.ranges_km, rtol=_SAME, atol=0.0))

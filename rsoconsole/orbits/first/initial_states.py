@@ -21,12 +21,12 @@ INWARD = (0.0, 0.1, 0.2)
 """Shares of the directions to leave out at either end: a wild one spoils what it takes part in."""
 
 
-def seeds(seen: Sightings, inward: float = 0.0, mu: float = MU_EARTH_KM3_S2) -> tuple[State, ...]:
+def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
     """Plausible starts at the epoch: Gooding's orbits first, then circles.
 
     ``inward``: the share of the directions that is passed over at either end (`INWARD`).
     """
-    return (*_by_gooding(seen, inward, mu), *_circles(seen, inward, mu))
+    return (*_by_gooding(seen, inward), *_circles(seen, inward))
 
 
 def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
@@ -46,26 +46,26 @@ def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
     return left_out, len(seen) - 1 - left_out
 
 
-def at_epoch(orbit: GoodingOrbit, lines: Lines, mu: float = MU_EARTH_KM3_S2) -> State:
+def at_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
     """Of an orbit through three lines its state at the epoch of their times."""
     # The light of the middle line left so much earlier.
     since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
-    return propagate(orbit.r_km, orbit.v_km_s, since, mu)
+    return propagate(orbit.r_km, orbit.v_km_s, since)
 
 
-def _by_gooding(seen: Sightings, inward: float, mu: float) -> Iterator[State]:
+def _by_gooding(seen: Sightings, inward: float) -> Iterator[State]:
     if len(seen) < 3:
         return
     lines = three_lines(seen, inward)
     if len(np.unique(lines.t_s)) < 3:
         return
-    for orbit in gooding(lines, mu=mu):
-        r, v = at_epoch(orbit, lines, mu)
-        if is_plausible(r, v, mu):
+    for orbit in gooding(lines):
+        r, v = at_epoch(orbit, lines)
+        if is_plausible(r, v):
             yield r, v
 
 
-def _circles(seen: Sightings, inward: float, mu: float) -> Iterator[State]:
+def _circles(seen: Sightings, inward: float) -> Iterator[State]:
     """Circular orbits through two lines."""
     ends = _ends(seen, inward)
     dt_s = float(seen.t_s[ends[1]] - seen.t_s[ends[0]])
@@ -74,15 +74,15 @@ def _circles(seen: Sightings, inward: float, mu: float) -> Iterator[State]:
     places = [_on_sphere(seen.sites_km[n], seen.lines[n], _RADII_KM) for n in ends]
     across = np.linalg.norm(np.cross(places[0], places[1]), axis=-1)
     angle = np.arctan2(across, np.sum(places[0] * places[1], axis=-1))
-    excess = angle - np.sqrt(mu / _RADII_KM**3) * dt_s
+    excess = angle - np.sqrt(MU_EARTH_KM3_S2 / _RADII_KM**3) * dt_s
     for n in np.flatnonzero(np.signbit(excess[:-1]) != np.signbit(excess[1:])):
         share = excess[n] / (excess[n] - excess[n + 1])
         radius = np.array([_RADII_KM[n] + share * (_RADII_KM[n + 1] - _RADII_KM[n])])
         first, last = (_on_sphere(seen.sites_km[m], seen.lines[m], radius)[0] for m in ends)
         pole = np.cross(first, last)
         forward = np.cross(pole, first)
-        speed = np.sqrt(mu / radius[0])
-        yield propagate(first, speed * forward / np.linalg.norm(forward), -seen.t_s[ends[0]], mu)
+        speed = np.sqrt(MU_EARTH_KM3_S2 / radius[0])
+        yield propagate(first, speed * forward / np.linalg.norm(forward), -seen.t_s[ends[0]])
 
 
 def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> FloatArray:
@@ -92,13 +92,13 @@ def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> Floa
     return np.asarray(site + reach[:, None] * line)
 
 
-def is_plausible(r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2) -> bool:
+def is_plausible(r: FloatArray, v: FloatArray) -> bool:
     """Bound, and above the air all the way round."""
     radius = float(np.linalg.norm(r))
-    energy = float(v @ v) / 2.0 - mu / radius
+    energy = float(v @ v) / 2.0 - MU_EARTH_KM3_S2 / radius
     if energy >= 0.0:
         return False
-    a = -mu / (2.0 * energy)
+    a = -MU_EARTH_KM3_S2 / (2.0 * energy)
     h = np.cross(r, v)
-    e = float(np.sqrt(max(1.0 - float(h @ h) / (mu * a), 0.0)))
+    e = float(np.sqrt(max(1.0 - float(h @ h) / (MU_EARTH_KM3_S2 * a), 0.0)))
     return a * (1.0 - e) > LOWEST_KM

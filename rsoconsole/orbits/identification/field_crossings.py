@@ -42,7 +42,6 @@ _SAME_SETS_NS = NS_PER_DAY // 4
 """For so long the sets nearest in epoch are the same."""
 _ACROSS_NODES = ((-np.sqrt(3.0), 1.0 / 6.0), (0.0, 2.0 / 3.0), (np.sqrt(3.0), 1.0 / 6.0))
 """Of a normal distribution, in sigma, with their weights (Gauss and Hermite)."""
-_ONE_ROW = np.zeros(1, np.intp)
 IndexArray = npt.NDArray[np.intp]
 
 

@@ -54,30 +54,26 @@ def identify_jointly(
     entries: Sequence[CatalogueEntry],
     *,
     gate_deg: float = GATE_DEG,
-    most_matches: int = 5,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[Identification, ...]:
     """One answer for each track, in their order; with one track that of ``identify``."""
     if len(tracks) == 1:
         (only,) = tracks
-        alone = identify(
-            only, site, entries, gate_deg=gate_deg, most_matches=most_matches, errors=errors
-        )
-        return (alone,)
+        return (identify(only, site, entries, gate_deg=gate_deg, errors=errors),)
     compared = [
         compared_with(each, site, entries, gate_deg=gate_deg, errors=errors) for each in tracks
     ]
-    return name_together(compared, gate_deg=gate_deg, most_matches=most_matches)
+    return name_together(compared, gate_deg=gate_deg)
 
 
 def name_together(
-    compared: Sequence[Compared], *, gate_deg: float = GATE_DEG, most_matches: int = 5
+    compared: Sequence[Compared], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
     """The same, of tracks that were compared with the catalogue before."""
     found: dict[int, Identification] = {}
     for group in _groups(compared):
         members = [compared[n] for n in group]
-        answers = _named(members, gate_deg, most_matches)
+        answers = _named(members, gate_deg)
         found.update(zip(group, answers, strict=True))
     return tuple(found[n] for n in range(len(compared)))
 
@@ -116,9 +112,9 @@ def _candidates(compared: Compared) -> list[Match]:
     return near[:_MOST_OBJECTS]
 
 
-def _named(members: Sequence[Compared], gate_deg: float, most_matches: int) -> list[Identification]:
+def _named(members: Sequence[Compared], gate_deg: float) -> list[Identification]:
     if len(members) == 1:
-        return [identification_alone(members[0], gate_deg, most_matches=most_matches)]
+        return [identification_alone(members[0], gate_deg)]
     objects = sorted({each.norad_id for one in members for each in _candidates(one)})
     weighed = _weighed(members, objects)
     marginals = np.zeros((len(members), len(objects) + 1))
@@ -134,9 +130,7 @@ def _named(members: Sequence[Compared], gate_deg: float, most_matches: int) -> l
                 key=lambda each: (-round(each.probability, 6), each.score),
             )
         )
-        answer = identification(
-            one, matches, float(marginals[t, -1]), gate_deg, most_matches=most_matches
-        )
+        answer = identification(one, matches, float(marginals[t, -1]), gate_deg)
         answer = replace(answer, named_with=len(members) - 1)
         if answer.not_catalogued >= SURE and best[t] == len(objects):
             answer = _taken_by_others(answer)

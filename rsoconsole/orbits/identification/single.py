@@ -39,6 +39,8 @@ _OFF_ELEMENTS = 16.0
 _WIDE_DEG = 2.0
 """As far along its track a lone object may be suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
+_MOST_MATCHES = 5
+"""Of which an answer tells."""
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
@@ -123,7 +125,6 @@ def identify(
     entries: Sequence[CatalogueEntry],
     *,
     gate_deg: float = GATE_DEG,
-    most_matches: int = 5,
     errors: ElementErrors = ASSUMED,
 ) -> Identification:
     """Name the object of ``seen``, one arc of one night, from any number of element sets.
@@ -131,7 +132,7 @@ def identify(
     Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
     """
     compared = compared_with(seen, site, entries, gate_deg=gate_deg, errors=errors)
-    return identification_alone(compared, gate_deg, most_matches=most_matches)
+    return identification_alone(compared, gate_deg)
 
 
 def compared_with(
@@ -157,14 +158,12 @@ def compared_with(
     )
 
 
-def identification_alone(
-    compared: Compared, gate_deg: float, *, most_matches: int = 5
-) -> Identification:
+def identification_alone(compared: Compared, gate_deg: float) -> Identification:
     """The answer for one track by itself."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
     shares = tuple(_shared(each, total) for each in compared.scored)
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
-    return identification(compared, shares, unknown, gate_deg, most_matches=most_matches)
+    return identification(compared, shares, unknown, gate_deg)
 
 
 def identification(
@@ -172,8 +171,6 @@ def identification(
     matches: tuple[Match, ...],
     not_catalogued: float,
     gate_deg: float,
-    *,
-    most_matches: int = 5,
 ) -> Identification:
     """The verdict on matches, best first, that have their probabilities."""
     verdict, reason = _verdict(matches, gate_deg)
@@ -181,7 +178,7 @@ def identification(
         verdict=verdict,
         reason=reason,
         hint=_hint(matches, verdict, gate_deg),
-        matches=matches[:most_matches],
+        matches=matches[:_MOST_MATCHES],
         t_utc_ns=compared.seen.epoch_utc_ns,
         gate_deg=gate_deg,
         catalogued=compared.catalogued,

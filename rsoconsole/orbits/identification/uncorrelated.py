@@ -36,6 +36,7 @@ from rsoconsole.sky import (
     NS_PER_DAY,
     NS_PER_S,
     IntArray,
+    direction_to_unit,
     site_gcrs,
     unit_to_direction,
     wrap_180,
@@ -103,8 +104,6 @@ class Recognised:
 
     number: int | None
     """Of the object that it is of; None: of none that was seen before, or not surely of one."""
-    probability: float
-    """Of that object, or of the likeliest."""
     separation_arcsec: float | None
     """Measured minus predicted, of the likeliest."""
     candidates: tuple[tuple[int, float], ...]
@@ -202,10 +201,8 @@ def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float
 def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Recognised:
     order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE_SAME]
     best = order[0] if order else None
-    probability = 0.0 if best is None else float(shares[best])
     return Recognised(
-        number=numbers[best] if best is not None and probability >= SURE_SAME else None,
-        probability=probability,
+        number=numbers[best] if best is not None and shares[best] >= SURE_SAME else None,
         separation_arcsec=None if best is None else float(off[best]),
         candidates=tuple((numbers[n], float(shares[n])) for n in order),
     )
@@ -271,9 +268,8 @@ def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
     """Whether it is about where that stood above the ground, which costs nothing to ask."""
     middle = int(np.argmin(np.abs(track.t_s)))
     instant = track.t_utc_ns[middle : middle + 1]
-    ra = np.radians(before.ra_icrs_deg + _sidereal_deg(before.t_utc_ns, instant)[0])
-    dec = np.radians(before.dec_icrs_deg)
-    line = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    ra_deg = before.ra_icrs_deg + float(_sidereal_deg(before.t_utc_ns, instant)[0])
+    line = direction_to_unit(ra_deg, before.dec_icrs_deg)
     gate = _THERE_DEG if site == before.site else _ELSEWHERE_DEG
     return float(line @ track.towards[middle]) > float(np.cos(np.radians(gate)))
 

@@ -59,14 +59,8 @@ class LowOrbit(KnownOrbit):
 
     residuals_arcsec: FloatArray
     """(K, 2, 2) of each end, along and across the way: measured minus computed."""
-    chi2: float
-    """With the errors that ends share."""
-    degrees_of_freedom: int
     believes_round: bool
     """Whether the prior on the eccentricity was needed."""
-    bias_s: float
-    """By how much later than the frames say the light seems to have been there; 0 where their time
-    is taken to be right."""
     is_converged: bool
 
 
@@ -269,7 +263,7 @@ def _finished(
     problem: _Problem, unknowns: FloatArray, streaks: int, *, is_converged: bool
 ) -> LowOrbit | None:
     r, v = problem.view.state(unknowns[:6])
-    value, slopes, measured = problem.rows(unknowns)
+    value, slopes, _ = problem.rows(unknowns)
     to_state = problem.view.slopes(unknowns[:6])
     covariance = to_state @ inverse_of_normal(slopes.T @ slopes)[:6, :6] @ to_state.T
     if not (np.all(np.isfinite(covariance)) and np.all(np.isfinite(value))):
@@ -287,9 +281,6 @@ def _finished(
         covariance=covariance,
         forces=problem.motion,
         residuals_arcsec=np.stack([along, across], axis=-1).reshape(streaks, 2, 2),
-        chi2=float(value[:measured] @ value[:measured]),
-        degrees_of_freedom=measured - 6 + (0 if problem.sigma_e is None else 2),
         believes_round=problem.sigma_e is not None,
-        bias_s=float(unknowns[6]),
         is_converged=is_converged,
     )

@@ -28,7 +28,6 @@ class ExpectedPass:
     """One pass above the limit."""
 
     rise_utc_ns: int
-    top_utc_ns: int
     set_utc_ns: int
     top_altitude_deg: float
     sigma_s: float
@@ -101,7 +100,6 @@ def _pass(
     sigma_s, across_deg = errors_at(orbit, site, int(fine[top]))
     return ExpectedPass(
         rise_utc_ns=int(fine[up[0]]),
-        top_utc_ns=int(fine[top]),
         set_utc_ns=int(fine[up[-1]]),
         top_altitude_deg=float(altitude[top]),
         sigma_s=sigma_s,

@@ -39,10 +39,7 @@ class SkyAhead:
     @property
     def along_arcsec2(self) -> float:
         """Variance along the motion."""
-        speed = max(self.speed_arcsec_s, 1e-9)
-        e, n = (each / speed for each in self.rate_arcsec_s.tolist())
-        (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
-        return float(e * e * ee + 2.0 * e * n * en + n * n * nn)
+        return float(self.along_across_arcsec2[0, 0])
 
     @property
     def along_across_arcsec2(self) -> FloatArray:
@@ -51,7 +48,7 @@ class SkyAhead:
         e, n = (each / speed for each in self.rate_arcsec_s.tolist())
         (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
         mixed = e * n * (nn - ee) + (e * e - n * n) * en
-        along = self.along_arcsec2
+        along = e * e * ee + 2.0 * e * n * en + n * n * nn
         return np.array([[along, mixed], [mixed, ee + nn - along]])
 
 

@@ -72,10 +72,6 @@ class Forces:
     mu: float = MU_EARTH_KM3_S2
     _fields: list["_Field"] = field(default_factory=list, repr=False, compare=False)
 
-    def positions(self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray) -> FloatArray:
-        """Places (N, 3) at times (N,) since the epoch, of a state (3,), (3,) at the epoch."""
-        return self.states(r_km, v_km_s, t_s)[0]
-
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:

@@ -1,65 +1,23 @@
-"""Motion about a point mass: exact, or by the fixed Runge-Kutta steps of the paper. Pure.
+"""Motion about a point mass, exactly. Pure.
 
-The paper (Jordan et al., arXiv 2304.06227) names a two-body propagation by Runge and Kutta's fourth
-order as what is to follow. It is here to be compared with: the exact motion is quicker and better,
-and beyond an hour `forces.Forces` is what counts. Kilometres, seconds.
+As the paper (Jordan et al., arXiv 2304.06227) has it, which names Runge-Kutta steps; beyond an hour
+`forces.Forces` is what counts. Kilometres, seconds.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, propagate
+from rsoconsole.orbits.motion.two_body import propagate
 from rsoconsole.records import FloatArray
-
-PAPER_STEP_S = 10.0
-"""The paper names none; its exposures last so long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointMass:
     """A `forces.Motion` without forces but the Earth's attraction from its centre."""
 
-    step_s: float | None = None
-    """Of Runge-Kutta 4; None: the exact motion."""
-    mu: float = MU_EARTH_KM3_S2
-
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,)."""
-        times = np.atleast_1d(np.asarray(t_s, float))
-        if self.step_s is None:
-            return propagate(r_km, v_km_s, times, self.mu)
-        start = np.concatenate([np.asarray(r_km, float), np.asarray(v_km_s, float)])
-        out = np.empty((len(times), 6))
-        for sign in (1.0, -1.0):
-            chosen = times * sign >= 0.0 if sign > 0.0 else times < 0.0
-            if np.any(chosen):
-                out[chosen] = self._carried(start, times[chosen], sign * self.step_s)
-        return out[:, :3], out[:, 3:]
-
-    def _carried(self, start: FloatArray, times: FloatArray, step_s: float) -> FloatArray:
-        """Whole steps as far as they go, and for each time a shorter last one."""
-        whole = np.floor(times / step_s).astype(int)
-        grid = np.empty((int(whole.max()) + 1, 6))
-        grid[0] = start
-        for n in range(1, len(grid)):
-            grid[n] = runge_kutta_4(grid[n - 1], np.asarray(step_s), self.mu)
-        return runge_kutta_4(grid[whole], times - whole * step_s, self.mu)
-
-
-def runge_kutta_4(state: FloatArray, step_s: FloatArray, mu: float) -> FloatArray:
-    """States (..., 6) one step (...) later."""
-    h = step_s[..., None]
-    k1 = _slope(state, mu)
-    k2 = _slope(state + h / 2.0 * k1, mu)
-    k3 = _slope(state + h / 2.0 * k2, mu)
-    k4 = _slope(state + h * k3, mu)
-    return np.asarray(state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
-
-
-def _slope(state: FloatArray, mu: float) -> FloatArray:
-    r = state[..., :3]
-    distance = np.sqrt(np.sum(r * r, axis=-1, keepdims=True))
-    return np.concatenate([state[..., 3:], -mu / distance**3 * r], axis=-1)
+        return propagate(r_km, v_km_s, np.atleast_1d(np.asarray(t_s, float)))

@@ -13,6 +13,7 @@ from rsoconsole.sky import (
     IntArray,
     Places,
     astrometric_places,
+    east_and_north,
     unit_to_direction,
     wrap_180,
 )
@@ -114,11 +115,8 @@ def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]
 
 def _sky_slopes(places: Places) -> FloatArray:
     """(N, 2, 3) arcsec/km: east and north by the place."""
-    ra, dec = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
-    zero = np.zeros_like(ra)
-    east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)
-    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
-    return np.stack([east, north], axis=-2) / places.range_km[:, None, None] / ARCSEC_RAD
+    axes = np.stack(east_and_north(places.ra_icrs_deg, places.dec_icrs_deg), axis=-2)
+    return np.asarray(axes / places.range_km[:, None, None] / ARCSEC_RAD)
 
 
 def _bend_arcsec(

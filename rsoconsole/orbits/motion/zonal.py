@@ -46,10 +46,9 @@ class Zonal:
         if not np.all(np.isfinite(start)):
             return out[:, :3], out[:, 3:]
         pole = _pole(self.epoch_utc_ns // 86_400_000_000_000)
-        for sign in (1.0, -1.0):
-            chosen = times * sign >= 0.0 if sign > 0.0 else times < 0.0
+        for step_s, chosen in ((STEP_S, times >= 0.0), (-STEP_S, times < 0.0)):
             if np.any(chosen):
-                out[chosen] = _carried(start, times[chosen], sign * STEP_S, pole)
+                out[chosen] = _carried(start, times[chosen], step_s, pole)
         return out[:, :3], out[:, 3:]
 
 

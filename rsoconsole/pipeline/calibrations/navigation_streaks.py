@@ -25,7 +25,7 @@ from rsoconsole.records import (
     measurement_id_of,
 )
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, Places, direction_to_unit, wrap_180
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, Places, direction_to_unit, east_and_north, wrap_180
 
 MOST_LATE_S = 10.0
 """A bias beyond is a clock that is wrong, not a shutter's."""
@@ -250,9 +250,7 @@ def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArra
         direction_to_unit(places.ra_icrs_deg, places.dec_icrs_deg),
         direction_to_unit(ra, dec),
     )
-    a, d = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
-    east = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)], axis=-1)
-    north = np.stack([-np.sin(d) * np.cos(a), -np.sin(d) * np.sin(a), np.cos(d)], axis=-1)
+    east, north = east_and_north(places.ra_icrs_deg, places.dec_icrs_deg)
     ahead = np.sum(line * measured, axis=-1)
     depth = np.where(ahead > _NEAR_COS, ahead, np.nan)
     off = np.stack([np.sum(east * measured, -1), np.sum(north * measured, -1)], -1) / depth[:, None]

@@ -16,7 +16,6 @@ class CameraTraits:
     height_px: int
     pixel_um: float
     focal_length_mm: float
-    bits: int = 12
     binning: int = 1
     start_latency_s: float = 0.3
     """From the order to the opening of the shutter; DATE-OBS is the opening."""
@@ -33,7 +32,6 @@ def camera_traits(optics: OpticsConfig, world: World) -> CameraTraits:
         height_px=optics.height_px,
         pixel_um=optics.pixel_um,
         focal_length_mm=optics.focal_length_mm,
-        bits=world.sensor.bits,
         binning=world.sensor.binning,
         rotation_deg=OWN_ROTATION_DEG if angle is None else angle,
     )

@@ -84,18 +84,5 @@ class FrameTruth:
         return self.t_start_utc_ns + round(self.exposure_s * 5e8)
 
     def to_json(self) -> str:
-        """One line of JSON; ``truth_from_json`` reads it back."""
+        """One line of JSON."""
         return json.dumps(asdict(self), allow_nan=False)
-
-
-def truth_from_json(text: str) -> FrameTruth:
-    """The record that ``to_json`` wrote."""
-    table = json.loads(text)
-    satellites = tuple(SatelliteTruth(**each) for each in table.pop("satellites"))
-    traffic = tuple(
-        TrafficTruth(
-            kind=each["kind"], start_px=tuple(each["start_px"]), end_px=tuple(each["end_px"])
-        )
-        for each in table.pop("traffic")
-    )
-    return FrameTruth(**table, satellites=satellites, traffic=traffic)

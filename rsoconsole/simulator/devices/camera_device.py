@@ -14,10 +14,11 @@ from indipydriver import BLOBMember, BLOBVector, Device
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera import CameraTraits, Card, Fate, fits_bytes, frame_fate
 from rsoconsole.simulator.devices.camera_header import header_cards
-from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors, numbers_asked
+from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors
 from rsoconsole.simulator.mount import (
     MountModel,
     asked_for,
+    asked_numbers,
     numbers,
     stamp,
     switches,
@@ -222,7 +223,7 @@ class CameraDevice:
         return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
     async def _handle_read_out(self, event: Any) -> None:
-        asked = numbers_asked(event, self.device.indi_number_to_float)
+        asked = asked_numbers(self.device, event)
         is_binning = event.vectorname == "CCD_BINNING"
         vectors = self._read_out
         vector = vectors.binning if is_binning else vectors.frame

@@ -6,8 +6,6 @@ from rsoconsole.simulator.mount import MountInstant
 from rsoconsole.simulator.world import World
 from rsoconsole.sky import format_dec, format_ra, jnow_to_icrs, utc_ns_to_iso
 
-NS = 1_000_000_000
-
 
 def date_obs(world: World, t_start_utc_ns: int) -> str:
     """DATE-OBS of an exposure that the driver began then: to the microsecond, or cut down."""

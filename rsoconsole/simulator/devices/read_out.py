@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -123,14 +122,3 @@ class ReadOutVectors:
         mode = self.mode
         sides = (mode.x_px, mode.y_px, mode.width_px, mode.height_px)
         return dict(zip(("X", "Y", "WIDTH", "HEIGHT"), map(float, sides), strict=True))
-
-
-def numbers_asked(event: Any, to_float: Any) -> dict[str, float]:
-    """The numbers of a client's order; none for what is no number."""
-    found = {}
-    for name, value in event.items():
-        try:
-            found[name] = float(to_float(value))
-        except (TypeError, ValueError):
-            continue
-    return found

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbits.elements import Satellite
-from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.simulator.camera import (
     SHUTTER_SIGMA_S,
     FieldContent,
@@ -77,7 +77,6 @@ class Scene:
         scenario: Scenario,
         seed: int,
         *,
-        site: Site | None = None,
         optics: OpticsConfig | None = None,
         sensor: SensorModel | None = None,
         catalogue: StarCatalogue | None = None,
@@ -91,7 +90,7 @@ class Scene:
         """
         self.scenario = scenario
         self.seed = seed
-        self.site = scenario.site if site is None else site
+        self.site = scenario.site
         self.world = world
         self._plain_sensor = _sensor_of(optics, sensor or SensorModel())
         self.sensor = sensor_in(world, self._plain_sensor)

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 
+from rsoconsole.config import limits_of
 from rsoconsole.errors import ConfigError
 from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.simulator.world.world import World
 
 WHERE = "rsoconsole/simulator/README.md lists all settings"
-_SIGNS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +79,7 @@ def settings_of_worlds() -> Iterator[WorldSetting]:
                 name=f"{section}.{key}",
                 unit=str(extra["unit"]),
                 default=str(default),
-                limits=_limits(info),
+                limits=limits_of(info),
                 description=info.description or "",
             )
 
@@ -123,13 +122,3 @@ def _nearest(place: list[str], known: list[str]) -> str:
         return WHERE
     section, _, key = near[0].partition(".")
     return f"did you mean [{section}]{' ' if key else ''}{key}? {WHERE}"
-
-
-def _limits(info: FieldInfo) -> str:
-    """The allowed range, e.g. ``≥ 0, ≤ 10``."""
-    return ", ".join(
-        f"{sign} {getattr(limit, name):g}"
-        for limit in info.metadata
-        for name, sign in _SIGNS.items()
-        if hasattr(limit, name)
-    )

@@ -8,7 +8,7 @@ Source: Hipparcos and Tycho Catalogues, ESA SP-1200, 1997, volume 1, section 1.5
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_DAY, direction_to_unit, unit_to_direction
+from rsoconsole.sky import NS_PER_DAY, direction_to_unit, east_and_north, unit_to_direction
 
 J2000_JYEAR = 2000.0
 FASTEST_ARCSEC_YR = 10.4
@@ -30,9 +30,7 @@ def moved(
     years: float,
 ) -> tuple[FloatArray, FloatArray]:
     """(RA, Dec) in degrees after these years; the motion in RA is times cos(dec), as Tycho-2's."""
-    ra, dec = np.radians(ra_icrs_deg), np.radians(dec_icrs_deg)
-    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=-1)
-    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
+    east, north = east_and_north(ra_icrs_deg, dec_icrs_deg)
     way = pm_ra_mas_yr[:, None] * east + pm_dec_mas_yr[:, None] * north
     return unit_to_direction(
         direction_to_unit(ra_icrs_deg, dec_icrs_deg) + years * _RAD_PER_MAS * way

@@ -128,11 +128,6 @@ class Following:
     """What the operator has dropped and may still be in the field: its streaks begin no track."""
 
     @property
-    def lead(self) -> Tracked | None:
-        """The track that the telescope follows; None where there is none."""
-        return self.tracks[0] if self.tracks else None
-
-    @property
     def track(self) -> TrackState | None:
         """The lead's last state of the filter."""
         return self.tracks[0].track if self.tracks else None

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, IntArray, direction_to_unit
+from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, IntArray
 
 SIDEREAL_RAD_S = 7.292115e-5
 """The Earth's turn: what stands over the ground moves by that over the stars."""
@@ -111,14 +111,6 @@ def ways_between(one: Sights, other: Sights) -> Ways | None:
         covariance_arcsec2=_square(one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]),
         rate_arcsec_s=rates[int(np.argmax(np.hypot(*rates.T)))],
     )
-
-
-def way_arcsec(
-    ra_deg: FloatArray, dec_deg: FloatArray, other_ra_deg: FloatArray, other_dec_deg: FloatArray
-) -> FloatArray:
-    """(N, 2) from directions to others, east and north at the middle between them."""
-    here, there = direction_to_unit(ra_deg, dec_deg), direction_to_unit(other_ra_deg, other_dec_deg)
-    return _way(here, there, *axes_at(here + there))
 
 
 def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:

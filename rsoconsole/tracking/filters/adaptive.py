@@ -85,28 +85,15 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     )
 
 
-def innovation(
-    predicted: TrackState,
-    measurement: Measurement,
-    settings: FilterConfig,
-    errors: StreakErrors = NO_ERRORS,
-) -> Innovation:
-    """How far a measurement at the predicted instant is off the track: what ``taken`` begins with.
-
-    ``errors``: what its streak adds. Raises ValueError when the measurement belongs to another
-    instant: predict to it first.
-    """
-    if measurement.t_mid_utc_ns != predicted.t_utc_ns:
-        raise ValueError("the measurement and the prediction are of different instants")
-    return innovations(predicted, ((measurement, errors),), settings)[0]
-
-
 def innovations(
     predicted: TrackState,
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[Innovation]:
-    """``innovation`` of several measurements, each with what its streak adds, for less."""
+    """How far measurements at the predicted instant are off the track, what ``taken`` begins with.
+
+    Each with what its streak adds.
+    """
     positions = [_position(m, settings, errors) for m, errors in measured]
     return bank_update.innovations_of(_bank_of(predicted), positions)
 
@@ -133,20 +120,6 @@ def taken(
         innovations=predicted.innovations + 1,
         foretold_by=predicted.foretold_by,
     )
-
-
-def update(
-    predicted: TrackState,
-    measurement: Measurement,
-    settings: FilterConfig,
-    errors: StreakErrors = NO_ERRORS,
-) -> TrackState:
-    """The track after a measurement at the predicted instant, with what the innovation says.
-
-    Arguments and errors as of ``innovation``.
-    """
-    found = innovation(predicted, measurement, settings, errors)
-    return taken(predicted, measurement, found, errors.along_arcsec)
 
 
 def begun_from(
@@ -395,20 +368,3 @@ def _scattered(
     if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):
         return measurement  # what is no direction does not become one
     return replace(measurement, cov_sky_arcsec2=(ee + east**2, en + east * north, nn + north**2))
-
-
-__all__ = [
-    "Bend",
-    "begun_from",
-    "initialise",
-    "innovation",
-    "innovation_covariance",
-    "innovations",
-    "log_det_innovation",
-    "predict",
-    "scatter_words",
-    "summary_words",
-    "taken",
-    "update",
-    "with_learned_errors",
-]

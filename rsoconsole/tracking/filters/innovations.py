@@ -34,8 +34,6 @@ class Consistency:
     verdict: Verdict
     mean: float | None
     """Of the NIS looked at; 2 for a sound filter."""
-    band: tuple[float, float] | None
-    """Within which that mean lies for a sound filter, 95 times in 100."""
     count: int
     words: str
     """A sentence for the operator."""
@@ -50,7 +48,7 @@ def consistency(
     if count < LEAST:
         words = f"{count} of the {LEAST} updates that it takes to judge the filter"
         mean = sum(recent) / count if count else None
-        return Consistency(verdict="too few", mean=mean, band=None, count=count, words=words)
+        return Consistency(verdict="too few", mean=mean, count=count, words=words)
     mean = sum(recent) / count
     low, high = mean_band(count)
     verdict: Verdict = "sound"
@@ -66,7 +64,7 @@ def consistency(
     elif mean < low:
         verdict = "under-confident"
         words = f"R looks too large: mean NIS {mean:.2f} (ideal 2) over the last {count}"
-    return Consistency(verdict=verdict, mean=mean, band=(low, high), count=count, words=words)
+    return Consistency(verdict=verdict, mean=mean, count=count, words=words)
 
 
 @lru_cache(maxsize=256)

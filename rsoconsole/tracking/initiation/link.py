@@ -51,9 +51,6 @@ class Tracklet:
 
     points: tuple[tuple[int, int], ...]
     """(frame, index of the point in it), in order of time."""
-    x: float
-    y: float
-    """At time 0."""
     x_rate: float
     y_rate: float
     probability: float
@@ -97,8 +94,6 @@ def link_points(
 def _tracklet(hypothesis: _Hypothesis, margin: float) -> Tracklet:
     return Tracklet(
         points=hypothesis.points,
-        x=float(hypothesis.start[0]),
-        y=float(hypothesis.start[1]),
         x_rate=float(hypothesis.velocity[0]),
         y_rate=float(hypothesis.velocity[1]),
         probability=float(1.0 / (1.0 + np.exp(-margin))),

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from rsoconsole.records import Detection
-from rsoconsole.vision.stars import PsfField, WidthSource
+from rsoconsole.vision.stars import PsfField
 
 SHARP_PX = 3.2
 """Width of a star that neither wind nor the mount has widened: a streak may be as narrow."""
@@ -65,7 +65,6 @@ class Focus:
     """Its direction, x towards y."""
     psf_field: PsfField | None = None
     """How the stars' width changes over the frame; None where it does not."""
-    width_source: WidthSource = "measured"
 
     def at(self, x_px: float, y_px: float) -> "Focus":
         """The same about one place, with the stars' width there; itself where nothing changes."""

@@ -344,7 +344,6 @@ def _focus(stars: StarList, joined: int) -> Focus:
         trail_px=0.0 if trail is None else trail.length_px,
         trail_deg=0.0 if trail is None else trail.angle_deg,
         psf_field=stars.psf_field,
-        width_source=stars.width_source,
     )
 
 

@@ -39,10 +39,6 @@ class Background:
     width_px: int
     height_px: int
 
-    def expand(self, small: Float32Array) -> Float32Array:
-        """One of the small maps at full size (height_px, width_px), linear between cell centres."""
-        return resample(small, self.cell_px, self.height_px, self.width_px)
-
     def at(self, small: Float32Array, x_px: float, y_px: float) -> float:
         """Value of one of the small maps in the cell that holds a pixel; edges are clamped."""
         row = min(max(int((y_px + 0.5) // self.cell_px), 0), small.shape[0] - 1)

@@ -34,7 +34,6 @@ _MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
 _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
 _FEWEST_COARSE = 8
-_EVERY = 3
 _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
 """Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
 _STILL_THERE = 0.7

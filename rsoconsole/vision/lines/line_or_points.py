@@ -15,6 +15,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.frame import best_pair
 from rsoconsole.vision.lines.line_strip import LineProfile
+from rsoconsole.vision.lines.line_texture import explained_by_a_wave
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 
 MOST_FWHM = 30.0
@@ -80,13 +81,8 @@ def _left_by_line(
     if most < 1.0:
         return left
     phase = math.pi * t[:, None] * np.linspace(1.0, most, 4 * math.ceil(most))
-    c, s = box[:, None] * np.cos(phase), box[:, None] * np.sin(phase)
-    c -= basis @ (basis.T @ c)
-    s -= basis @ (basis.T @ s)
-    cc, ss, cs = (np.einsum("ij,ij->j", a, b) for a, b in ((c, c), (s, s), (c, s)))
-    rc, rs = rest @ c, rest @ s
-    det = np.maximum(cc * ss - cs**2, 1e-6 * np.maximum(cc * ss, _SMALLEST))
-    explained = float(((ss * rc**2 - 2.0 * cs * rc * rs + cc * rs**2) / det).max())
+    cosines, sines = box[:, None] * np.cos(phase), box[:, None] * np.sin(phase)
+    explained = explained_by_a_wave(rest, basis, cosines, sines)
     return min(left, left - min(explained, left) + _PRICE_OF_A_PERIOD)
 
 

@@ -85,14 +85,8 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
     used, left = basis.shape[1], float(rest @ rest)
     if n >= 10:
         phase = np.pi * t[:, None] * np.linspace(1.0, n / 2.5, 4 * n)
-        c, s = np.cos(phase), np.sin(phase)
-        c -= basis @ (basis.T @ c)
-        s -= basis @ (basis.T @ s)
-        cc, ss, cs = (np.einsum("ij,ij->j", a, b) for a, b in ((c, c), (s, s), (c, s)))
-        rc, rs = rest @ c, rest @ s
-        det = np.maximum(cc * ss - cs**2, 1e-6)
-        explained = (ss * rc**2 - 2.0 * cs * rc * rs + cc * rs**2) / det
-        gained = float(np.clip(explained.max(), 0.0, left))
+        explained = explained_by_a_wave(rest, basis, np.cos(phase), np.sin(phase))
+        gained = min(max(explained, 0.0), left)
         # As much as the best of that number of periods takes of mere noise is no period.
         if gained > (2.0 * math.log(4.0 * n) + 4.0) * float(np.mean(sigmas**2)):
             left, used = left - gained, used + 3
@@ -100,3 +94,18 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
         return 0.0
     excess = left / (n - used) - float(np.mean(sigmas**2))
     return math.sqrt(max(excess, 0.0)) / max(float(light.mean()), _SMALLEST)
+
+
+def explained_by_a_wave(
+    rest: FloatArray, basis: FloatArray, cosines: FloatArray, sines: FloatArray
+) -> float:
+    """Of the sum of squares of ``rest`` (n,) what the best of k waves (n, k) takes.
+
+    ``basis`` (n, m), orthonormal: what ``rest`` is free of, and the waves are freed of.
+    """
+    c = cosines - basis @ (basis.T @ cosines)
+    s = sines - basis @ (basis.T @ sines)
+    cc, ss, cs = (np.einsum("ij,ij->j", a, b) for a, b in ((c, c), (s, s), (c, s)))
+    rc, rs = rest @ c, rest @ s
+    det = np.maximum(cc * ss - cs**2, 1e-6 * np.maximum(cc * ss, _SMALLEST))
+    return float(((ss * rc**2 - 2.0 * cs * rc * rs + cc * rs**2) / det).max())

@@ -48,7 +48,6 @@ class Guess:
     y_px: float
     dx: float
     dy: float
-    half_length_px: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,7 +177,6 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
         y_px=centre[1] + cutout.y0 + dx * best[1],
         dx=dx,
         dy=dy,
-        half_length_px=0.5 * length,
     )
 
 

@@ -4,7 +4,6 @@ from .image import star_image as star_image
 from .oblong import Oblong as Oblong
 from .plate_fit import PlateFit as PlateFit
 from .plate_fit import field_radius_deg as field_radius_deg
-from .plate_fit import plate_sigma_arcsec as plate_sigma_arcsec
 from .plate_fit import refit as refit
 from .plate_fit import solution_from as solution_from
 from .plate_move import refit_from as refit_from
@@ -12,7 +11,6 @@ from .plate_shift import FEWEST_STARS as FEWEST_STARS
 from .plate_shift import shifted_onto as shifted_onto
 from .psf_field import Psf as Psf
 from .psf_field import PsfField as PsfField
-from .psf_field import WidthSource as WidthSource
 from .psf_memory import PsfMemory as PsfMemory
 from .star_match import FEWEST_MATCHED as FEWEST_MATCHED
 from .star_match import agreement as agreement

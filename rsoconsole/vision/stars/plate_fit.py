@@ -26,6 +26,7 @@ _TIGHT_TOLERANCE_PX = 1.5
 _PRESS_GAIN = 0.9
 """A higher order must bring the leave-one-out residual below this share of the lower one's."""
 _STARS_PER_TERM = 3.0
+_MAX_SIP_ORDER = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,12 +37,8 @@ class PlateFit:
     matched: int
     rms_arcsec: float
     """Root mean square residual of one matched star, per axis."""
-    sigma_at_centre_arcsec: float
-    """Standard error of the plate at the image centre, per axis."""
-    star_indices: IndexArray
-    """Rows of the stars that were used."""
     catalogue_indices: IndexArray
-    """Rows of their catalogue partners, in the same order."""
+    """Rows of the catalogue stars that were used."""
 
 
 def refit(
@@ -52,7 +49,6 @@ def refit(
     width_px: int,
     height_px: int,
     tolerance_px: float | None = None,
-    max_sip_order: int = 3,
 ) -> PlateFit | None:
     """Match every star to the catalogue one to one and fit the plate again.
 
@@ -77,7 +73,7 @@ def refit(
         if len(pairs[0]) < MIN_MATCHED:
             return None
         # The first rounds only straighten the start: distortion is fitted to settled matches.
-        order = 1 if round_number == 0 else max_sip_order
+        order = 1 if round_number == 0 else _MAX_SIP_ORDER
         wcs, pairs, sigma_px = _robust_fit(
             stars, catalogue, pairs, wcs, width_px=width_px, height_px=height_px, max_order=order
         )
@@ -88,7 +84,7 @@ def refit(
     expected_by_chance = len(stars) * len(shown) * math.pi * tolerance**2 / (width_px * height_px)
     if len(pairs[0]) < MIN_MATCHED + 2.0 * expected_by_chance:
         return None
-    return _as_fit(stars, catalogue, pairs, wcs, shown=shown, unit_px=long_side / 2.0)
+    return _as_fit(stars, catalogue, pairs, wcs, shown=shown)
 
 
 def solution_from(
@@ -109,21 +105,6 @@ def solution_from(
         path=path,
         ms=ms,
     )
-
-
-def plate_sigma_arcsec(
-    solution: Solution, x_px: float, y_px: float, *, width_px: int, height_px: int
-) -> float:
-    """Standard error of a solution at a pixel, per axis, for stars spread evenly over the frame.
-
-    rms / sqrt(n) at the centre, growing to the edges as a linear plate's does: the variance of a
-    uniform coordinate is side^2 / 12. What all catalogue stars share is not in it.
-    """
-    n = max(solution.matched, MIN_MATCHED)
-    du = (x_px - (width_px - 1) / 2.0) / width_px
-    dv = (y_px - (height_px - 1) / 2.0) / height_px
-    leverage = (1.0 + 12.0 * (du**2 + dv**2)) / n
-    return solution.rms_arcsec * math.sqrt(n / (n - 3)) * math.sqrt(leverage)
 
 
 def in_field(
@@ -275,7 +256,6 @@ def _as_fit(
     wcs: Wcs,
     *,
     shown: IndexArray,
-    unit_px: float,
 ) -> PlateFit:
     xy, radec = stars[pairs[0]], catalogue[pairs[1]]
     at = np.stack(pixel_to_sky(wcs, xy[:, 0], xy[:, 1]), axis=1)
@@ -283,18 +263,10 @@ def _as_fit(
         at, wcs.crval_ra_deg, wcs.crval_dec_deg
     )
     n = len(xy)
-    rms_arcsec = 3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * n)))
-    order = max([1, *(p + q for p, q, _ in wcs.sip_a)])
-    u, v = ((xy - np.array([wcs.crpix_x_px, wcs.crpix_y_px])) / unit_px).T
-    design = np.stack([u**p * v**q for p, q in _terms(order)], axis=1)
-    leverage = float(np.linalg.pinv(design.T @ design)[0, 0])
-    spread = rms_arcsec * math.sqrt(n / max(n - design.shape[1], 1))
     return PlateFit(
         wcs=wcs,
         matched=n,
-        rms_arcsec=rms_arcsec,
-        sigma_at_centre_arcsec=spread * math.sqrt(leverage),
-        star_indices=pairs[0],
+        rms_arcsec=3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * n))),
         catalogue_indices=shown[pairs[1]],
     )
 

@@ -81,8 +81,6 @@ def shifted_onto(
         wcs=moved_by_pixels(predicted, (float(shift[0]), float(shift[1]))),
         matched=len(left_px),
         rms_arcsec=rms,
-        sigma_at_centre_arcsec=rms / math.sqrt(len(left_px)),
-        star_indices=of_stars,
         catalogue_indices=shown[of_catalogue],
     )
 

@@ -22,7 +22,6 @@ class StarAgreement:
 
     flux_ratio: float
     """Median of the second's light over the first's."""
-    matched: int
     is_good: bool
     """Whether they agree on places, and on one ratio of light all over the field."""
 
@@ -56,4 +55,4 @@ def agreement(
     low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
     off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
     is_good = middle > 0.0 and off_px < _MOST_OFF * fwhm and high - low < _MOST_SCATTER * middle
-    return StarAgreement(flux_ratio=middle, matched=len(i), is_good=is_good)
+    return StarAgreement(flux_ratio=middle, is_good=is_good)

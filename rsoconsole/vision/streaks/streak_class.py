@@ -100,13 +100,8 @@ class Evidence:
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
 
 
-def classify(evidence: Evidence) -> tuple[ObjectClass, float]:
-    """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
-    return decided(probabilities(evidence))
-
-
 def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
-    """The same of the probabilities of all classes."""
+    """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
     if shares[best] > asked:

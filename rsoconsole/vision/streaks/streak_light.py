@@ -82,8 +82,6 @@ class Modulation:
     """(most - least) / (most + least) of the mean period, as blurred; 0 to 1."""
     sharpness: float
     """First harmonic over the mean, the blur undone: 1 at most for a sine, 2 for mere flashes."""
-    false_alarm: float
-    """Probability that even light shows as strong a wave."""
 
 
 def light_along(
@@ -226,7 +224,6 @@ def modulation_of(along: StreakLight) -> Modulation | None:
         period_px=period_px,
         depth=depth,
         sharpness=min(first / max(kept, 0.05), 2.5),
-        false_alarm=false_alarm,
     )
 
 

@@ -58,7 +58,6 @@ class LineFit:
     line: Line
     covariance: FloatArray
     """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
-    chi2: float
     excess: float
     """Variance that the source's own light adds, ADU^2 per ADU: photons and a PSF unlike ours."""
     model: FloatArray
@@ -102,7 +101,7 @@ def fit_line(
         if is_converged:
             break
     normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
-    return _finish(pixels, parameters, start, normal=normal, free=free, weight=weight)
+    return _finish(pixels, parameters, start, normal=normal, free=free)
 
 
 def light_of(pixels: Pixels, line: Line) -> FloatArray:
@@ -247,7 +246,6 @@ def _finish(
     *,
     normal: FloatArray,
     free: BoolArray,
-    weight: FloatArray,
 ) -> LineFit | None:
     try:
         inverse = np.linalg.inv(normal[np.ix_(free, free)])
@@ -272,7 +270,6 @@ def _finish(
     return LineFit(
         line=line,
         covariance=covariance[:4, :4],
-        chi2=float(weight @ (pixels.value - value) ** 2),
         excess=source_noise(pixels, line, model),
         model=model,
     )

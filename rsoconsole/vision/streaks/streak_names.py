@@ -34,22 +34,6 @@ SHINES_ON = ("satellite", "aircraft", "undetermined")
 """What may shine all through an exposure, so that places along it are times."""
 
 
-def named(
-    frame: Frame,
-    sky: Background,
-    stars: StarList,
-    detections: Iterable[Detection],
-    rejected: Iterable[Rejection] = (),
-) -> tuple[list[Detection], list[Rejection]]:
-    """The same in the same order, each with its class, its pulse and its train.
-
-    What was not measured by a line stays undetermined. Raises nothing: a streak that cannot be
-    looked at keeps what it has.
-    """
-    found, others, _ = named_with_shares(frame, sky, stars, detections, rejected)
-    return found, others
-
-
 def named_with_shares(
     frame: Frame,
     sky: Background,
@@ -57,10 +41,11 @@ def named_with_shares(
     detections: Iterable[Detection],
     rejected: Iterable[Rejection] = (),
 ) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
-    """The same, and the probabilities of all classes, by streak as it is named.
+    """The same in the same order, each with its class, its pulse and its train.
 
-    They are those of the streak alone, whatever its company makes of it; of what could not be
-    looked at there are none.
+    And the probabilities of all classes, by streak as it is named: those of the streak alone,
+    whatever its company makes of it. What was not measured by a line stays undetermined. Raises
+    nothing: a streak that cannot be looked at keeps what it has, and has no probabilities.
     """
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
