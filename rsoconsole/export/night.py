@@ -12,6 +12,7 @@ from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline.frame import shutter_time, usual_sigma_s
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
+    Detections,
     FollowedAgain,
     FrameTaken,
     Identified,
@@ -22,7 +23,16 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.reading import SessionReader, clock_notes
 
-KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain, Identified)
+KINDS = (
+    FrameTaken,
+    Detections,
+    Measurement,
+    TrackState,
+    NotFollowed,
+    Ruling,
+    FollowedAgain,
+    Identified,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +158,6 @@ def _rows_of(
     frame: NightFrame, fold: NightFrame, firsts: Mapping[str, int]
 ) -> Iterator[MeasuredRow]:
     """``fold``: the frame, or what was made of it before it was followed again."""
-    assert frame.taken is not None
     is_last = fold is frame
     predicted = {each.track_id: each.predicted for each in fold.tracks}
     updates = [each.updated for each in fold.tracks if each.updated is not None]
@@ -165,7 +174,7 @@ def _rows_of(
         of_track = lead if corrected is None else corrected.track_id
         yield row_of(
             measurement,
-            frame.taken,
+            frame,
             track=track if is_taken and is_last else None,
             is_taken=is_taken,
             reason=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),

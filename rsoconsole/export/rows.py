@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
 from rsoconsole.records import (
     TABLES,
     Column,
-    FrameTaken,
     Measurement,
     TrackState,
     columns_of,
@@ -75,7 +75,7 @@ class MeasuredRow:
     """By the operator's word it counts no more; only there when all was asked for."""
 
     beside: tuple[tuple[str, Any], ...] = ()
-    """Column and value of what a measurement has on record beside all that."""
+    """Column and value of what measurement and frame have on record beside all that."""
 
     def value(self, name: str) -> Any:
         """What it has in a column; None for nothing."""
@@ -146,14 +146,21 @@ _BESIDE: tuple[Column, ...] = tuple(
     and not (column.shape or column.is_worded)
 )
 """Whatever else a measurement has on record that a cell of a table holds."""
-COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE)
+_OF_FRAME: tuple[Column, ...] = tuple(
+    column
+    for fact in FRAME_FACTS
+    for column in TABLES["image_quality"].own
+    if column.name == fact.name
+)
+"""What its frame says of image and sky."""
+COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE, *_OF_FRAME)
 _SAME = MeasuredRow.__dataclass_fields__.keys() & Measurement.__dataclass_fields__.keys()
 """What a row has as the measurement has it."""
 
 
 def row_of(
     measurement: Measurement,
-    frame: FrameTaken | None,
+    frame: NightFrame,
     *,
     track: int | None,
     is_taken: bool,
@@ -171,7 +178,7 @@ def row_of(
     return MeasuredRow(
         **{name: getattr(measurement, name) for name in _SAME},
         track=track,
-        exposure_s=None if frame is None else frame.exposure_s,
+        exposure_s=None if frame.taken is None else frame.taken.exposure_s,
         sigma_ra_arcsec=sigma_east,
         sigma_dec_arcsec=sigma_north,
         correlation=min(max(cross / both, -1.0), 1.0) if both > 0.0 else 0.0,
@@ -184,7 +191,10 @@ def row_of(
         **_predicted(predicted),
         **_corrected(corrected, nis),
         is_superseded=is_superseded,
-        beside=tuple((column.name, member(measurement, column)) for column in _BESIDE),
+        beside=(
+            *((column.name, member(measurement, column)) for column in _BESIDE),
+            *facts_of(frame.detections).items(),
+        ),
     )
 
 

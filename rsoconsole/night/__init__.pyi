@@ -1,3 +1,7 @@
+from .facts import FRAME_FACTS as FRAME_FACTS
+from .facts import FrameFact as FrameFact
+from .facts import facts_of as facts_of
+from .facts import span_text as span_text
 from .figures import FigureSum as FigureSum
 from .figures import Spell as Spell
 from .figures import Summary as Summary

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from rsoconsole.night.facts import facts_of
 from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason
@@ -214,11 +215,8 @@ class FrameRow:
     sigma_arcsec: tuple[float, float] | None = None
     """One sigma of the residual; of the prediction where nothing was taken."""
     nis: float | None = None
-    fwhm_px: float | None = None
-    """Of its stars."""
-    star_count: int | None = None
-    background_adu: float | None = None
-    zero_point_mag: float | None = None
+    facts: Mapping[str, float | None] = field(default_factory=dict)
+    """What it says of image and sky, by the names of ``FRAME_FACTS``."""
     t_utc_ns: int | None = None
     """When it began."""
     mount_icrs_deg: tuple[float, float] | None = None
@@ -238,6 +236,16 @@ class FrameRow:
     is_by_orbit: bool = False
     """Whether its residual is from the orbit's prediction: the filter's own had failed."""
 
+    @property
+    def fwhm_px(self) -> float | None:
+        """Of its stars."""
+        return self.facts.get("star_fwhm_px")
+
+    @property
+    def zero_point_mag(self) -> float | None:
+        """The sky's transparency."""
+        return self.facts.get("zero_point_mag")
+
 
 def row_of(frame: NightFrame) -> FrameRow:
     """A frame as the plots show it."""
@@ -255,6 +263,7 @@ def row_of(frame: NightFrame) -> FrameRow:
         mount_icrs_deg=None if taken is None else _mount_icrs_deg(taken),
         was_sought=not is_elsewhere and frame.state_before not in UNSOUGHT,
         settings=frame.settings,
+        facts=facts_of(seen),
         is_solved=None if plate is None else isinstance(plate, Solution),
         is_cloudy=miss is not None and not is_elsewhere and is_put_down_to_cloud(miss),
     )
@@ -269,13 +278,6 @@ def row_of(frame: NightFrame) -> FrameRow:
     if isinstance(plate, Solution):
         place = (plate.ra_icrs_deg, plate.dec_icrs_deg)
         changes |= {"plate_icrs_deg": place, "rotation_deg": plate.rotation_deg}
-    if seen is not None:
-        changes |= {
-            "fwhm_px": seen.star_fwhm_px,
-            "star_count": seen.star_count,
-            "background_adu": seen.background_adu,
-            "zero_point_mag": seen.zero_point_mag,
-        }
     return replace(row, **changes)  # type: ignore[arg-type]
 
 

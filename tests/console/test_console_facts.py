@@ -136,7 +136,9 @@ def test_an_aim_is_said_where_it_led_to_the_track_whatever_its_words(track_id: i
 
 def test_stars_that_grow_are_called_focus_or_seeing():
     def night(widths: list[float]) -> NightView:
-        rows = (FrameRow(frame_id=n, fwhm_px=width) for n, width in enumerate(widths))
+        rows = (
+            FrameRow(frame_id=n, facts={"star_fwhm_px": width}) for n, width in enumerate(widths)
+        )
         return NightView(rows=tuple(rows))
 
     assert "FWHM 2.9 px" in words(night([3.0, 2.9, 2.9, 3.1, 2.8, 2.9]))

@@ -14,6 +14,7 @@ from rsoconsole.console.drawing.plot import AXIS_COLUMNS, Line
 from rsoconsole.console.words.curves import alignment_lines, focus_lines, quality_lines, trend_words
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
+from rsoconsole.night import FRAME_FACTS
 from rsoconsole.night.frame import FrameRow
 from rsoconsole.night.night_view import NightView
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -24,9 +25,10 @@ NS = 1_000_000_000
 
 
 def row(number: int, **more) -> FrameRow:
-    return FrameRow(
-        frame_id=number, is_reduced=True, t_utc_ns=BEGUN + 30 * NS * (number - 1), **more
-    )
+    names = {fact.name for fact in FRAME_FACTS}
+    facts = {name: more.pop(name) for name in names & more.keys()}
+    begun_ns = BEGUN + 30 * NS * (number - 1)
+    return FrameRow(frame_id=number, is_reduced=True, t_utc_ns=begun_ns, facts=facts, **more)
 
 
 def words(lines: list[Line]) -> str:
@@ -37,7 +39,7 @@ def test_the_four_curves_have_their_unit_their_span_and_one_axis_of_time():
     rows = [
         row(
             n,
-            fwhm_px=2.5 + n / 100,
+            star_fwhm_px=2.5 + n / 100,
             background_adu=1000.0 + n,
             zero_point_mag=21.5 - n / 50,
             star_count=100 + n,
@@ -150,7 +152,7 @@ def test_the_trend_of_the_focus_is_told_from_its_scatter(change, says):
 
 
 def test_the_focus_is_shown_large_with_its_best():
-    night = NightView(rows=tuple(row(n, fwhm_px=3.0 - n / 10) for n in range(1, 11)))
+    night = NightView(rows=tuple(row(n, star_fwhm_px=3.0 - n / 10) for n in range(1, 11)))
     said = words(focus_lines(night, 50, 16))
     assert "FWHM 2.00 px   best 2.00 in frame 0010" in plain(said)  # where blocks cannot be drawn
     assert "█" in said

@@ -158,6 +158,15 @@ _text = st.text(
 ).filter(lambda text: text == text.strip())
 
 
+_OF_FRAME: dict[str, st.SearchStrategy[Any]] = {
+    "star_fwhm_px": st.floats(0.5, 20.0),
+    "background_adu": st.floats(0.0, 65535.0),
+    "zero_point_mag": st.floats(5.0, 30.0),
+    "star_count": st.integers(0, 500),
+}
+"""What a frame says of image and sky."""
+
+
 def made_up_rows(**more: st.SearchStrategy[Any]) -> st.SearchStrategy[MeasuredRow]:
     """Rows of any content that a session could have."""
     hints = MeasuredRow.__annotations__
@@ -185,6 +194,7 @@ def made_up_rows(**more: st.SearchStrategy[Any]) -> st.SearchStrategy[MeasuredRo
         "beside": st.tuples(
             st.tuples(st.just("is_crossing"), st.booleans()),
             st.tuples(st.just("object_class"), st.sampled_from(get_args(ObjectClass))),
+            *(st.tuples(st.just(name), st.none() | values) for name, values in _OF_FRAME.items()),
         ),
     }
     return st.builds(MeasuredRow, **(fields | more))

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.night import Night
+from rsoconsole.night import FrameRow, Night
 from rsoconsole.notebook import open_session
 from rsoconsole.notebook.report import render_report
 from rsoconsole.session.reading import SessionReader
@@ -81,8 +81,8 @@ def _printed(*words: str | Path) -> list[Any]:
 
 def _exported(session: Path) -> list[Any]:
     run = run_here("export", session, "--format", "csv", "--out", "-")
-    rows = csv.reader(io.StringIO(run.stdout))
-    return [[_figure(cell) for cell in row] for row in rows]
+    rows = csv.DictReader(io.StringIO(run.stdout))
+    return [{name: _figure(cell) for name, cell in row.items()} for row in rows]
 
 
 def _figure(cell: str) -> Any:
@@ -112,12 +112,18 @@ def _on_screen(session: Path) -> dict[str, Any]:
     night = _folded(session)
     view = night.view()
     return {
-        "rows": [plain(row) for row in view.rows],
+        "rows": [{**plain(row), **_facts(row)} for row in view.rows],
         "tracks": [[t.number, len(t.rows), plain(t.residual_arcsec), t.snr] for t in view.tracks],
         "state": [view.state, view.tau, view.track_frame_id, plain(dict(view.changed))],
         "measured": plain(view.measured),
         "lines": [[line.level, line.frame_id, line.times] for line in view.log],
     }
+
+
+def _facts(row: FrameRow) -> dict[str, Any]:
+    """By the names that they had when they were written down."""
+    names = ("star_count", "background_adu", "zero_point_mag")
+    return plain({"fwhm_px": row.fwhm_px, **{name: row.facts.get(name) for name in names}})
 
 
 def _folded(session: Path) -> Night:

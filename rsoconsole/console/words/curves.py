@@ -1,13 +1,13 @@
 """What observers look for beside the track: sharpness, sky, stars, focus, drift."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 from rsoconsole.console.drawing import Ink, Line, value_plot
 from rsoconsole.console.words.panels import NEWEST, rule
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
 from rsoconsole.console.words.words import clipped, duration_text
-from rsoconsole.night import FrameRow, NightView
+from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
 from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
 from rsoconsole.tracking import polar_hint as hint_of
 
@@ -39,21 +39,15 @@ def quality_lines(
 
     A title has the newest frame's value and the span of all frames that have a mark.
     """
-    curves: tuple[tuple[str, str, Callable[[FrameRow], float | None], str], ...] = (
-        ("FWHM", "px", lambda row: row.fwhm_px, ".1f"),
-        ("background", "ADU", lambda row: row.background_adu, ".0f"),
-        ("transparency, zero point", "mag", lambda row: row.zero_point_mag, ".2f"),
-        ("stars", "", lambda row: row.star_count, ".0f"),
-    )
     marks, visible = window.rows(rows, width), window.visible(rows, width)
     best = max((row.zero_point_mag for row in window.seen(rows) if row.zero_point_mag), default=0.0)
-    each = max((height - 1) // len(curves), 2)
+    each = max((height - 1) // len(FRAME_FACTS), 2)
     lines: list[Line] = []
-    for name, unit, value_of, form in curves:
+    for fact in FRAME_FACTS:
         lines.append(
-            _title(name, unit, [value_of(row) for row in visible], form, width, best_mag=best)
+            _title(fact, [row.facts.get(fact.name) for row in visible], width, best_mag=best)
         )
-        lines += value_plot([value_of(row) for row in marks], width, each - 1)
+        lines += value_plot([row.facts.get(fact.name) for row in marks], width, each - 1)
     return [*lines[: height - 1], *axis_lines(marks, width, 1, window.words(rows))][:height]
 
 
@@ -124,7 +118,7 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
         rows = [row for row in night.rows if _look(row) is not None][-len(looks) :]
         for axis, name in enumerate(("offset east", "offset north")):
             values = [float(value) for value in offsets[:, axis]]
-            lines.append(_title(name, "″", values, "+.0f", width))
+            lines.append(_title(FrameFact(name, name, "″", "+.0f"), values, width))
             lines += value_plot(values, width, left - 1)
         lines += axis_lines(rows, width, 1)
     return [clipped(line, width) for line in lines][:height]
@@ -145,15 +139,10 @@ def large(text: str) -> list[str]:
 
 
 def _title(
-    name: str,
-    unit: str,
-    values: Sequence[float | None],
-    form: str,
-    width: int,
-    *,
-    best_mag: float = 0.0,
+    fact: FrameFact, values: Sequence[float | None], width: int, *, best_mag: float = 0.0
 ) -> Line:
     """Name, last value and span; ``best_mag``: the night's clearest sky."""
+    _, name, unit, form = fact
     known = [value for value in values if value is not None]
     now = next((value for value in reversed(values) if value is not None), None)
     if now is None:

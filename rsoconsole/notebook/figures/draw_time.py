@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from rsoconsole.night import NightFrame
+from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
 from rsoconsole.notebook.figures.page import (
     BAND,
     BOUND,
@@ -164,3 +164,20 @@ def draw_nis(figure: Any, night: Night) -> None:
     keys = [(mark, "NIS"), (mean, f"mean of {WINDOW}"), (band, "95 % of one")]
     keys += [(window_band, f"95 % of the mean of {WINDOW}"), (gate, "gate"), (column, "missed")]
     legend_above(figure, keys)
+
+
+def draw_quality(figure: Any, night: Night) -> None:
+    """What each frame says of image and sky, a panel a fact."""
+    panels = figure.subplots(len(FRAME_FACTS), 1, sharex=True)
+    for fact, axis in zip(FRAME_FACTS, panels, strict=True):
+        points = [
+            (night.seconds(frame), value)
+            for frame in night.frames
+            if (value := facts_of(frame.detections)[fact.name]) is not None
+        ]
+        if points:
+            axis.plot(*zip(*points, strict=True), ".-", color=BOUND["color"], linewidth=0.9)
+        axis.set_ylabel(f"{fact.label}\n({fact.unit})" if fact.unit else fact.label)
+    figure.align_ylabels(panels)
+    time_axis(panels[-1], night)
+    head(panels[0], night, "Image and sky")

@@ -15,7 +15,12 @@ from typing import Any, Literal
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
-from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
+from rsoconsole.notebook.figures.draw_time import (
+    draw_confidence,
+    draw_nis,
+    draw_quality,
+    draw_residuals,
+)
 from rsoconsole.notebook.night import Night, read_night, read_truth
 from rsoconsole.session.reading import SessionReader, clock_notes
 
@@ -46,6 +51,7 @@ DRAWINGS = {
     )
 }
 """In the order in which they are written."""
+QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 
 def has_track(night: Night) -> bool:

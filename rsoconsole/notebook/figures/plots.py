@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
-from rsoconsole.notebook.figures.figures import DRAWINGS, WIDTH_IN, Drawing, has_track
+from rsoconsole.notebook.figures.figures import DRAWINGS, QUALITY, WIDTH_IN, Drawing, has_track
 from rsoconsole.notebook.night import Night
 
 if TYPE_CHECKING:
@@ -44,6 +44,10 @@ class NightPlots(ABC):
     def plot_nis(self, figure: Any = None) -> "Figure":
         """Normalised innovation squared against its 95 % band, and its running mean."""
         return self._plot(DRAWINGS["nis"], figure)
+
+    def plot_quality(self, figure: Any = None) -> "Figure":
+        """What each frame says of image and sky: width of its stars, background and so on."""
+        return self._plot(QUALITY, figure)
 
     def _plot(self, drawing: Drawing, figure: Any) -> "Figure":
         nights = self.nights()

@@ -5,7 +5,7 @@ wrote (titles, notes) stands in it as text and never as markup.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
-from rsoconsole.night import Summary, summary_of, tracks_of
+from rsoconsole.night import FRAME_FACTS, Summary, facts_of, span_text, summary_of, tracks_of
 from rsoconsole.notebook.night import Night, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
@@ -85,7 +85,7 @@ def render_report(session: Path) -> Report:
             pictures_left_out=len(night.frames) - len(shown),
             rows=rows[:MOST_ROWS],
             rows_left_out=max(len(rows) - MOST_ROWS, 0),
-            setup=_setup(exported),
+            setup=[*_setup(exported), *_quality(night)],
             version=__version__,
         )
     )
@@ -293,6 +293,14 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
         ),
         ("Software", ", ".join(f"{name} {number}" for name, number in known.items()) or "–"),
     ]
+
+
+def _quality(night: Night) -> Iterator[tuple[str, str]]:
+    """What the night's frames say of image and sky."""
+    facts = [facts_of(frame.detections) for frame in night.frames]
+    for fact in FRAME_FACTS:
+        if said := span_text(fact, [each[fact.name] for each in facts]):
+            yield f"{fact.label[0].upper()}{fact.label[1:]}", said
 
 
 def changes_words(changes: Mapping[str, Any]) -> str:

@@ -1,0 +1,111 @@
+"""A fact of a frame is added in three files: screen, notebook, report and export show it then."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+MOST_FILES = 3
+
+EXAMPLE = {
+    "rsoconsole/records/frames.py": (
+        """
+    zero_point_mag: float | None = None
+""",
+        """
+    moon_glow_adu: float | None = None
+    zero_point_mag: float | None = None
+""",
+    ),
+    "rsoconsole/records/column_texts.py": (
+        """
+zero_point_mag real magnitude of a star that would give 1 ADU a second
+""",
+        """
+zero_point_mag real magnitude of a star that would give 1 ADU a second
+moon_glow_adu real of the sky's light what the Moon gives
+""",
+    ),
+    "rsoconsole/night/facts.py": (
+        """
+    FrameFact("star_count", "stars", "", ".0f"),
+""",
+        """
+    FrameFact("star_count", "stars", "", ".0f"),
+    FrameFact("moon_glow_adu", "glow of the Moon", "ADU", ".1f"),
+""",
+    ),
+}
+"""File -> what stands there, and what stands there afterwards."""
+
+USE = """
+import csv, io, sys
+from dataclasses import replace
+from pathlib import Path
+
+import rsoconsole
+from rsoconsole.console.words import quality_lines
+from rsoconsole.export import read_night
+from rsoconsole.export.tables import to_csv
+from rsoconsole.night import Night
+from rsoconsole.notebook import open_session
+from rsoconsole.notebook.report import render_report
+from rsoconsole.records import Detections
+from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.writing import SessionWriter
+
+assert Path(rsoconsole.__file__).is_relative_to(Path.cwd()), rsoconsole.__file__
+folder, sample = Path("night"), SessionReader(Path(sys.argv[1]) / "sessions" / "intelsat-14")
+writer = SessionWriter.create(folder, sample.config(), {})
+for _, t_utc_ns, record in sample.records():
+    if isinstance(record, Detections):
+        record = replace(record, moon_glow_adu=12.5 + record.frame_id)
+    writer.append(record, t_utc_ns)
+writer.close()
+assert writer.faults == ()
+
+# A screen.
+reader = SessionReader(folder)
+night = Night(folder, reader.about(), reader.config())
+for seq, t_utc_ns, record in reader.records():
+    night.take(t_utc_ns, record, seq)
+shown = ["".join(text for text, _ in line) for line in quality_lines(night.view().rows, 80, 40)]
+assert any("glow of the Moon" in line and "ADU" in line for line in shown), shown
+
+# A notebook: its table with the unit, and its plot.
+session = open_session(folder)
+assert session.table("image_quality")["moon_glow_adu"][0] == 13.5
+figure = session.plot_quality()
+assert any("glow of the Moon" in axis.get_ylabel() for axis in figure.axes)
+
+# The report.
+assert "Glow of the Moon" in render_report(folder).html
+
+# An export.
+rows = list(csv.DictReader(io.StringIO(to_csv(read_night(folder).rows))))
+assert rows and all(float(r["moon_glow_adu"]) == 12.5 + int(r["frame_id"]) for r in rows)
+print("used")
+"""
+
+
+def test_a_new_fact_takes_three_files_and_is_shown_everywhere(tmp_path: Path) -> None:
+    assert len(EXAMPLE) <= MOST_FILES
+    shutil.copytree(ROOT / "rsoconsole", tmp_path / "rsoconsole")
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    for path, (before, after) in EXAMPLE.items():
+        file = tmp_path / path
+        text = file.read_text(encoding="utf-8")
+        assert text.count(before) == 1, f"{path} has this not once: {before}"
+        file.write_text(text.replace(before, after), encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-c", USE, str(ROOT)],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.stdout.endswith("used\n"), run.stderr
