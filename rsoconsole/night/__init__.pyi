@@ -27,9 +27,6 @@ from .log_lines import off_text as off_text
 from .night import Night as Night
 from .night_view import KeptNight as KeptNight
 from .night_view import NightView as NightView
-from .pointed_at import is_without_detection as is_without_detection
-from .pointed_at import looked_elsewhere as looked_elsewhere
-from .pointed_at import was_pointed_at as was_pointed_at
 from .rows import Logged as Logged
 from .rows import Row as Row
 from .rows import rows_of as rows_of

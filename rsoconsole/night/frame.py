@@ -103,7 +103,7 @@ class NightFrame:
     fold: FrameFold | None = None
     """None for a frame that was only looked at."""
     changes: tuple[StateChange, ...] = ()
-    """Of the loop's state, whoever made them."""
+    """Of the loop's state, by the fold and by others."""
     first: "NightFrame | None" = None
     """What was made of it before it was followed again by the operator's word."""
 
@@ -146,7 +146,7 @@ class NightFrame:
 
     @property
     def followed(self) -> Measurement | None:
-        """The same, or the one that the operator wants taken."""
+        """The same, or what the operator wants taken."""
         taken = None if self.decision is None else self.decision.taken
         return self.measured if taken is None else taken
 

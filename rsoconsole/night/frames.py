@@ -111,11 +111,13 @@ class NightFrames:
             case FrameTaken():
                 self._begin(record, t_utc_ns)
             case Detections():
+                self._expect(record.frame_id)
                 self._change(record.frame_id, detections=record, settings=reading.settings)
                 if reading.awaited is not None:
                     reading.open = reading.awaited
                     self._change(reading.open, fold=FrameFold(before=reading.fold_state))
             case Solution() | NotSolved():
+                self._expect(record.frame_id)
                 self._change(record.frame_id, solution=record)
             case Measurement():
                 before = self.of(record.frame_id).measurements
@@ -123,6 +125,7 @@ class NightFrames:
             case Closeup():
                 self._change(record.frame_id, closeup=record)
             case TrackState():
+                self._expect(record.frame_id)
                 self._track_state(record)
                 self._fold(record)
             case NotFollowed():
@@ -296,7 +299,7 @@ class NightFrames:
         self._change(frame_id, fold=replace(frame.fold, is_closed=True))
 
     def _expect(self, frame_id: int) -> None:
-        """Of an exposure that failed there is no frame, but why."""
+        """Of an exposure that failed there is no frame, but what was said of it."""
         if frame_id not in self._frames and frame_id > self._past:
             state = self._reading.state
             self._frames[frame_id] = NightFrame(frame_id=frame_id, state_before=state)

@@ -258,9 +258,7 @@ def test_a_second_track_after_a_loss_is_drawn_too(tuned_session):
     """A miss between two tracks belongs to neither: the bounds are broken there."""
     night = read_night(tuned_session)
     frames = [
-        replace(frame, predicted=None, corrected=None, measured=None)
-        if frame.frame_id in MISSED
-        else frame
+        replace(frame, predicted=None, updated=None) if frame.frame_id in MISSED else frame
         for frame in night.frames
     ]
     axis, _ = drawn(draw_track, replace(night, frames=tuple(frames)))

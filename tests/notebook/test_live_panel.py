@@ -116,7 +116,7 @@ def test_the_record_is_told_with_its_plots_and_its_picture(opened: LivePanel) ->
     assert len(titles) == 17
     assert len(list(east.iter("circle"))) == 15
     assert ElementTree.fromstring(shown["overlay"]).find("rect") is not None
-    assert any("miss: no detection" in line[2] for line in shown["log"])
+    assert any("COAST: no detection" in line[2] for line in shown["log"])
     assert {n: v for n, _, _, v, _ in shown["tunables"]}["detector.tau"] == 0.1
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole import open_session
 from rsoconsole.errors import SessionError
-from rsoconsole.night.tracks import tracks_of
+from rsoconsole.night import frames_of, tracks_of
 from rsoconsole.notebook.pictures import TrackStreak, draw_tracks
 from rsoconsole.notebook.report.report import render_report
 from rsoconsole.reasons import Missed, TrackLost
@@ -60,7 +60,7 @@ def test_a_word_that_is_taken_back_ends_nothing():
     records += [Ruling(frame_id=1, dropped=(2,)), Ruling(frame_id=1)]
     lost = Missed(kind="no detection", lost=TrackLost(kind="left the field"))
     records.append(Miss(frame_id=2, track_id=1, reason=lost))
-    tracks = tracks_of(records)
+    tracks = tracks_of(frames_of(records))
     assert tracks[2].ended == ""
     assert tracks[1].ended == "it has left the field"
     assert tracks[1].missed == {2: "no detection; it has left the field"}

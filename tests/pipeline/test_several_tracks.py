@@ -244,7 +244,7 @@ def test_an_export_holds_both_tracks_and_figures_are_the_leads(told, tmp_path: P
         away = [abs(row.residual_ra_arcsec or 0.0) for row in rows]
         assert max(away) < 5.0, "each beside its own prediction"
     shown = read_night(tmp_path / "two")
-    assert [f.corrected.track_id for f in shown.frames if f.corrected] == [1] * 29
+    assert [f.updated.track_id for f in shown.frames if f.updated] == [1] * 29
     assert [sorted(f.beside) for f in shown.frames] == [[]] + [[2]] * 29
     assert not [f for f in shown.frames if f.missed]
     figures = summarise(told, [])
@@ -276,7 +276,7 @@ def test_the_summary_has_a_line_for_each_satellite(told):
     assert (gone["state"], gone["last_frame"]) == ("LOST", last)
     assert "121 min" in gone["lost"]
     # Of one catalogue number: one satellite, though its track began twice.
-    match = next(r for r in told if isinstance(r, Identified) and r.track_id == 1)
+    match = next(r for r in reversed(told) if isinstance(r, Identified) and r.track_id == 1)
     names = [
         replace(match, verdict="identified", track_id=track_id, matches=(MATCH,))
         for track_id in (1, 2)

@@ -150,7 +150,7 @@ def test_the_console_reads_what_was_recorded_without_the_filters_libraries():
     program = (
         "import sys; from pathlib import Path; import rsoconsole.console.screens.live\n"
         "from rsoconsole.session.reading.reader import SessionReader\n"
-        "from rsoconsole.pipeline.replay.what_if_figures import as_recorded\n"
+        "from rsoconsole.night import as_recorded\n"
         f"log = SessionReader(Path({str(SAMPLE)!r})).records()\n"
         "assert as_recorded(r for _, _, r in log).updates > 10\n"
         "print(sorted({'scipy', 'filterpy', 'astropy', 'cv2'} & set(sys.modules)))"

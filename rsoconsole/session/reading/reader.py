@@ -64,9 +64,10 @@ class OtherSchemaError(SessionError):
 def expect_schema(folder: Path, version: int) -> None:
     """Raise OtherSchemaError for a session whose records are others than those of this version."""
     if version != SCHEMA_VERSION:
+        how = "update rsoconsole" if version > SCHEMA_VERSION else "open it with that one"
         raise OtherSchemaError(
             f"{folder} was written by another version of rsoconsole (schema {version}, here"
-            f" {SCHEMA_VERSION}): open it with that one"
+            f" {SCHEMA_VERSION}): {how}"
         )
 
 
