@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from rsoconsole.night.frame import FrameRow, NightFrame
 from rsoconsole.sky import largest_sigma
 
-MOST = 8
+LOOKED_AT = 8
+"""The last frames, of which this is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,9 +25,9 @@ class LastMeasured:
 def last_measured(
     frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
-    """Newest first, at most eight."""
+    """Newest first, of the last eight frames."""
     found: list[LastMeasured] = []
-    for frame in frames:
+    for frame in [*frames][-LOOKED_AT:]:
         taken, row = frame.followed, rows.get(frame.frame_id)
         if taken is None or row is None or not row.is_followed:
             continue
@@ -39,4 +40,4 @@ def last_measured(
                 nis=row.nis,
             )
         )
-    return tuple(sorted(found, key=lambda each: -each.frame_id)[:MOST])
+    return tuple(sorted(found, key=lambda each: -each.frame_id))

@@ -265,7 +265,8 @@ def first_difference(one: Any, other: Any, at: str = "") -> str | None:
         parted = (first_difference(one[key], other.get(key), f"{at}/{key}") for key in one)
         return next((where for where in parted if where is not None), None)
     if isinstance(one, float) and isinstance(other, float):
-        near = abs(one - other) <= 2.0 * 10.0 ** (1 - DIGITS) * max(abs(one), abs(other))
+        room = 2.0 * 10.0 ** (1 - DIGITS) * max(abs(one), abs(other))
+        near = one == other or abs(one - other) <= room
         return None if near else f"{at}: {one} and {other}"
     return None if one == other else f"{at}: {one} and {other}"
 
