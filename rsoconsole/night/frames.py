@@ -54,7 +54,7 @@ class _Reading:
     """The frame that was taken and not yet reduced."""
     open: int | None = None
     """The frame whose fold comes in."""
-    again: frozenset[int] = frozenset()
+    again: set[int] = field(default_factory=set)
     """Frames with nothing from outside after them, which a decision may have followed again."""
     marked: Mapping[int, int] = field(default_factory=dict)
     """Frames that somebody marks in, and the last frame for which that is so."""
@@ -180,12 +180,13 @@ class NightFrames:
 
     def keep(self) -> tuple[Any, ...]:
         """All as it is, to come back to."""
-        return replace(self._reading), tuple(self.seen()), self._past
+        reading = replace(self._reading, again=set(self._reading.again))
+        return reading, tuple(self.seen()), self._past
 
     def go_back(self, kept: tuple[Any, ...]) -> None:
         """As it was when that was kept, by this fold or by another one of the same night."""
         reading, frames, self._past = kept
-        self._reading = replace(reading)
+        self._reading = replace(reading, again=set(reading.again))
         self._own.clear()
         self.changed.clear()
         self._frames = {frame.frame_id: frame for frame in frames}
@@ -210,16 +211,15 @@ class NightFrames:
             if oldest >= min(reading.marked, default=frame_id):
                 break
             past = self._frames.pop(oldest)
+            reading.again.discard(oldest)
             self._past = max(self._past, past.frame_id)
             self._on_past(past)
 
     def _mark(self, arguments: Mapping[str, Any]) -> None:
         """A mark begins, or is left off: what was said on the frame may still be taken back."""
-        frame_id, frames = (
-            arguments.get("frame"),
-            MARKED_FOR if arguments.get("on", True) else NEWEST,
-        )
+        frame_id = arguments.get("frame")
         if isinstance(frame_id, int):
+            frames = MARKED_FOR if arguments.get("on", True) else NEWEST
             last = max(self._frames, default=0) + frames
             self._reading.marked = {**self._reading.marked, frame_id: last}
 
@@ -262,7 +262,7 @@ class NightFrames:
     def _state_change(self, record: StateChange) -> None:
         if is_from_outside(record):
             self.close()
-            self._reading.again, self._reading.marked = frozenset(), {}
+            self._reading.again, self._reading.marked = set(), {}
             self._reading.fold_state = record.after
         else:
             self._fold(record)
@@ -294,7 +294,7 @@ class NightFrames:
         if frame.fold.before not in FOLDED or not frame.has_time:
             self._change(frame_id, fold=None)
             return
-        reading.again |= {frame_id}
+        reading.again.add(frame_id)
         reading.fold_state = frame.fold.state
         self._change(frame_id, fold=replace(frame.fold, is_closed=True))
 
