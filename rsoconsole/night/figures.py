@@ -142,7 +142,7 @@ class FigureSum:
 
     def add_recorded(self, frame: NightFrame) -> None:
         """A frame as it is on record; one that was only looked at changes nothing."""
-        if frame.taken is not None and frame.fold is not None and frame.fold.is_closed:
+        if frame.taken is not None and frame.fold is not None:
             self.add(frame.taken, frame.fold.records, frame.fold.state, frame.solution)
 
     def figures(self, last: int | None = None) -> TrackFigures:

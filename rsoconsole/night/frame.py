@@ -59,8 +59,6 @@ class FrameFold:
     """The loop's state when the frame was reduced."""
     records: tuple[Record, ...] = ()
     """TrackState, NotFollowed, Miss, StateChange."""
-    is_closed: bool = False
-    """Whether all of it is there, and the frame was one that is followed."""
 
     @property
     def state(self) -> LoopState:
@@ -101,7 +99,7 @@ class NightFrame:
     orbits: tuple[OrbitEstimate, ...] = ()
     names: tuple[Identified, ...] = ()
     fold: FrameFold | None = None
-    """None for a frame that was only looked at."""
+    """None for a frame that was only looked at, and until its records are all there."""
     changes: tuple[StateChange, ...] = ()
     """Of the loop's state, by the fold and by others."""
     first: "NightFrame | None" = None

@@ -54,6 +54,10 @@ class _Reading:
     """The frame that was taken and not yet reduced."""
     open: int | None = None
     """The frame whose fold comes in."""
+    before: LoopState = "SEARCH"
+    """The loop's state before that fold."""
+    records: list[Record] = field(default_factory=list)
+    """Of that fold so far."""
     again: set[int] = field(default_factory=set)
     """Frames with nothing from outside after them, which a decision may have followed again."""
     marked: Mapping[int, int] = field(default_factory=dict)
@@ -61,6 +65,10 @@ class _Reading:
     is_ruled: bool = False
     """A decision has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
+
+    def copy(self) -> "_Reading":
+        """Another one at the same place."""
+        return replace(self, again=set(self.again), records=list(self.records))
 
 
 class NightFrames:
@@ -114,8 +122,7 @@ class NightFrames:
                 self._expect(record.frame_id)
                 self._change(record.frame_id, detections=record, settings=reading.settings)
                 if reading.awaited is not None:
-                    reading.open = reading.awaited
-                    self._change(reading.open, fold=FrameFold(before=reading.fold_state))
+                    self._open(reading.awaited, reading.fold_state)
             case Solution() | NotSolved():
                 self._expect(record.frame_id)
                 self._change(record.frame_id, solution=record)
@@ -180,13 +187,12 @@ class NightFrames:
 
     def keep(self) -> tuple[Any, ...]:
         """All as it is, to come back to."""
-        reading = replace(self._reading, again=set(self._reading.again))
-        return reading, tuple(self.seen()), self._past
+        return self._reading.copy(), tuple(self.seen()), self._past
 
     def go_back(self, kept: tuple[Any, ...]) -> None:
         """As it was when that was kept, by this fold or by another one of the same night."""
         reading, frames, self._past = kept
-        self._reading = replace(reading, again=set(reading.again))
+        self._reading = reading.copy()
         self._own.clear()
         self.changed.clear()
         self._frames = {frame.frame_id: frame for frame in frames}
@@ -196,13 +202,14 @@ class NightFrames:
         self._own.clear()
         reading, frame_id = self._reading, record.frame_id
         self._frames.pop(frame_id, None)
-        self._frames[frame_id] = NightFrame(
+        begun = self._frames[frame_id] = NightFrame(
             frame_id=frame_id,
             began_utc_ns=record.t_start_utc_ns or t_utc_ns,
             state_before=reading.state,
             tau=reading.tau,
             taken=record,
         )
+        self._own[id(begun)] = begun
         self.changed.add(frame_id)
         reading.awaited = frame_id
         reading.marked = {n: last for n, last in reading.marked.items() if last >= frame_id}
@@ -255,9 +262,7 @@ class NightFrames:
         self._change(frame_id, predicted=None, updated=None, first=frame, **nothing)
         if frame_id in reading.again and frame.fold is not None:
             is_first, reading.is_first_again = reading.is_first_again, False
-            before = frame.fold.before if is_first else reading.fold_state
-            reading.open = frame_id
-            self._change(frame_id, fold=FrameFold(before=before))
+            self._open(frame_id, frame.fold.before if is_first else reading.fold_state)
 
     def _state_change(self, record: StateChange) -> None:
         if is_from_outside(record):
@@ -278,9 +283,11 @@ class NightFrames:
         is_word = isinstance(record, StateChange) and reading.is_ruled
         if is_word or (isinstance(record, Miss) and is_instruments(record)):
             return
-        fold = self.of(reading.open).fold
-        if fold is not None:
-            self._change(reading.open, fold=replace(fold, records=(*fold.records, record)))
+        reading.records.append(record)
+
+    def _open(self, frame_id: int, before: LoopState) -> None:
+        reading = self._reading
+        reading.open, reading.before, reading.records = frame_id, before, []
 
     def close(self) -> None:
         """What came of the open frame is all there."""
@@ -288,15 +295,12 @@ class NightFrames:
         if reading.open is None:
             return
         frame_id, reading.open, reading.awaited = reading.open, None, None
-        frame = self.of(frame_id)
-        if frame.fold is None:
-            return
-        if frame.fold.before not in FOLDED or not frame.has_time:
-            self._change(frame_id, fold=None)
+        if reading.before not in FOLDED or not self.of(frame_id).has_time:
             return
         reading.again.add(frame_id)
-        reading.fold_state = frame.fold.state
-        self._change(frame_id, fold=replace(frame.fold, is_closed=True))
+        fold = FrameFold(before=reading.before, records=tuple(reading.records))
+        reading.fold_state = fold.state
+        self._change(frame_id, fold=fold)
 
     def _expect(self, frame_id: int) -> None:
         """Of an exposure that failed there is no frame, but what was said of it."""

@@ -72,7 +72,7 @@ def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_n
     lacking = 0
     for end in range(1, len(records), 53):
         *whole, last = list(replay(records[:end], CONFIG)) or [None]
-        kept = {f.frame_id: f.fold for f in frames_of(records[:end]) if f.fold and f.fold.is_closed}
+        kept = {f.frame_id: f.fold for f in frames_of(records[:end]) if f.fold}
         for each in whole:
             fold = kept[each.taken.frame_id]
             is_again = any(
