@@ -193,7 +193,8 @@ def test_another_schema_is_refused_with_what_to_do(night: Path, schema: int) -> 
     with closing(sqlite3.connect(night / "session.db")) as connection:
         connection.execute(f"PRAGMA user_version={schema}")
     for refuses in (SessionReader, verify_session, lambda folder: repair_session(folder, 1)):
-        with pytest.raises(SessionError, match=r"another version of rsoconsole.*(with that one|update rsoconsole)"):
+        with pytest.raises(SessionError, match=r"another version of rsoconsole.*(that one|update)"):
             refuses(night)
     (listed,) = list_sessions(night.parent)
     assert "another version" in (listed.fault or "")
+    assert listed.state == "other version"

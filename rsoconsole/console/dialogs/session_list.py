@@ -27,7 +27,7 @@ from rsoconsole.sky import utc_ns_to_iso
 
 BRANCHES = "branches"
 LEAST_NAME_COLUMNS = 20
-State = Literal["", "live", "closed", "cut off", "damaged"]
+State = Literal["", "live", "closed", "cut off", "other version", "damaged"]
 HEADS = ("when, UTC", "length", "frames", "size", "state")
 STATE_INKS: dict[State, Ink] = {"live": "good", "cut off": "warn", "damaged": "alarm"}
 WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 6, 6, 8, 8

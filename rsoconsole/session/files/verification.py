@@ -9,7 +9,7 @@ from rsoconsole.session.log import is_written
 
 Severity: TypeAlias = Literal["damage", "leftover", "remark"]
 """Something of the record is lost or changed · something waits to be repaired · good to know."""
-State: TypeAlias = Literal["closed", "live", "cut off", "unreadable"]
+State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
 Digest: TypeAlias = Literal["confirmed", "differs", "none"]
 
 REPAIR = "'rsoconsole sessions repair' sets it right"

@@ -13,7 +13,7 @@ from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
 from rsoconsole.session.files import State, is_kept, state_of
 from rsoconsole.session.log import BRANCHES, DATABASE, SCHEMA_VERSION, is_written
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.reading import OtherSchemaError, SessionReader
 
 _MAX_TITLE = 40
 LOOKED_AT = 20
@@ -134,6 +134,7 @@ def summarise(folder: Path) -> SessionSummary:
             size_bytes=size_bytes(folder),
             is_closed=False,
             fault=str(error),
+            state="other version" if isinstance(error, OtherSchemaError) else "unreadable",
             is_kept=is_kept(folder),
         )
     title, is_simulated = about.get("title"), about.get("is_simulated")
