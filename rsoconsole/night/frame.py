@@ -144,7 +144,7 @@ class NightFrame:
 
     @property
     def followed(self) -> Measurement | None:
-        """The same, or what the operator wants taken."""
+        """What the lead took of it, or what the operator wants taken."""
         taken = None if self.decision is None else self.decision.taken
         return self.measured if taken is None else taken
 

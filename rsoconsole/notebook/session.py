@@ -22,7 +22,7 @@ from rsoconsole.night import (
 )
 from rsoconsole.notebook import card
 from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import Night, night_of, title_of, with_frames
+from rsoconsole.notebook.night import DrawnNight, night_of, title_of, with_frames
 from rsoconsole.notebook.session_pictures import SessionPictures
 from rsoconsole.records import TABLES, Column
 from rsoconsole.session.log import schema
@@ -191,7 +191,7 @@ class Session(SessionPictures, NightPlots):
 
     # -- again, and otherwise -------------------------------------------------------------------
 
-    def nights(self) -> tuple[Night, ...]:
+    def nights(self) -> tuple[DrawnNight, ...]:
         """The night that is drawn."""
         return (with_frames(self._night(), self.path),)
 
@@ -326,7 +326,7 @@ class Session(SessionPictures, NightPlots):
             picture=picture,
         )
 
-    def _night(self) -> Night:
+    def _night(self) -> DrawnNight:
         return night_of(self.title, self.config, self._frames.seen())
 
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from rsoconsole.config import Config, with_setting
 from rsoconsole.night import NightFrames, Summary, summary_of
 from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import Night, night_of, text
+from rsoconsole.notebook.night import DrawnNight, night_of, text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record
 
@@ -43,7 +43,7 @@ class Recorded(Protocol):
         """How it went."""
         ...
 
-    def nights(self) -> tuple[Night, ...]:
+    def nights(self) -> tuple[DrawnNight, ...]:
         """Itself."""
         ...
 
@@ -78,7 +78,7 @@ class WhatIf(NightPlots):
         """How it would have gone."""
         return summary_of(self._night.frames)
 
-    def nights(self) -> tuple[Night, ...]:
+    def nights(self) -> tuple[DrawnNight, ...]:
         """As recorded, and as tried."""
         return self._recorded, self._night
 
@@ -132,7 +132,7 @@ def _night_of(
     config: Config,
     log: tuple[tuple[int, int, Any], ...],
     frames: tuple[ReplayedFrame, ...],
-) -> Night:
+) -> DrawnNight:
     """The night as followed again; what was not followed keeps its place in time."""
     fold = NightFrames(config)
     for _, _, record in log:

@@ -1,41 +1,42 @@
 """A column is added in two files, and every table that shows its record has it with its unit."""
 
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 from rsoconsole.records import documentation, documented
+from tests.rigs.worked_example import expect_used
 
 ROOT = Path(__file__).parents[2]
 MOST_FILES = 2
 
 EXAMPLE = {
-    "rsoconsole/records/steps.py": (
-        """
+    "rsoconsole/records/steps.py": [
+        (
+            """
     is_clipped: bool = False
 
 
 def measurement_id_of(""",
-        """
+            """
     is_clipped: bool = False
     position_angle_deg: float | None = None
 
 
 def measurement_id_of(""",
-    ),
-    "rsoconsole/records/column_texts.py": (
-        """
+        )
+    ],
+    "rsoconsole/records/column_texts.py": [
+        (
+            """
 measurement_id text its id, unique in the session
 """,
-        """
+            """
 measurement_id text its id, unique in the session
 position_angle_deg real of the streak, east of north
 """,
-    ),
+        )
+    ],
 }
-"""File -> what stands there, and what stands there afterwards."""
+"""File -> pieces of it: what stands there, and what stands there afterwards."""
 
 USE = """
 import csv, io, json, sys
@@ -101,23 +102,7 @@ print("used")
 
 def test_a_new_column_takes_two_files_and_is_in_every_table(tmp_path: Path) -> None:
     assert len(EXAMPLE) <= MOST_FILES
-    shutil.copytree(ROOT / "rsoconsole", tmp_path / "rsoconsole")
-    (tmp_path / "models").symlink_to(ROOT / "models")
-    for path, (before, after) in EXAMPLE.items():
-        file = tmp_path / path
-        text = file.read_text(encoding="utf-8")
-        assert text.count(before) == 1, f"{path} has this not once: {before}"
-        file.write_text(text.replace(before, after), encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, "-c", USE, str(ROOT)],
-        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert run.stdout.endswith("used\n"), run.stderr
+    expect_used(tmp_path, EXAMPLE, USE)
 
 
 def test_the_page_is_written_from_the_columns() -> None:

@@ -1,10 +1,6 @@
 """A verb is added in three files: the documentation's example, applied and used by every way."""
 
-import os
 import re
-import shutil
-import subprocess
-import sys
 from dataclasses import fields
 from pathlib import Path
 
@@ -15,8 +11,8 @@ from rsoconsole.control.commands import Beside, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from rsoconsole.resources import resource
 from tests.rigs.engine_rig import command_handler_of, rig
+from tests.rigs.worked_example import expect_used
 
-ROOT = Path(__file__).parents[2]
 PAGE = resource("control", "README.md").read_text(encoding="utf-8")
 MOST_FILES = 4
 
@@ -79,26 +75,8 @@ def example() -> dict[str, list[tuple[str, str]]]:
 
 def test_the_documentations_new_verb_takes_four_files_and_works_by_every_way(tmp_path: Path):
     assert len(example()) <= MOST_FILES
-    shutil.copytree(ROOT / "rsoconsole", tmp_path / "rsoconsole")
-    (tmp_path / "models").symlink_to(ROOT / "models")
-    for path, pieces in example().items():
-        file = tmp_path / path
-        text = file.read_text(encoding="utf-8")
-        for before, after in pieces:
-            assert text.count(before) == 1, f"{path} has this not once: {before}"
-            text = text.replace(before, after)
-        file.write_text(text, encoding="utf-8")
-    places = {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "XDG_RUNTIME_DIR": str(tmp_path)}
-    run = subprocess.run(
-        [sys.executable, "-c", USE],
-        env={**os.environ, **places, "RSOCONSOLE_CONFIG": str(tmp_path / "none.toml")},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert run.stdout.endswith("used\n"), run.stderr
+    nowhere = str(tmp_path / "none.toml")
+    expect_used(tmp_path, example(), USE, XDG_RUNTIME_DIR=str(tmp_path), RSOCONSOLE_CONFIG=nowhere)
 
 
 def documented() -> dict[str, tuple[str, str]]:

@@ -20,7 +20,7 @@ from rsoconsole.notebook.figures.page import (
     time_axis,
     with_track,
 )
-from rsoconsole.notebook.night import Night, TruePlace, offset_arcsec
+from rsoconsole.notebook.night import DrawnNight, TruePlace, offset_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180, wrap_360
 
@@ -29,7 +29,7 @@ Where = Callable[[NightFrame, float, float], float | None]
 """What a panel shows of a direction (RA, Dec in degrees) in a frame; None: nothing."""
 
 
-def draw_track(figure: Any, night: Night) -> None:
+def draw_track(figure: Any, night: DrawnNight) -> None:
     """Right ascension and declination in degrees, as in the paper."""
     frames = with_track(night)
     ra_0_deg = _first(frames).x[0]
@@ -53,7 +53,7 @@ def draw_track(figure: Any, night: Night) -> None:
     legend_above(figure, keys)
 
 
-def draw_about_line(figure: Any, night: Night) -> None:
+def draw_about_line(figure: Any, night: DrawnNight) -> None:
     """The same about the straight line through the updated states, in seconds of arc."""
     frames = [frame for frame in with_track(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
@@ -86,7 +86,7 @@ def draw_about_line(figure: Any, night: Night) -> None:
     legend_above(figure, _with_bars(keys))
 
 
-def draw_errors(figure: Any, night: Night, truth: Mapping[int, TruePlace]) -> None:
+def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) -> None:
     """Measured, updated and predicted directions minus where the satellite really was."""
 
     def error(index: int) -> Where:
@@ -114,7 +114,7 @@ def draw_errors(figure: Any, night: Night, truth: Mapping[int, TruePlace]) -> No
 
 def _panel(
     axis: Any,
-    night: Night,
+    night: DrawnNight,
     where: Where,
     sigma: Callable[[TrackState], float],
     *,
@@ -151,7 +151,7 @@ def _value(frame: NightFrame, words: str, where: Where) -> float | None:
 
 def _bounds(
     axis: Any,
-    night: Night,
+    night: DrawnNight,
     where: Where,
     sigma: Callable[[TrackState], float],
     is_about_zero: bool,
@@ -224,7 +224,7 @@ def _with_bars(keys: list[tuple[Any, str]]) -> list[tuple[Any, str]]:
     return [(key, "measured, ± 1 σ" if words == "measured" else words) for key, words in keys]
 
 
-def _error_bars(axis: Any, night: Night, where: Where, index: int) -> None:
+def _error_bars(axis: Any, night: DrawnNight, where: Where, index: int) -> None:
     """One sigma of each measurement that was taken, as it says of itself."""
     points = [
         (night.seconds(frame), value, math.sqrt(m.cov_sky_arcsec2[index]))

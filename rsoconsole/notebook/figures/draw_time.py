@@ -14,7 +14,7 @@ from rsoconsole.notebook.figures.page import (
     shade_misses,
     time_axis,
 )
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 
 NIS_BAND = (0.0506, 7.378)
 """95 % of a chi-square of two degrees of freedom."""
@@ -26,7 +26,7 @@ _FAR_WIDER = 20.0
 """Bounds wider than the innovations by this factor need a scale of their own."""
 
 
-def draw_confidence(figure: Any, night: Night) -> None:
+def draw_confidence(figure: Any, night: DrawnNight) -> None:
     """Confidence of the measurement that was taken, of the others, and tau."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
@@ -64,7 +64,7 @@ def draw_confidence(figure: Any, night: Night) -> None:
     legend_above(figure, [*keys, (column, "missed")])
 
 
-def draw_residuals(figure: Any, night: Night) -> None:
+def draw_residuals(figure: Any, night: DrawnNight) -> None:
     """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
     upper, lower = figure.subplots(2, 1, sharex=True)
     frames = [frame for frame in night.frames if _innovation(frame) is not None]
@@ -94,7 +94,7 @@ def _innovation(frame: NightFrame) -> tuple[float, float] | None:
 
 
 def _series(
-    night: Night, frames: list[NightFrame], index: int
+    night: DrawnNight, frames: list[NightFrame], index: int
 ) -> tuple[list[float], list[float], list[float]]:
     t_s, values, bounds = [], [], []
     for frame in frames:
@@ -124,7 +124,7 @@ def _scale(axis: Any, values: list[float], bounds: list[float]) -> None:
     axis.set_ylim(-reach, reach)
 
 
-def draw_nis(figure: Any, night: Night) -> None:
+def draw_nis(figure: Any, night: DrawnNight) -> None:
     """Normalised innovation squared of every update, against its band, and its running mean."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
@@ -166,7 +166,7 @@ def draw_nis(figure: Any, night: Night) -> None:
     legend_above(figure, keys)
 
 
-def draw_quality(figure: Any, night: Night) -> None:
+def draw_quality(figure: Any, night: DrawnNight) -> None:
     """What each frame says of image and sky, a panel a fact."""
     panels = figure.subplots(len(FRAME_FACTS), 1, sharex=True)
     for fact, axis in zip(FRAME_FACTS, panels, strict=True):

@@ -21,7 +21,7 @@ from rsoconsole.notebook.figures.draw_time import (
     draw_quality,
     draw_residuals,
 )
-from rsoconsole.notebook.night import Night, read_night, read_truth
+from rsoconsole.notebook.night import DrawnNight, read_night, read_truth
 from rsoconsole.session.reading import SessionReader, clock_notes
 
 FigureFormat = Literal["png", "svg", "pdf"]
@@ -34,7 +34,7 @@ class Drawing:
     """One of the figures: its name, what draws it, and what it needs."""
 
     name: str
-    draw: Callable[[Any, Night], None]
+    draw: Callable[[Any, DrawnNight], None]
     """Draws a night into an empty matplotlib figure."""
     height_in: float = 5.0
     needs_track: bool = True
@@ -54,7 +54,7 @@ DRAWINGS = {
 QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 
-def has_track(night: Night) -> bool:
+def has_track(night: DrawnNight) -> bool:
     """Whether anything was followed in it: a measurement has updated a track."""
     return any(frame.updated is not None for frame in night.frames)
 
@@ -81,7 +81,7 @@ def write_figures(
 
 
 def _written(
-    night: Night,
+    night: DrawnNight,
     drawings: list[Drawing],
     out: Path,
     file_format: FigureFormat,

@@ -4,7 +4,7 @@ import itertools
 from typing import Any
 
 from rsoconsole.night import NightFrame
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 from rsoconsole.sky import utc_ns_to_iso
 
 STYLE: dict[str, Any] = {
@@ -61,7 +61,7 @@ BAND = {"color": "#5b7fb5", "alpha": 0.10, "linewidth": 0}
 MISS_COLOUR = "#f3d9b8"
 
 
-def time_axis(axis: Any, night: Night) -> None:
+def time_axis(axis: Any, night: DrawnNight) -> None:
     """Seconds since the first exposure, and when that was."""
     first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0)
     axis.set_xlabel(f"Time since the middle of the first exposure, {_to_the_second(first)} (s)")
@@ -74,7 +74,7 @@ def _to_the_second(iso: str) -> str:
     return iso.removesuffix("Z").replace("T", " ") + " UTC"
 
 
-def head(axis: Any, night: Night, what: str) -> None:
+def head(axis: Any, night: DrawnNight, what: str) -> None:
     """A title: what is drawn, of which session, with which preset."""
     axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
 
@@ -92,7 +92,7 @@ def note(axis: Any, words: str) -> None:
     )
 
 
-def shade_misses(axis: Any, night: Night) -> Any:
+def shade_misses(axis: Any, night: DrawnNight) -> Any:
     """A pale column for every frame in which the followed object was not measured.
 
     Returns one of them for the legend, None when there is none.
@@ -108,7 +108,7 @@ def shade_misses(axis: Any, night: Night) -> Any:
     return column
 
 
-def median_step_s(night: Night) -> float:
+def median_step_s(night: DrawnNight) -> float:
     """Typical time from one frame to the next."""
     times = [night.seconds(frame) for frame in night.frames]
     steps = sorted(b - a for a, b in itertools.pairwise(times))
@@ -128,6 +128,6 @@ def legend_above(figure: Any, handles: list[tuple[Any, str]]) -> None:
     )
 
 
-def with_track(night: Night) -> list[NightFrame]:
+def with_track(night: DrawnNight) -> list[NightFrame]:
     """Frames at which a track was known."""
     return [frame for frame in night.frames if frame.track is not None]

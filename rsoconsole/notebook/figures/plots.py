@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.figures.figures import DRAWINGS, QUALITY, WIDTH_IN, Drawing, has_track
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ class NightPlots(ABC):
     """
 
     @abstractmethod
-    def nights(self) -> tuple[Night, ...]:
+    def nights(self) -> tuple[DrawnNight, ...]:
         """What is drawn, side by side."""
 
     def plot_confidence(self, figure: Any = None) -> "Figure":

@@ -1,5 +1,5 @@
 from . import svg as svg
-from .night import Night as Night
+from .night import DrawnNight as DrawnNight
 from .night import TruePlace as TruePlace
 from .night import night_of as night_of
 from .night import offset_arcsec as offset_arcsec

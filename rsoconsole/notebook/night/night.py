@@ -19,7 +19,7 @@ SAME_FRAME_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Night:
+class DrawnNight:
     """A session's frames in order of time, and how it was set up."""
 
     title: str
@@ -47,13 +47,13 @@ class TruePlace:
     dec_icrs_deg: float
 
 
-def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> Night:
+def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
     """Of the frames that have a time."""
     in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
-    return Night(title=title, frames=tuple(in_order), config=config)
+    return DrawnNight(title=title, frames=tuple(in_order), config=config)
 
 
-def read_night(session: Path) -> Night:
+def read_night(session: Path) -> DrawnNight:
     """Gather a session's frames; those without a time are left out.
 
     Raises SessionError when the folder is no session or holds no frame with a time.
@@ -69,7 +69,7 @@ def title_of(about: Mapping[str, Any], folder: Path) -> str:
     return one_line(str(about.get("title") or folder.resolve().name))
 
 
-def with_frames(night: Night, session: Path) -> Night:
+def with_frames(night: DrawnNight, session: Path) -> DrawnNight:
     """The night. Raises SessionError where it holds no frame with a time."""
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
@@ -84,7 +84,7 @@ def offset_arcsec(
     return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
 
 
-def read_truth(path: Path, night: Night) -> dict[int, TruePlace]:
+def read_truth(path: Path, night: DrawnNight) -> dict[int, TruePlace]:
     """True place of the followed satellite by frame, from a simulated observatory's truth.
 
     One JSON object an exposure. The followed one is that on which most of the track's states lie.

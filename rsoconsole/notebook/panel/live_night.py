@@ -5,8 +5,7 @@ from pathlib import Path
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.night import LogLine, Night, NightFrame
-from rsoconsole.notebook.night import Night as DrawnNight
-from rsoconsole.notebook.night import night_of, title_of
+from rsoconsole.notebook.night import DrawnNight, night_of, title_of
 from rsoconsole.records import Record, SlewCommand
 from rsoconsole.session.reading import SessionReader
 

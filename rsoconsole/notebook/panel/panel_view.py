@@ -8,7 +8,7 @@ from typing import Any
 from rsoconsole.control import Status, printable
 from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures import NIS_BAND
-from rsoconsole.notebook.night import Night, overlay_svg, svg, words_of
+from rsoconsole.notebook.night import DrawnNight, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
@@ -83,7 +83,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
     }
 
 
-def plots(night: Night) -> dict[str, str]:
+def plots(night: DrawnNight) -> dict[str, str]:
     """Confidence, both residuals and NIS of the newest frames, as SVG by name."""
     frames = night.frames[-SHOWN_FRAMES:]
     if not frames:
@@ -104,7 +104,7 @@ def plots(night: Night) -> dict[str, str]:
 class _Newest:
     """The frames that are drawn, over which time, and the words at its ends."""
 
-    night: Night
+    night: DrawnNight
     frames: Sequence[NightFrame]
     span: tuple[float, float]
     ends: tuple[str, str]
@@ -173,7 +173,7 @@ def _nis(newest: _Newest) -> str:
     return svg.drawing(axis, parts, label=label, ends=newest.ends)
 
 
-def _nis_words(night: Night) -> str:
+def _nis_words(night: DrawnNight) -> str:
     states = [f.updated for f in night.frames if f.updated is not None]
     updates = [s for s in states if s.nis is not None and s.innovation_arcsec is not None]
     said = consistency(

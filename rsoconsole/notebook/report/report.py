@@ -14,7 +14,7 @@ from rsoconsole import __version__
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import FRAME_FACTS, Summary, facts_of, span_text, summary_of, tracks_of
-from rsoconsole.notebook.night import Night, read_night
+from rsoconsole.notebook.night import DrawnNight, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
     TrackFacts,
@@ -127,7 +127,7 @@ def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def _span(night: Night) -> str:
+def _span(night: DrawnNight) -> str:
     """The day and between which times exposures lie."""
     first, last = (
         utc_ns_to_iso(frame.t_mid_utc_ns, decimals=0)
@@ -149,7 +149,9 @@ def _about(exported: ExportedNight) -> dict[str, Any]:
     }
 
 
-def _conclusion(night: Night, figures: Summary, tracks: tuple[TrackFacts, ...], said: str) -> str:
+def _conclusion(
+    night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
+) -> str:
     """The night in a sentence or three."""
     exposures = _many(len(night.frames), "exposure")
     if not tracks:
@@ -184,7 +186,7 @@ def _misses(number: int) -> str:
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(night: Night, figures: Summary, course: Course) -> list[tuple[str, str, str]]:
+def _key_figures(night: DrawnNight, figures: Summary, course: Course) -> list[tuple[str, str, str]]:
     """(what, figure, beside it) of the head's row."""
     locked = course.locked_frame
     order = [frame.frame_id for frame in night.frames]
@@ -213,7 +215,7 @@ def _key_figures(night: Night, figures: Summary, course: Course) -> list[tuple[s
     ]
 
 
-def _with_firsts(night: Night, rows: tuple[MeasuredRow, ...]) -> Night:
+def _with_firsts(night: DrawnNight, rows: tuple[MeasuredRow, ...]) -> DrawnNight:
     """The night with the measurement from which a track began among those that it took."""
     taken = {(row.frame_id, row.x_px, row.y_px) for row in rows if row.is_taken}
     firsts = (
@@ -225,7 +227,7 @@ def _with_firsts(night: Night, rows: tuple[MeasuredRow, ...]) -> Night:
     return replace(night, firsts=frozenset(firsts))
 
 
-def _alts(night: Night, figures: Summary) -> dict[str, str]:
+def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
     """The figures in words."""
     measured = [f.measured.confidence for f in night.frames if f.measured is not None]
     alts: dict[str, str] = {}
@@ -295,7 +297,7 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     ]
 
 
-def _quality(night: Night) -> Iterator[tuple[str, str]]:
+def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     """What the night's frames say of image and sky."""
     facts = [facts_of(frame.detections) for frame in night.frames]
     for fact in FRAME_FACTS:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rsoconsole.control import command_words
 from rsoconsole.export import MeasuredRow
 from rsoconsole.night import NightFrame, NightTrack
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
@@ -88,7 +88,7 @@ def clock(t_utc_ns: int) -> str:
     return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19]
 
 
-def filter_words(night: Night) -> str:
+def filter_words(night: DrawnNight) -> str:
     """Whether the filter believed itself rightly at the end, in words."""
     states = [f.updated for f in night.frames if _innovation(f) is not None]
     nis = [s.nis for s in states if s is not None and s.nis is not None]
@@ -136,7 +136,7 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
     )
 
 
-def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -> Course:
+def read_course(session: Path, night: DrawnNight, tracks: Mapping[int, NightTrack]) -> Course:
     """States, events, misses of all tracks, orders and changed settings. Raises SessionError."""
     kinds = (StateChange, Event, OperatorAction, ParameterChange, Ruling)
     entries: list[tuple[int, Entry]] = []

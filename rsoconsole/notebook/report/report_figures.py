@@ -13,7 +13,7 @@ from rsoconsole.notebook.figures import (
     draw_residuals,
     draw_track,
 )
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 
 _INKS = {
     "#ffffff": "paper",
@@ -51,7 +51,7 @@ class InlineFigure:
     alt: str
 
 
-_Drawing = tuple[str, str, str, Callable[[Any, Night], None], float]
+_Drawing = tuple[str, str, str, Callable[[Any, DrawnNight], None], float]
 _CONFIDENCE: _Drawing = (
     "confidence",
     "Confidence",
@@ -97,7 +97,7 @@ _WITH_TRACK: tuple[_Drawing, ...] = (
 
 
 def inline_figures(
-    night: Night, alts: dict[str, str], with_firsts: Night
+    night: DrawnNight, alts: dict[str, str], with_firsts: DrawnNight
 ) -> tuple[InlineFigure, ...]:
     """The paper's figures; a night without a track has the confidences alone.
 
@@ -121,7 +121,7 @@ def inline_figures(
     )
 
 
-def _drawn(draw: Callable[[Any, Night], None], night: Night, height_in: float) -> str:
+def _drawn(draw: Callable[[Any, DrawnNight], None], night: DrawnNight, height_in: float) -> str:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
     from rsoconsole.notebook.figures import NightFigure, styled
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rsoconsole.export import MeasuredRow
 from rsoconsole.night import NightFrame
-from rsoconsole.notebook.night import Night
+from rsoconsole.notebook.night import DrawnNight
 from rsoconsole.notebook.report.report_facts import clock
 from rsoconsole.records import FrameTaken, Solution
 from rsoconsole.session.reading import SessionReader
@@ -95,7 +95,9 @@ def _picture(frame_id: int, path: Path) -> Picture | None:
     )
 
 
-def shown_frames(session: Path, night: Night, rows: tuple[MeasuredRow, ...]) -> list[ShownFrame]:
+def shown_frames(
+    session: Path, night: DrawnNight, rows: tuple[MeasuredRow, ...]
+) -> list[ShownFrame]:
     """The chosen frames of a night with their marks. Raises SessionError."""
     frames = {frame.frame_id: frame for frame in night.frames}
     missed = [number for number, frame in frames.items() if frame.missed is not None]

@@ -37,6 +37,6 @@ def what_if(
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
-    """The same night with other settings, as ``as_recorded`` has it. Raises ConfigError for one
-    that cannot be."""
+    """A night with other settings, as ``as_recorded`` has it. Raises ConfigError for one that
+    cannot be."""
     return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)

@@ -41,7 +41,7 @@ def named_with_shares(
     detections: Iterable[Detection],
     rejected: Iterable[Rejection] = (),
 ) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
-    """The same in the same order, each with its class, its pulse and its train.
+    """The streaks in their order, each with its class, its pulse and its train.
 
     And the probabilities of all classes, by streak as it is named: those of the streak alone,
     whatever its company makes of it. What was not measured by a line stays undetermined. Raises
