@@ -10,10 +10,11 @@ from rsoconsole.config import Config
 from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
 from rsoconsole.engine.aim.instrument_controller import Interrupted
-from rsoconsole.engine.aim.states import LimitMet
+from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
@@ -26,10 +27,12 @@ from tests.rigs.engine_rig import (
     CONFIG,
     SITE,
     START_DEG,
+    PlainMount,
     Rig,
     asked,
     command_handler_of,
     end_when_idle,
+    heed_alarms,
     rig,
     told,
 )
@@ -668,3 +671,63 @@ def test_what_waits_when_the_engine_ends_is_dropped_and_said():
     assert r.mount.slews == []
     outcomes = {action.verb: text(action.outcome) for action in r.memory.of(OperatorAction)}
     assert "dropped" in outcomes["goto"]
+
+
+# ---- what a passage of the state sends to the mount ---------------------------------------
+
+
+@pytest.mark.parametrize(
+    "trigger",
+    [
+        Stopped(by="operator"),
+        Failed(words="the camera gave no frame", is_final=True),
+        NightEnded(words="rain", parks=False),
+    ],
+    ids=lambda trigger: type(trigger).__name__,
+)
+def test_what_ends_autonomy_sends_abort_to_the_mount(trigger: Any):
+    r = rig(set())
+    r.engine.arm()
+    assert r.mount.aborts == 0
+    r.engine.handle(trigger)
+    assert r.mount.aborts == 1
+
+
+class LateMeasured(PlainMount):
+    """Answers ABORT at once; how it moves is measured later."""
+
+    def abort(self, timeout_s: float = 2.0, *, on_news: Any = None) -> StopResult:
+        self.result = StopResult(is_answered=True, ms=1.0, path="mount")
+        self.on_news = on_news or (lambda _: None)
+        self.on_news(self.result)
+        return self.result
+
+    def measure(self, motion: Motion) -> None:
+        self.on_news(dataclasses.replace(self.result, motion=motion, measured_ms=5000.0))
+
+
+@pytest.mark.parametrize(
+    ("measured", "state"),
+    [
+        (Motion(kind="tracks"), "IDLE"),
+        (Motion(kind="stands", ra_rate_arcsec_s=15.04), "IDLE"),
+        (Motion(kind="moves", ra_rate_arcsec_s=14400.0), "FAULT"),
+        (Motion(), "FAULT"),
+    ],
+    ids=lambda each: getattr(each, "kind", each),
+)
+def test_after_a_stop_the_state_is_calm_only_where_the_mount_was_measured_to_rest(
+    measured: Motion, state: str
+):
+    r = rig(set(), make_mount=LateMeasured)
+    assert isinstance(r.mount, LateMeasured)
+    r.engine.arm()
+    assert told(command_handler_of(r), "stop", {}).ok
+    on_news = r.mount.on_news
+    heed_alarms(r)
+    assert r.engine.authority.state == "IDLE"
+    r.mount.on_news = on_news  # the loop has sent ABORT once more, for nobody to be answered
+    r.mount.measure(measured)
+    heed_alarms(r)
+    assert r.engine.authority.state == state
+    assert r.engine.authority.is_stopped == (state == "FAULT")

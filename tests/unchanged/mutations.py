@@ -97,7 +97,7 @@ MUTATIONS = (
         "command_handler.py",
         "if not (result.is_at_rest or result.is_superseded):",
         "if result.is_at_rest or result.is_superseded:",
-        ("tests/control/test_stop_confirmed.py", "tests/engine/test_first_word.py"),
+        ("tests/engine/test_in_charge.py", "tests/control/test_stop_confirmed.py"),
     ),
 )
 
