@@ -12,7 +12,6 @@ from typing import Any, TypedDict
 
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
-from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Detections
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector import (
@@ -29,6 +28,7 @@ from rsoconsole.vision.detector import (
     to_original,
 )
 from rsoconsole.vision.stars import PsfField
+from rsoconsole.words import text
 
 ON_TRAIL_PX, _ON_TRAIL_WIDTHS = 5.0, 0.6
 BOX_ON_TRAIL_PX = 16.0

@@ -1,4 +1,4 @@
-"""Why something came to pass: a kind with its figures; ``reason_text`` makes the sentence.
+"""Why something came to pass: a kind with its figures; ``words`` makes the sentence.
 
 Programs look at kinds and figures alone. A ``detail`` is for people: nothing is decided by it.
 """

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -16,6 +15,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+from rsoconsole.words import text
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control.fields import as_json, read_record
-from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import StopOutcome
 from rsoconsole.records import PairMotion, UnseenMember
+from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""

@@ -15,13 +15,13 @@ from typing import Any, Literal, get_args
 from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.reason_text import (
+from rsoconsole.reasons import StopOutcome
+from rsoconsole.words import (
     STOP_PATHS,
     answered_text,
     measured_text,
     unmeasured_text,
 )
-from rsoconsole.reasons import StopOutcome
 
 log = logging.getLogger(__name__)
 

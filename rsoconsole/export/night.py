@@ -10,7 +10,6 @@ from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
 from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline.frame import shutter_time, usual_sigma_s
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -22,6 +21,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.session.reading import SessionReader, clock_notes
+from rsoconsole.words import text
 
 KINDS = (
     FrameTaken,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 
 from rsoconsole.night.facts import facts_of
 from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason
 from rsoconsole.records import (
     Closeup,
@@ -26,6 +25,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+from rsoconsole.words import text
 
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""

@@ -20,7 +20,6 @@ from rsoconsole.control import (
     counted,
     one_line,
 )
-from rsoconsole.reason_text import ruled_text, text
 from rsoconsole.reasons import (
     DONE,
     Cause,
@@ -42,7 +41,7 @@ from rsoconsole.records import (
     StateChange,
     Topic,
 )
-from rsoconsole.streak_text import remarkable
+from rsoconsole.words import remarkable, ruled_text, text
 
 Level = Literal["info", "good", "warning", "alarm"]
 

@@ -8,10 +8,10 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason
 from rsoconsole.records import SUPERSEDED, TABLES, Column, FollowedAgain, Table, member
 from rsoconsole.session.log import to_json_value
+from rsoconsole.words import text
 
 Row = dict[str, Any]
 Logged = tuple[int, int, Any]

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rsoconsole.night.frame import SAME_PLACE_PX, numbered, predicted_sigma_arcsec
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -21,6 +20,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking.initiation import ON_TRIAL
+from rsoconsole.words import text
 
 MOST_ROWS = 400
 """Last frames of a track that are kept for its plots."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
-from rsoconsole.reason_text import text
 from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
+from rsoconsole.words import text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,10 +34,10 @@ from rsoconsole.instruments.frames.frame_files import read_frame
 from rsoconsole.instruments.indi.indi_wire import IndiWire
 from rsoconsole.judge.summary import HIDDEN_SNR
 from rsoconsole.pipeline.words.reports import detection_report
-from rsoconsole.reason_text import text
 from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.words import text
 from tests.bench.quota import Quota, command_of, cpu_s, exempt, family, open_quota
 from tests.rigs.terminal import Terminal
 

@@ -3,8 +3,8 @@
 import pytest
 
 from rsoconsole.control import ON_RECORD
-from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
+from rsoconsole.words import text
 from tests.rigs.engine_rig import Rig, asked, command_handler_of, rig
 
 

@@ -13,8 +13,8 @@ from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.night.log_lines import line_of
-from rsoconsole.reason_text import text
 from rsoconsole.records import Event, OperatorAction
+from rsoconsole.words import text
 from tests.rigs.engine_rig import asked, command_handler_of, end_when_idle, rig
 
 PATIENCE_S = 20.0

@@ -14,9 +14,9 @@ from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import OperatorAction
+from rsoconsole.words import text
 from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, heed_alarms, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}

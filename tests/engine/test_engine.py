@@ -12,7 +12,6 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import (
     Event,
@@ -26,6 +25,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg
+from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.rigs.engine_rig import (
     CONFIG,

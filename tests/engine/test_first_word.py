@@ -11,8 +11,8 @@ from rsoconsole.engine.service.command_handler import MOUNT_WORD_S, SENT, WAITS,
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountAbilities
-from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
+from rsoconsole.words import text
 from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}

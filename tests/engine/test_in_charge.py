@@ -16,12 +16,12 @@ from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, StateChange
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
+from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import (
     CONFIG,

@@ -10,9 +10,9 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline.cycle.kept_until import KEPT_S, NS
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import Walk, replay
-from rsoconsole.reason_text import text
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.log.codec import decode, encode
+from rsoconsole.words import text
 from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, heed_alarms, rig
 
 FRAMES = set(range(1, 60))

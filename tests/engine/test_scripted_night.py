@@ -159,7 +159,7 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
 
 
 def _misses(records: Callable[[type[Any]], list[Any]]) -> str:
-    from rsoconsole.reason_text import text
     from rsoconsole.records import Miss
+    from rsoconsole.words import text
 
     return " ".join(text(miss.reason) for miss in records(Miss))

@@ -24,10 +24,10 @@ from rsoconsole.engine.aim.states import (
     Taken,
     step,
 )
-from rsoconsole.reason_text import text
 from rsoconsole.records import LoopState
 from rsoconsole.tracking.association.following import Following, Tracked
 from rsoconsole.tracking.filters.lqe import initialise
+from rsoconsole.words import text
 from tests.makers import geo_measurement
 
 TRACK_STATE = initialise(geo_measurement(0), geo_measurement(1), FilterConfig())

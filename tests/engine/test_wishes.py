@@ -11,10 +11,10 @@ from rsoconsole.control.commands import Goto
 from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountAbilities, MountReport, StopResult
-from rsoconsole.reason_text import text
 from rsoconsole.records import Event, OperatorAction, StateChange
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import (
     SITE,

@@ -19,13 +19,13 @@ from rsoconsole.pipeline.cycle.miss_reasons import (
     updated_star_history,
 )
 from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed, SlewRefusal
 from rsoconsole.records import Detections, Frame, Miss, NotSolved, Site, Solution, TrackState, Wcs
 from rsoconsole.sky.belt import slot_direction
 from rsoconsole.sky.frames import icrs_of_hour_angle
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.tracking.association.following import Following, Tracked
+from rsoconsole.words import text
 
 NS = 1_000_000_000
 MINUTE_NS = 60 * NS

@@ -15,12 +15,12 @@ from rsoconsole.pipeline.aim.aim import (
     side_at_arrival,
     target_direction,
 )
-from rsoconsole.reason_text import text
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.belt import belt_declination_deg, slot_direction
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
 from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.words import text
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 T_UTC_NS = iso_to_utc_ns("2023-06-22T03:00:00Z")

@@ -11,7 +11,6 @@ from rsoconsole.pipeline.comparison.fixed_light import FixedLight, RecordedCompa
 from rsoconsole.pipeline.comparison.known_stars import KnownStars
 from rsoconsole.pipeline.comparison.solved_field import SolvedField
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detections, Frame, Solution, Wcs
 from rsoconsole.session.log.codec import decode, encode
@@ -22,6 +21,7 @@ from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.frame.maps import FrameMap
 from rsoconsole.vision.stars.stars import StarList, find_stars
 from rsoconsole.vision.streaks.streak_class import PRIOR, decided, updated
+from rsoconsole.words import text
 from tests.drawn.drawn_skies import (
     DrawnSky,
     Ends,

@@ -20,11 +20,11 @@ from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.sky.wcs import sky_to_pixel
+from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_rulings import night, replayed, say
 from tests.rigs.engine_rig import START_DEG, PlainCamera, Rig, rig

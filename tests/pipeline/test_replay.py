@@ -11,7 +11,6 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded, frames_of
 from rsoconsole.pipeline.replay.refold import ReplayedFrame, replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
     Detection,
@@ -25,6 +24,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.words import text
 from tests.cli.test_demo import night
 from tests.makers import NS, geo_measurement, straight_detection
 from tests.nights import engine_nights

@@ -15,7 +15,6 @@ from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,
@@ -32,6 +31,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.words import text
 from tests.nights import made_up_night
 from tests.nights.engine_nights import Misleading
 from tests.rigs.engine_rig import Rig, asked, command_handler_of, rig, told

@@ -10,7 +10,6 @@ from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Miss,
@@ -24,6 +23,7 @@ from rsoconsole.records import (
 from rsoconsole.session.log.codec import decode, encode
 from rsoconsole.tracking.association.following import Following
 from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.words import text
 from tests.pipeline.test_track_lead import FRAMES, SEVERAL, aims, locked, night_of_two, shown
 from tests.rigs.engine_rig import command_handler_of, told
 from tests.tracking.test_company import SLOT, owners, seen, settings

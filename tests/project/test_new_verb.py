@@ -23,7 +23,7 @@ from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.key_names import bindings
 from rsoconsole.control import ControlServer, command_of, command_words, default_socket_path
 from rsoconsole.control.commands import Flats
-from rsoconsole.reason_text import text
+from rsoconsole.words import text
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 from tests.rigs.engine_rig import SITE, command_handler_of, rig

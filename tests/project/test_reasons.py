@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole import reason_text
+from rsoconsole import words as said_by
 from rsoconsole.console.night.alerts import alerts_between
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.timeline.night_line import TimelineFold
@@ -44,7 +44,7 @@ from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.engine_nights import CONFIG, busy, ruled
 from tests.rigs.engine_rig import rig
 
-PACKAGE = Path(reason_text.__file__).parent
+PACKAGE = Path(said_by.__file__).parents[1]
 TRIED: tuple[dict[str, float | str], ...] = (
     {},
     {"detector.tau": 0.01},
@@ -112,7 +112,7 @@ def _modules_that_word(name: str) -> list[Any]:
     import sys
 
     ours = [module for known, module in sys.modules.items() if known.startswith("rsoconsole.")]
-    word = getattr(reason_text, name)
+    word = getattr(said_by, name)
     return [module for module in ours if getattr(module, name, None) is word]
 
 
@@ -311,7 +311,7 @@ def test_the_view_says_reasons_as_text(night: Path) -> None:
     reader = SessionReader(night)
     for view, kind in (("misses", Miss), ("not_followed", NotFollowed), ("states", StateChange)):
         said = [row["reason"] for row in reader.view(view)]
-        told = [reason_text.text(r.reason) for _, _, r in reader.records(kinds=(kind,))]  # type: ignore[union-attr]
+        told = [said_by.text(r.reason) for _, _, r in reader.records(kinds=(kind,))]  # type: ignore[union-attr]
         assert said == told
         assert len(said) > 3
 
@@ -324,7 +324,7 @@ def test_a_distance_from_a_limit_is_told_with_the_digits_it_takes(
     excess_deg: float, told: str
 ) -> None:
     refusal = SlewRefusal.beyond("altitude", 20.0 - excess_deg, 20.0)
-    words = reason_text.text(refusal)
+    words = said_by.text(refusal)
     assert f" is {told} below the limit of 20.0" in words
 
 
@@ -333,7 +333,7 @@ def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> Non
     actions = [r for _, _, r in reader.records() if isinstance(r, OperatorAction)]
     with closing(reader.connect()) as connection:
         told = connection.execute("SELECT outcome, outcome_kind FROM actions").fetchall()
-    assert told == [(reason_text.text(each.outcome), each.outcome.kind) for each in actions]
+    assert told == [(said_by.text(each.outcome), each.outcome.kind) for each in actions]
     assert actions
 
 

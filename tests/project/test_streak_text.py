@@ -5,7 +5,7 @@ from rsoconsole.console.picture.marks import mark_of
 from rsoconsole.night.log_lines import line_of
 from rsoconsole.pipeline.words.reports import detections_report
 from rsoconsole.records import Detection, Detections
-from rsoconsole.streak_text import name_of, pulse_of, remarkable
+from rsoconsole.words import name_of, pulse_of, remarkable
 from tests.makers import straight_detection
 
 PLAIN = straight_detection(object_class="satellite", class_probability=0.97)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.judge.summary import SAME_OBJECT_ARCSEC, summarise
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -22,6 +21,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.words import text
 
 VISIBLE_SNR = 20.0
 """Integrated; the noise of the simulator is known, so this is exact."""

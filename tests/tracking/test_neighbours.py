@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Miss, NotFollowed, TrackState
 from rsoconsole.sky.wcs import tan_wcs
@@ -22,6 +21,7 @@ from rsoconsole.tracking.association.neighbours import (
 from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
 from rsoconsole.tracking.frame_by_frame import follow
 from rsoconsole.tracking.gates import INDISTINGUISHABLE
+from rsoconsole.words import text
 from tests.makers import T0_UTC_NS, geo_measurement
 from tests.tracking.test_follow import SETTINGS as EVERY_DAY
 from tests.tracking.test_follow import locked, seen

@@ -22,11 +22,11 @@ from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments.observatory.connect import connect_instruments
 from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.reason_text import text
 from rsoconsole.records import Detections, Event, Frame, Measurement, Miss, SlewCommand
 from rsoconsole.simulator.launch import start_observatory
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import hour_angle_icrs_deg
+from rsoconsole.words import text
 from tests.rigs.engine_rig import Memory, solution_at
 from tests.rigs.stub_stage import SITE, T_START_UTC_NS
 

@@ -9,7 +9,6 @@ import pytest
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.reason_text import text
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.psf import add_points
 from rsoconsole.vision.detector.confidence import FEATURES, ConfidenceCurve
@@ -19,6 +18,7 @@ from rsoconsole.vision.detector.same_streak import is_same_streak
 from rsoconsole.vision.detector.set_aside import TRAILED_STREAKS
 from rsoconsole.vision.frame.maps import FrameMap
 from rsoconsole.vision.streaks.streak_fit import Box, fit_streak
+from rsoconsole.words import text
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 Point = tuple[float, float]

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.reason_text import text
 from rsoconsole.simulator.camera.psf import add_points
 from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.streaks.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.words import text
 from tests.tiers import plain_first
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"

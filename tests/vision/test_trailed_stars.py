@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.reason_text import text
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.detector.candidate import Candidate, LineLight
 from rsoconsole.vision.detector.set_aside import not_along
 from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.stars.trailed_stars import Trail
+from rsoconsole.words import text
 from tests.makers import straight_detection
 from tests.tiers import plain_first
 

@@ -28,7 +28,7 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
-from rsoconsole.streak_text import name_words, pulse_words
+from rsoconsole.words import name_words, pulse_words
 
 FramesArgument = Annotated[
     list[Path] | None,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from rsoconsole.cli.words.output import direction_text
-from rsoconsole.streak_text import name_words
+from rsoconsole.words import name_words
 
 _NAME_WIDTH = 28
 

@@ -14,9 +14,8 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.words import short
 from rsoconsole.night import NightFrame
-from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Measurement, is_mark_id
-from rsoconsole.streak_text import name_of, pulse_of
+from rsoconsole.words import name_of, pulse_of, text
 
 COLUMNS = 70
 MARKED = "the frame you marked"

@@ -12,7 +12,7 @@ from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.words import clipped, short
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.streak_text import name_of, pulse_of
+from rsoconsole.words import name_of, pulse_of
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared

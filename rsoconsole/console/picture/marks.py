@@ -10,7 +10,7 @@ from rsoconsole.console.drawing import Numbered, placed_numbers
 from rsoconsole.night import FrameTrack, NightFrame
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.streak_text import short_name_of
+from rsoconsole.words import short_name_of
 
 OUTLINE_POINTS = 72
 SIGMAS = 3.0

@@ -35,10 +35,10 @@ from rsoconsole.pipeline.leaps import (
     streaks_of,
     timing_of,
 )
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, LeapOrder, LeapResult, Solution
 from rsoconsole.sky.limits import Pose
+from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10
 """How often a mount that leaps is asked whether it has arrived."""

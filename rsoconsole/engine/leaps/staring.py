@@ -6,9 +6,9 @@ from rsoconsole.engine.leaps.leap_camera import LeapCamera
 from rsoconsole.engine.leaps.leap_times import LeapTimes
 from rsoconsole.engine.operator import Parts
 from rsoconsole.pipeline.leaps import Awaited, duty, expected_at, exposure_for
-from rsoconsole.reason_text import text
 from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, icrs_to_jnow, separation_deg
 from rsoconsole.sky.limits import Pose
+from rsoconsole.words import text
 
 _DRIFT = 0.1
 """Share of the field's short side by which a stare may drift with the stars."""

@@ -71,10 +71,10 @@ from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.frame import FrameReducer, Reduction
 from rsoconsole.pipeline.orbits import Orbits, Past
-from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.tracking.association import Following
+from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
 
 log = logging.getLogger(__name__)
 

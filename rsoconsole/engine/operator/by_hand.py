@@ -8,10 +8,10 @@ from rsoconsole.engine.aim import NS, Guide, InstrumentController, Planner, Take
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.tasks import LIFTS, SessionLog, Slews, Watch, changed
 from rsoconsole.pipeline.aim import follow_direction, slew_to
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
 from rsoconsole.sky import icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.sky.limits import Pose
+from rsoconsole.words import text
 
 Direction = tuple[float, float]
 Move = Goto | Nudge

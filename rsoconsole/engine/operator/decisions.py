@@ -41,7 +41,6 @@ from rsoconsole.engine.operator.track_decisions import frame_of, on_track, ruled
 from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.pipeline.cycle import Cycle, Shown
 from rsoconsole.pipeline.frame import refined_mark
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import BelowTau, Cause, CommandResult
 from rsoconsole.records import (
     Detection,
@@ -52,6 +51,7 @@ from rsoconsole.records import (
     measurement_id_of,
 )
 from rsoconsole.tracking.association import Following
+from rsoconsole.words import text
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""

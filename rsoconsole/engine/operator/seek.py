@@ -5,8 +5,8 @@ from rsoconsole.engine.aim import Guide, InstrumentController, Planner, Sought
 from rsoconsole.engine.operator.handlers import Control, Handler, Handlers
 from rsoconsole.engine.tasks import Slews
 from rsoconsole.pipeline.cycle import direction_at
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
+from rsoconsole.words import text
 
 
 class Seeking:

@@ -56,10 +56,10 @@ from rsoconsole.engine.tasks import (
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline.frame import HELD
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky import icrs_to_altaz
+from rsoconsole.words import text
 
 log = logging.getLogger(__name__)
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from rsoconsole.control import IN_ENGINE, Request
 from rsoconsole.engine.aim import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import OperatorAction
+from rsoconsole.words import text
 
 OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 

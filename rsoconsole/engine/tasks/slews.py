@@ -15,12 +15,12 @@ from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import MountReport
 from rsoconsole.pipeline.aim import slew_to
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand
 from rsoconsole.sky import separation_deg
 from rsoconsole.sky.limits import LimitName, Pose
 from rsoconsole.tracking.association import Following
+from rsoconsole.words import text
 
 
 class NowhereError(RsoconsoleError):

@@ -24,9 +24,9 @@ from rsoconsole.instruments import (
 )
 from rsoconsole.instruments.indi import IndiProcess, WatchedStop, stop_mount
 from rsoconsole.instruments.mount.mount_stop import MountStop
-from rsoconsole.reason_text import CUT_POWER, measured_text, unmeasured_text
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
+from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
 
 log = logging.getLogger(__name__)
 

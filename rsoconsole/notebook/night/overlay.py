@@ -12,7 +12,7 @@ from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import Detection, Measurement, NotSolved, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.streak_text import name_of, pulse_of, short_name_of
+from rsoconsole.words import name_of, pulse_of, short_name_of
 
 _MARGIN = 0.012
 """Of the frame's width: room between a streak and its box."""

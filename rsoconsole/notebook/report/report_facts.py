@@ -10,7 +10,6 @@ from rsoconsole.control import command_words
 from rsoconsole.export import MeasuredRow
 from rsoconsole.night import NightFrame, NightTrack
 from rsoconsole.notebook.night import DrawnNight
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     OperatorAction,
@@ -21,6 +20,7 @@ from rsoconsole.records import (
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
+from rsoconsole.words import text
 
 GEO_RATE_ARCSEC_S = 15.041
 GEO_WITHIN_ARCSEC_S = 0.3

@@ -16,11 +16,11 @@ from rsoconsole.pipeline.frame.frame_part import Part, middle_of
 from rsoconsole.pipeline.frame.glance import Glance
 from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.zero_point import ZeroPoint
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.detector import ConfidenceCurve, Proposer, StreakDetector
 from rsoconsole.vision.stars import PsfMemory, StarList
+from rsoconsole.words import text
 
 BRIGHTEST_STARS = slice(20, 60)
 

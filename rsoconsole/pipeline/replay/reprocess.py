@@ -24,7 +24,6 @@ from rsoconsole.pipeline.frame import (
     calibration_warnings,
 )
 from rsoconsole.pipeline.replay.rerun import RecordedPlate
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -39,6 +38,7 @@ from rsoconsole.records import (
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.vision.detector import ConfidenceCurve, Network, is_same_streak
 from rsoconsole.vision.frame import FrameMap, choose_blocks, make_map
+from rsoconsole.words import text
 
 log = logging.getLogger(__name__)
 

@@ -10,7 +10,6 @@ from typing import Any
 from rsoconsole.instruments.frames import EXTENSION_KEY
 from rsoconsole.pipeline.batch import Processed
 from rsoconsole.pipeline.frame import Reduction, WrongHint
-from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -22,6 +21,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky import utc_ns_to_iso, wcs_cards
 from rsoconsole.tracking.association import Following
+from rsoconsole.words import text
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:

@@ -17,9 +17,9 @@ import numpy as np
 
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason
 from rsoconsole.records import OFF_RECORD, Record
+from rsoconsole.words import text
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}

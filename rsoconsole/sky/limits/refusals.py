@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal, SlewRefusalKind
+from rsoconsole.words import text
 
 AngleLimit = Literal["altitude", "horizon", "hour angle", "pier", "Sun", "twilight"]
 """Limits of which figure and bound are angles."""

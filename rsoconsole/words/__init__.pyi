@@ -1,0 +1,13 @@
+from .reasons import CUT_POWER as CUT_POWER
+from .reasons import STOP_PATHS as STOP_PATHS
+from .reasons import answered_text as answered_text
+from .reasons import measured_text as measured_text
+from .reasons import ruled_text as ruled_text
+from .reasons import text as text
+from .reasons import unmeasured_text as unmeasured_text
+from .streaks import name_of as name_of
+from .streaks import name_words as name_words
+from .streaks import pulse_of as pulse_of
+from .streaks import pulse_words as pulse_words
+from .streaks import remarkable as remarkable
+from .streaks import short_name_of as short_name_of
