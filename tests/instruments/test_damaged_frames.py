@@ -118,9 +118,9 @@ def test_a_decoder_that_was_ended_is_started_again():
     try:
         for _ in range(2):
             assert decoder.decode(WHOLE["Rice"], "a", None, 1).raw.shape == (96, 128)
-            assert decoder._process is not None
-            decoder._process.kill()
-            decoder._process.wait()
+            assert decoder._child is not None
+            os.kill(decoder._child.pid, signal.SIGKILL)
+            decoder._child._process.wait()
     finally:
         decoder.close()
 
@@ -129,9 +129,9 @@ def test_a_picture_that_ends_the_decoder_is_one_frames_fault():
     decoder = FrameDecoder()
     try:
         assert np.array_equal(decoder.decode_picture(WHOLE["PNG"], "a"), pixels())
-        assert decoder._process is not None
-        os.kill(decoder._process.pid, signal.SIGSTOP)
-        threading.Timer(0.2, decoder._process.kill).start()
+        assert decoder._child is not None
+        os.kill(decoder._child.pid, signal.SIGSTOP)
+        threading.Timer(0.2, os.kill, (decoder._child.pid, signal.SIGKILL)).start()
         with pytest.raises(FrameError, match="it crashed the decoder"):
             decoder.decode_picture(WHOLE["TIFF"], "b.tiff")
         assert np.array_equal(decoder.decode_picture(WHOLE["TIFF"], "c"), pixels())

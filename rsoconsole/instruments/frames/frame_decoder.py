@@ -6,11 +6,7 @@ next, and restarted when one has ended it.
 """
 
 import atexit
-import contextlib
 import os
-import socket
-import subprocess
-import sys
 import threading
 from multiprocessing.connection import Connection
 from typing import Any
@@ -18,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.child_process import ChildProcess
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frames.decoder_child import DecodeReply, DecodeRequest
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
@@ -26,10 +23,7 @@ START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
 """A file is given this, and more by its length. A compressed frame of 8 MB takes 0.5 s on an idle
 core, 2 s beside six busy processes, and a Pi is slower than that machine."""
-_PROGRAM = (
-    "import sys; from rsoconsole.instruments.frames.decoder_child import main; "
-    "main(int(sys.argv[1]))"
-)
+_MODULE = "rsoconsole.instruments.frames.decoder_child"
 
 
 class FrameDecoder:
@@ -37,8 +31,7 @@ class FrameDecoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._connection: Connection | None = None
+        self._child: ChildProcess | None = None
 
     def decode(
         self, content: Content, name: str, extension: str | None, min_side_px: int
@@ -89,33 +82,20 @@ class FrameDecoder:
         )
 
     def _connected(self) -> Connection:
-        if self._connection is not None and self._process is not None:
-            if self._process.poll() is None:
-                return self._connection
+        if self._child is not None:
+            if self._child.pid is not None:
+                return self._child.connection
             self._end()
-        ours, theirs = socket.socketpair()
-        with ours, theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", _PROGRAM, str(theirs.fileno())],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            self._connection = Connection(os.dup(ours.fileno()))
-        if not self._connection.poll(START_S):
+        self._child = ChildProcess(_MODULE)
+        if not self._child.connection.poll(START_S):
             raise OSError("the decoder does not start")
-        self._connection.recv()
-        return self._connection
+        self._child.connection.recv()
+        return self._child.connection
 
     def _end(self) -> None:
-        if self._connection is not None:
-            with contextlib.suppress(OSError):
-                self._connection.close()
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-        self._process = self._connection = None
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
 
     def close(self) -> None:
         """End the process."""

@@ -1,25 +1,19 @@
 """The parent's side of the solver process: start, ask with a deadline, kill, start again."""
 
-import contextlib
 import logging
-import socket
-import subprocess
-import sys
 import threading
 import time
 from multiprocessing.connection import Connection
 
+from rsoconsole.child_process import ChildProcess
 from rsoconsole.config import WaitsConfig
-from rsoconsole.errors import SolverError
+from rsoconsole.errors import SolverError, said_as
 from rsoconsole.instruments.solver.solver_process import MatchReply, MatchRequest, Ready
 from rsoconsole.waits import LongWait
 
 log = logging.getLogger(__name__)
 
-_CODE = (
-    "import sys; sys.path[:] = sys.argv[2:]; "
-    "from rsoconsole.instruments.solver.solver_process import main; main(int(sys.argv[1]))"
-)
+_MODULE = "rsoconsole.instruments.solver.solver_process"
 _GRACE_S = 1.0
 _LOOK_S = 0.5
 
@@ -39,14 +33,13 @@ class SolverChild:
         """``start_s``: how long a process is waited for until it can search."""
         self._start_s = start_s
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._connection: Connection | None = None
+        self._child: ChildProcess | None = None
         self._is_ready = False
 
     @property
     def pid(self) -> int | None:
         """Of the running process."""
-        return self._process.pid if self._process is not None else None
+        return None if self._child is None else self._child.pid
 
     def start(self) -> None:
         """Start the process unless it runs; returns before it is ready.
@@ -75,7 +68,7 @@ class SolverChild:
     def close(self) -> None:
         """End the process."""
         with self._lock:
-            self._kill(_GRACE_S)
+            self._end(_GRACE_S)
 
     def _send(self, request: MatchRequest) -> Connection:
         """Hand the request over to a process that is ready; one that died idle is replaced."""
@@ -95,14 +88,14 @@ class SolverChild:
         while not connection.poll(_LOOK_S):
             wait.look()
             if wait.waited_s >= self._start_s:
-                self._kill(0.0)
+                self._end()
                 raise SolverError(
                     f"the plate solver's process was not ready in {self._start_s:g} s: on a "
                     "machine that slow raise waits.process_s"
                 )
         word = connection.recv()
         if not isinstance(word, Ready) or word.error:
-            self._kill(0.0)
+            self._end()
             why = word.error if isinstance(word, Ready) else "it speaks nonsense"
             raise SolverError(f"the solver process cannot work ({why}): reinstall rsoconsole")
         self._is_ready = True
@@ -115,52 +108,25 @@ class SolverChild:
             self._bury()
             self._ensure()
             raise SolverDied from error
-        self._kill(0.0)
+        self._end()
         self._ensure()
         raise SolverTimeout
 
     def _ensure(self) -> Connection:
-        if self._connection is not None and self._process is not None:
-            if self._process.poll() is None:
-                return self._connection
+        if self._child is not None:
+            if self._child.pid is not None:
+                return self._child.connection
             self._bury()
-        ours, theirs = socket.socketpair()
-        try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _CODE, str(theirs.fileno()), *sys.path],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                # Native code writes to whatever it likes; the terminal belongs to the console.
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        except OSError as error:
-            ours.close()
-            raise SolverError(f"the solver process cannot start: {error.strerror}") from error
-        finally:
-            theirs.close()
-        self._connection = Connection(ours.detach())
+        with said_as(SolverError, "the solver process cannot start: "):
+            self._child = ChildProcess(_MODULE)
         self._is_ready = False
-        return self._connection
+        return self._child.connection
 
     def _bury(self) -> None:
         """Clear away a process that ended without being told to, and say so."""
-        process = self._process
-        self._kill(0.0)
-        status = None if process is None else process.returncode
+        status = self._end()
         log.warning("the plate solver's process ended (status %s): another one starts", status)
 
-    def _kill(self, grace_s: float) -> None:
-        """Close the socket, which ends a healthy process, and kill one that does not listen."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
-        if self._process is None:
-            return
-        if grace_s > 0.0:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(grace_s)
-        if self._process.poll() is None:
-            self._process.kill()
-        self._process.wait()
-        self._process = None
+    def _end(self, grace_s: float = 0.0) -> int | None:
+        child, self._child = self._child, None
+        return None if child is None else child.end(grace_s)

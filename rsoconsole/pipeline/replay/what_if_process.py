@@ -8,9 +8,6 @@ the log, and ends when nobody has asked for a while, or with its parent: its soc
 import contextlib
 import logging
 import os
-import socket
-import subprocess
-import sys
 import threading
 import traceback
 from bisect import bisect_right
@@ -20,6 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsoconsole.child_process import ChildProcess
 from rsoconsole.config import Config, FilterConfig
 from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Record
@@ -36,11 +34,7 @@ MOST_KEPT = 60_000
 """Records that are kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
 """Added to its niceness: it stands behind an engine that observes on the same computer."""
-_PROGRAM = (
-    "import sys; from rsoconsole.pipeline.replay.what_if_process import main; "
-    "main(int(sys.argv[1]))"
-)
-_LEAVES_S = 5.0
+_MODULE = "rsoconsole.pipeline.replay.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +97,7 @@ class WhatIfProcess:
     def __init__(self, idle_s: float = IDLE_S) -> None:
         """``idle_s``: without a question for so long the process ends; the next one starts it."""
         self._idle_s = idle_s
-        self._process: subprocess.Popen[bytes] | None = None
-        self._connection: Connection | None = None
+        self._child: ChildProcess | None = None
         self._idle: threading.Timer | None = None
         self._lock = threading.Lock()
         self._is_closed = False
@@ -112,8 +105,8 @@ class WhatIfProcess:
     @property
     def pid(self) -> int | None:
         """Of the process while there is one."""
-        process = self._process
-        return None if process is None or process.poll() is not None else process.pid
+        child = self._child
+        return None if child is None else child.pid
 
     def start(self) -> None:
         """Have the process ready before the first question; that one says where it cannot be."""
@@ -155,21 +148,12 @@ class WhatIfProcess:
     def _started(self) -> Connection:
         if self._is_closed:
             raise SessionError("no effect is computed any more: the console closes")
-        if self._connection is not None and self.pid is not None:
-            return self._connection
-        self._end()
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, str(theirs.fileno())],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        self._connection = Connection(ours.detach())
-        return self._connection
+        if self._child is not None:
+            if self._child.pid is not None:
+                return self._child.connection
+            self._end()
+        self._child = ChildProcess(_MODULE, is_group_of_its_own=True)
+        return self._child.connection
 
     def _end_when_idle(self) -> None:
         if self._idle is not None:
@@ -184,17 +168,12 @@ class WhatIfProcess:
                 self._end()
 
     def _end(self) -> None:
-        process, connection = self._process, self._connection
-        self._process = self._connection = None
+        child, self._child = self._child, None
         if self._idle is not None:
             self._idle.cancel()
             self._idle = None
-        if process is not None:
-            process.kill()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(_LEAVES_S)
-        if connection is not None:
-            connection.close()
+        if child is not None:
+            child.end()
 
 
 def main(socket_fd: int) -> None:
