@@ -1,12 +1,9 @@
 """Which pass is waited for: of a catalogued object, or of what was leapt after last."""
 
-from typing import Protocol
-
-from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS
 from rsoconsole.engine.leaps.leap_words import awaited_words
 from rsoconsole.engine.leaps.pass_entry import entry_of
-from rsoconsole.engine.operator import Parts
+from rsoconsole.engine.operator import Control, Parts
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbits.elements import CatalogueEntry
 from rsoconsole.orbits.low import LowOrbit, passes_above
@@ -17,25 +14,12 @@ _WAITS_NS = 24 * 3600 * NS
 _LOOKS_AGAIN_NS = 3600 * NS
 
 
-class LeapControl(Protocol):
-    """What leaping needs of the loop."""
-
-    config: Config
-
-    @property
-    def may_move(self) -> bool:
-        """Whether autonomy has the mount and nobody holds it."""
-
-    def configure(self, config: Config) -> None:
-        """Take new tunables."""
-
-
 class Awaiting:
     """Finds the next one, by elements or by the last orbit."""
 
-    def __init__(self, control: LeapControl, parts: Parts) -> None:
+    def __init__(self, control: Control, parts: Parts) -> None:
         self._control = control
-        self._watch, self._session_log = parts.watch, parts.session_log
+        self._parts = parts
         self._site = control.config.site.to_site()
         self.awaited: Awaited | None = None
         """The pass that is waited for; None: whatever comes."""
@@ -74,7 +58,7 @@ class Awaiting:
         """The pass that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
-            self._session_log.say("info", f"{awaited.name} did not come by")
+            self._parts.session_log.say("info", f"{awaited.name} did not come by")
             self.passed_over()
             awaited = None
         if awaited is not None or not (leap.pass_norad or leap.waits):
@@ -85,18 +69,18 @@ class Awaiting:
             self.awaited = self._next_pass(max(now_ns, self._from_ns))
         except OrbitError as error:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
-            self._session_log.say("warning", f"nothing is waited for: {error}")
+            self._parts.session_log.say("warning", f"nothing is waited for: {error}")
             return None
         if self.awaited is not None:
-            self._session_log.say("info", awaited_words(self.awaited))
+            self._parts.session_log.say("info", awaited_words(self.awaited))
         elif leap.pass_norad or self._last_orbit is not None:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
-            self._session_log.say("info", "no pass within a day to wait for: stares instead")
+            self._parts.session_log.say("info", "no pass within a day to wait for: stares instead")
         return self.awaited
 
     def _next_pass(self, now_ns: int) -> Awaited | None:
-        config, held = self._control.config, self._watch.limits
-        lifted = self._watch.lifted_limits()
+        config, held = self._control.config, self._parts.watch.limits
+        lifted = self._parts.watch.lifted_limits()
         if config.leap.pass_norad:
             if self._entry is None:
                 self._entry = entry_of(config)

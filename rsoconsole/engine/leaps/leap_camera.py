@@ -5,7 +5,7 @@ import logging
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.engine.leaps.awaiting import LeapControl
+from rsoconsole.engine.operator import Control
 from rsoconsole.engine.tasks import SessionLog, change_record, changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import Instruments
@@ -20,9 +20,7 @@ _WORTH_CHANGING = 0.15
 class LeapCamera:
     """Sets exposure and binning, on record, and gives the night's own back."""
 
-    def __init__(
-        self, control: LeapControl, instruments: Instruments, session_log: SessionLog
-    ) -> None:
+    def __init__(self, control: Control, instruments: Instruments, session_log: SessionLog) -> None:
         self._control, self._camera, self._session_log = control, instruments.camera, session_log
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.engine.aim import NS, InstrumentController
-from rsoconsole.engine.leaps.awaiting import LeapControl
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leaps.leap_words import (
@@ -15,6 +14,7 @@ from rsoconsole.engine.leaps.leap_words import (
     pass_words,
     rest_words,
 )
+from rsoconsole.engine.operator import Control
 from rsoconsole.engine.tasks import SessionLog
 from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
 from rsoconsole.orbits.motion import KnownOrbit, PointMass
@@ -48,17 +48,15 @@ class LeapLog:
 
     def __init__(
         self,
-        control: LeapControl,
+        control: Control,
         instrument_controller: InstrumentController,
         session_log: SessionLog,
         times: LeapTimes,
     ) -> None:
-        self._control, self._instrument_controller, self._session_log, self._times = (
-            control,
-            instrument_controller,
-            session_log,
-            times,
-        )
+        self._control = control
+        self._instrument_controller = instrument_controller
+        self._session_log = session_log
+        self._times = times
         self._site = control.config.site.to_site()
         self._begun = _Begun()
         self._seen: LeapSeen | None = None

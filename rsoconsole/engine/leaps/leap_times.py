@@ -65,11 +65,9 @@ class LeapTimes:
         watch: Watch,
     ) -> None:
         """``config``: the one in force."""
-        self._config, self._instrument_controller, self._watch = (
-            config,
-            instrument_controller,
-            watch,
-        )
+        self._config = config
+        self._instrument_controller = instrument_controller
+        self._watch = watch
         self._seen: deque[SlewSeen] = deque(maxlen=LAST_SLEWS)
         self._motion: MountMotion | None = None
         """By the slews seen so far; None: to be found again."""

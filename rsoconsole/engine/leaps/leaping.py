@@ -14,13 +14,13 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim import NS, Plan
-from rsoconsole.engine.leaps.awaiting import Awaiting, LeapControl
+from rsoconsole.engine.leaps.awaiting import Awaiting
 from rsoconsole.engine.leaps.leap_camera import LeapCamera
 from rsoconsole.engine.leaps.leap_log import LeapLog
 from rsoconsole.engine.leaps.leap_times import LeapTimes
 from rsoconsole.engine.leaps.leap_words import begun_words, leap_words
 from rsoconsole.engine.leaps.staring import Staring
-from rsoconsole.engine.operator import Parts
+from rsoconsole.engine.operator import Control, Parts
 from rsoconsole.instruments import MountReport
 from rsoconsole.orbits.low import LeapTrack, Timing, begin, unseen, updated
 from rsoconsole.pipeline.frame import Glance, Reduction, shutter_mid_utc_ns
@@ -59,14 +59,9 @@ LookAt = Callable[[Frame, float], Glance | None]
 class Leaping:
     """Knows what is leapt after, and where and when it is met next."""
 
-    def __init__(self, control: LeapControl, parts: Parts, look_at: LookAt) -> None:
+    def __init__(self, control: Control, parts: Parts, look_at: LookAt) -> None:
         self._control = control
-        self._instrument_controller, self._planner, self._slews = (
-            parts.instrument_controller,
-            parts.planner,
-            parts.slews,
-        )
-        self._session_log = parts.session_log
+        self._parts = parts
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
@@ -146,7 +141,7 @@ class Leaping:
         if closed_s is None:
             return
         t_close_ns = opened_utc_ns + round(closed_s * NS)
-        pose = self._planner.pose(t_close_ns)
+        pose = self._parts.planner.pose(t_close_ns)
         if pose is None:
             return
         found = self._likeliest_leap(track, pose, t_close_ns)
@@ -161,8 +156,8 @@ class Leaping:
         found, self._next = self._next, None
         if found is None or not self._may_order():
             return None
-        self._instrument_controller.wait_until(found.t_order_utc_ns)
-        looked = self._instrument_controller.mount_report()
+        self._parts.instrument_controller.wait_until(found.t_order_utc_ns)
+        looked = self._parts.instrument_controller.mount_report()
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
@@ -180,16 +175,16 @@ class Leaping:
         self._stage_ms["glance"] = (time.perf_counter() - began_s) * 1e3
         if seen is None:
             return
-        if self._instrument_controller.instruments.clock.is_simulated:
-            self._instrument_controller.wait_until(
-                self._instrument_controller.now_utc_ns() + _GLANCE_NS
+        if self._parts.instrument_controller.instruments.clock.is_simulated:
+            self._parts.instrument_controller.wait_until(
+                self._parts.instrument_controller.now_utc_ns() + _GLANCE_NS
             )
         began_s = time.perf_counter()
         exposure = self._control.config.exposure
         for each in streaks_of(seen.detections, seen.solution, frame, exposure):
             after = updated(track, each.ends) if each.ends.is_whole else None
-            now_ns = self._instrument_controller.now_utc_ns()
-            pose = self._planner.pose(now_ns)
+            now_ns = self._parts.instrument_controller.now_utc_ns()
+            pose = self._parts.planner.pose(now_ns)
             if after is None or pose is None:
                 continue
             found = self._likeliest_leap(after, pose, now_ns)
@@ -218,8 +213,8 @@ class Leaping:
         return self.is_on and self._control.may_move
 
     def _order_early(self, found: Leap, *, waited_for_frame: bool) -> bool:
-        now_ns = self._instrument_controller.now_utc_ns()
-        pose = self._planner.pose(now_ns)
+        now_ns = self._parts.instrument_controller.now_utc_ns()
+        pose = self._parts.planner.pose(now_ns)
         if pose is None or not isinstance(plan := self._order(found, pose, now_ns), Plan):
             return False  # the whole frame says how it goes on
         if waited_for_frame:
@@ -255,7 +250,7 @@ class Leaping:
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
-                self._session_log.say("info", leap_words(after, each, leap))
+                self._parts.session_log.say("info", leap_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
         if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
@@ -273,11 +268,11 @@ class Leaping:
     def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
         """What the last leap took, and whether the mount had settled by its stars."""
         if self._early is None:
-            self.times.examined(self._instrument_controller.now_utc_ns())
+            self.times.examined(self._parts.instrument_controller.now_utc_ns())
             if leap is not None:
                 self._log.took(leap, waited_for_frame=True)
         if words := self.times.stars_seen(reduction.fwhm_px):
-            self._session_log.say("info", words)
+            self._parts.session_log.say("info", words)
 
     def _note_leap(
         self, leap: Leap | None, result: LeapResult, streak: FrameStreak | None = None
@@ -305,7 +300,7 @@ class Leaping:
             awaited = self._awaiting.awaited
             known = None if awaited is None else came(awaited, self._site, ends)
             if awaited is not None and known is None:
-                self._session_log.say("info", f"a low satellite that is not {awaited.name}")
+                self._parts.session_log.say("info", f"a low satellite that is not {awaited.name}")
                 continue
             ends = ends if known is None else known[1]
             track = begin(self._site, ends, timing, is_turned=known is not None)
@@ -319,7 +314,7 @@ class Leaping:
         self.track, name, words = first
         self._misses = 0
         self._log.begin(frame_id, name)
-        self._session_log.say("info", words)
+        self._parts.session_log.say("info", words)
 
     def _begins_again(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> bool:
         """Where one streak is all that is known, a later one that contradicts it is as good.
@@ -341,14 +336,14 @@ class Leaping:
         self._log.record()
         if self.track is None or self._leap is None:
             return
-        start = self._planner.pose(self._leap.t_order_utc_ns)
+        start = self._parts.planner.pose(self._leap.t_order_utc_ns)
         if start is not None:
             self._log.plan(self.track, self._leap, start, self.telescope(), SURE_STREAKS)
 
     def _miss(self, why: str) -> None:
         self._misses += 1
         most = self._control.config.leap.most_misses
-        self._session_log.say("info", f"leap missed ({self._misses} of {most}): {why}")
+        self._parts.session_log.say("info", f"leap missed ({self._misses} of {most}): {why}")
         if self._misses >= most:
             self._end("given up")
 
@@ -368,7 +363,7 @@ class Leaping:
         Raises what ``Slews.order`` does.
         """
         if self._camera.share == 1.0:
-            self.times.whole_seen(self._instrument_controller.now_utc_ns())
+            self.times.whole_seen(self._parts.instrument_controller.now_utc_ns())
         plan = self._next_plan(is_held=is_held)
         self._read_what_shows_it()
         return plan
@@ -383,9 +378,9 @@ class Leaping:
         self._leap = leap and replace(leap, share=self._camera.share)
 
     def _next_plan(self, *, is_held: bool) -> Plan:
-        now_ns = self._instrument_controller.now_utc_ns()
+        now_ns = self._parts.instrument_controller.now_utc_ns()
         early, self._early = self._early, None
-        pose = self._planner.pose(now_ns)
+        pose = self._parts.planner.pose(now_ns)
         if is_held or pose is None:
             self._leap = None
             return self._staring.in_place(now_ns)
@@ -422,7 +417,7 @@ class Leaping:
     def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:
         """Its slew is under way; or why it is refused. Raises what ``Slews.order`` does."""
         direction = found.place.direction_deg
-        plan = self._planner.to_place(
+        plan = self._parts.planner.to_place(
             direction,
             found.t_expose_utc_ns,
             "leap",
@@ -430,7 +425,7 @@ class Leaping:
             t_mid_utc_ns=found.t_mid_utc_ns,
             frame_id=self._exposing[0],
         )
-        refused = self._slews.order(plan, t_until_utc_ns=found.t_close_utc_ns)
+        refused = self._parts.slews.order(plan, t_until_utc_ns=found.t_close_utc_ns)
         if refused is not None:
             return refused
         self.times.ordered(self.telescope().limits.travel_deg(pose, *direction), now_ns)

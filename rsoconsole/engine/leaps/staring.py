@@ -1,10 +1,10 @@
 """Where the telescope stares while nothing is leapt after: for whatever comes, or for a pass."""
 
 from rsoconsole.engine.aim import NS, Plan
-from rsoconsole.engine.leaps.awaiting import Awaiting, LeapControl
+from rsoconsole.engine.leaps.awaiting import Awaiting
 from rsoconsole.engine.leaps.leap_camera import LeapCamera
 from rsoconsole.engine.leaps.leap_times import LeapTimes
-from rsoconsole.engine.operator import Parts
+from rsoconsole.engine.operator import Control, Parts
 from rsoconsole.pipeline.leaps import Awaited, duty, expected_at, exposure_for
 from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, icrs_to_jnow, separation_deg
 from rsoconsole.sky.limits import Pose
@@ -23,18 +23,14 @@ class Staring:
 
     def __init__(
         self,
-        control: LeapControl,
+        control: Control,
         parts: Parts,
         times: LeapTimes,
         camera: LeapCamera,
         awaiting: Awaiting,
     ) -> None:
         self._control = control
-        self._planner, self._slews, self._session_log = (
-            parts.planner,
-            parts.slews,
-            parts.session_log,
-        )
+        self._parts = parts
         self._times, self._camera, self._awaiting = times, camera, awaiting
         self._site = control.config.site.to_site()
         self._stare: tuple[float, float] | None = None
@@ -60,16 +56,16 @@ class Staring:
             self._stare = self._where_to_stare(here, now_ns)
             readout_s = self._times.terms(self._camera.binning).readout_s
             share = duty(stare_s, exposure.start_latency_s, readout_s)
-            self._session_log.say(
+            self._parts.session_log.say(
                 "info", f"stares for low satellites: the shutter is open {100 * share:.0f} %"
             )
         there = icrs_of_hour_angle(self._site, *self._stare, now_ns)
         if separation_deg(*here, *there) < self._drift_deg():
             return self.in_place(now_ns)
-        plan = self._planner.to_place(there, now_ns, "stare", now_ns)
-        refused = self._slews.order(plan, t_until_utc_ns=self._planner.end_utc_ns(plan))
+        plan = self._parts.planner.to_place(there, now_ns, "stare", now_ns)
+        refused = self._parts.slews.order(plan, t_until_utc_ns=self._parts.planner.end_utc_ns(plan))
         if refused is not None:
-            self._session_log.say("warning", f"stares where it stands: {text(refused)}")
+            self._parts.session_log.say("warning", f"stares where it stands: {text(refused)}")
             self._stare = self._of_date(here, now_ns)
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)
@@ -80,19 +76,19 @@ class Staring:
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
         if now_ns < until_ns:
-            return self._planner.to_place(None, min(until_ns, now_ns + _LOOK_NS), "", now_ns)
+            return self._parts.planner.to_place(None, min(until_ns, now_ns + _LOOK_NS), "", now_ns)
         at_ns = max(now_ns, stare.from_utc_ns)
         place = expected_at(awaited, self._site, stare.t_through_utc_ns, 0.0)
         self._camera.expose_for(exposure_for(place, self._times.terms(self._camera.binning)))
         there = stare.direction_deg(self._site, at_ns)
         here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
         if separation_deg(*here, *there) < self._drift_deg():
-            return self._planner.to_place(None, at_ns, "", now_ns)
-        plan = self._planner.to_place(there, at_ns, "await", now_ns)
-        end_ns = max(self._planner.end_utc_ns(plan), stare.until_utc_ns)
-        refused = self._slews.order(plan, t_until_utc_ns=end_ns)
+            return self._parts.planner.to_place(None, at_ns, "", now_ns)
+        plan = self._parts.planner.to_place(there, at_ns, "await", now_ns)
+        end_ns = max(self._parts.planner.end_utc_ns(plan), stare.until_utc_ns)
+        refused = self._parts.slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
-            self._session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
+            self._parts.session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
             self._awaiting.passed_over()
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)
@@ -100,7 +96,7 @@ class Staring:
 
     def in_place(self, now_ns: int) -> Plan:
         """One more exposure where the telescope looks."""
-        return self._planner.to_place(None, now_ns, "", now_ns)
+        return self._parts.planner.to_place(None, now_ns, "", now_ns)
 
     def _note_slew(self, pose: Pose, there: tuple[float, float], now_ns: int) -> None:
         limits = self._times.telescope(self._camera.binning).limits

@@ -47,11 +47,9 @@ class CommandTurn:
         on_executed: Callable[[], None],
     ) -> None:
         """``on_executed`` is called behind commands that may have changed the next aim."""
-        self._control, self._instrument_controller, self._queue = (
-            control,
-            instrument_controller,
-            queue,
-        )
+        self._control = control
+        self._instrument_controller = instrument_controller
+        self._queue = queue
         self._session_log, self._faults = session_log, faults
         self._handlers, self._on_executed = handlers, on_executed
 

@@ -45,12 +45,7 @@ class FrameTurn:
     ) -> None:
         """``forgive``: instruments work again; ``on_cycle`` is given each frame that is done."""
         self._control = control
-        self._instrument_controller, self._planner, self._slews = (
-            parts.instrument_controller,
-            parts.planner,
-            parts.slews,
-        )
-        self._watch, self._guide, self._session_log = parts.watch, parts.guide, parts.session_log
+        self._parts = parts
         self._exposures, self._cycle, self._orbits = exposures, cycle, orbits
         self._leaping, self._by_hand, self._faults = leaping, by_hand, faults
         self._forgive, self._on_cycle = forgive, on_cycle
@@ -74,8 +69,9 @@ class FrameTurn:
         ``checks_pointing``: its stars must agree with the mount's word.
         """
         self._is_first_look, self._must_check_pointing = True, checks_pointing
-        self._planner.start_search(
-            self._instrument_controller.mount_report(), self._instrument_controller.now_utc_ns()
+        self._parts.planner.start_search(
+            self._parts.instrument_controller.mount_report(),
+            self._parts.instrument_controller.now_utc_ns(),
         )
 
     def forget_plan(self) -> None:
@@ -85,7 +81,7 @@ class FrameTurn:
     def end_autonomy(self) -> None:
         """The next arming looks where it stands, with the night's own exposure."""
         self._is_first_look = False
-        self._slews.forget()
+        self._parts.slews.forget()
         self._leaping.forget()
         self.set_pace(None)
 
@@ -93,8 +89,8 @@ class FrameTurn:
         """Where the exposure after the next one would look, before the mount goes there."""
         ahead = None
         if self._control.authority.is_autonomous:
-            now_ns = self._instrument_controller.now_utc_ns()
-            ahead = self._planner.ahead(self._control.following, self._plan, now_ns)
+            now_ns = self._parts.instrument_controller.now_utc_ns()
+            ahead = self._parts.planner.ahead(self._control.following, self._plan, now_ns)
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
 
     def one_exposure(self) -> None:
@@ -105,7 +101,7 @@ class FrameTurn:
         if self._leaping.is_on:
             poll_ns, settle_s = LEAP_POLL_NS, self._leaping.times.settle_s()
         is_held = self._control.authority.is_held
-        if self._slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
+        if self._parts.slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
             self._cycle.forget_plate()
         self._leaping.times.arrived()
         place_px: tuple[float, float] | None = None
@@ -126,22 +122,22 @@ class FrameTurn:
     def _order_next(self) -> Plan:
         """Where and when the next exposure is; the mount is on its way when this returns."""
         if self._is_first_look:
-            return self._planner.first_look(self._instrument_controller.now_utc_ns())
+            return self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
         if self._leaping.is_on:
             return self._leaping.order_next(is_held=self._control.authority.is_held)
-        return self._slews.order_next(
+        return self._parts.slews.order_next(
             self._control.following, is_held=self._control.authority.is_held
         )
 
     def one_look(self) -> None:
         """An exposure while the operator has the mount: shown and measured, not followed."""
         if self._by_hand.move is not None:
-            report = self._instrument_controller.wait_for_arrival(*self._by_hand.move.command)
+            report = self._parts.instrument_controller.wait_for_arrival(*self._by_hand.move.command)
             self._by_hand.move = None
-            self._planner.moved_by_hand(report)
-            self._session_log.say("info", "the mount has arrived")
+            self._parts.planner.moved_by_hand(report)
+            self._parts.session_log.say("info", "the mount has arrived")
         frame, _ = self._exposures.take(
-            self._planner.first_look(self._instrument_controller.now_utc_ns())
+            self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
         )
         place_px: tuple[float, float] | None = None
         try:
@@ -150,8 +146,8 @@ class FrameTurn:
             reduction, records = self._cycle.look(frame)
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
-                self._planner.solved(reduction.solution)
-            self._session_log.append_all(records)
+                self._parts.planner.solved(reduction.solution)
+            self._parts.session_log.append_all(records)
             self._forgive()
             self._count_frame()
         finally:
@@ -161,7 +157,7 @@ class FrameTurn:
         """One frame is done: what holds for some frames, or until the sky clears, may be over."""
         config, changes = self.temporary.count(self._control.config)
         for change in changes:
-            self._session_log.append(change)
+            self._parts.session_log.append(change)
         if changes:
             self._control.configure(config)
         if not self._leaping.is_on:
@@ -171,14 +167,14 @@ class FrameTurn:
         is_cloudy = self._cycle.cloud is not None
         self.clear_frames = 0 if is_cloudy else self.clear_frames + 1
         if self._control.authority.resumes_when_clear and self.clear_frames >= CLEAR_FRAMES:
-            self._session_log.say("info", "the stars are back: slews again")
+            self._parts.session_log.say("info", "the stars are back: slews again")
             self._control.handle(Resumed(by="the sky"))
 
     def set_pace(self, track: TrackState | None) -> None:
         """Exposure and cadence for what is followed; the night's own where nothing is."""
         config, changes = self._pace.after(self._control.config, track)
         for change in changes:
-            self._session_log.append(change)
+            self._parts.session_log.append(change)
         if changes:
             self._control.configure(config)
 
@@ -189,11 +185,13 @@ class FrameTurn:
         before = self._control.following
         result = self._cycle.run(frame, before, blocked, self._orbits.last)
         folded_s = time.perf_counter()
-        self._session_log.append_all(result.records)
+        self._parts.session_log.append_all(result.records)
         self._control.handle(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
-            self._planner.solved(result.reduction.solution)
-        self._planner.followed(before, result.after, self._instrument_controller.now_utc_ns())
+            self._parts.planner.solved(result.reduction.solution)
+        self._parts.planner.followed(
+            before, result.after, self._parts.instrument_controller.now_utc_ns()
+        )
         self._count_frame()
         is_first_look, self._is_first_look = self._is_first_look, False
         if is_first_look and self._must_check_pointing:
@@ -215,11 +213,11 @@ class FrameTurn:
         # The mount is on its way: nobody waits for this.
         self._leaping.record()
         estimator.make_ready(self._control.config.filter)
-        self._session_log.append_all(self._orbits.refine())
-        self._guide.prepare(self._instrument_controller.now_utc_ns())
+        self._parts.session_log.append_all(self._orbits.refine())
+        self._parts.guide.prepare(self._parts.instrument_controller.now_utc_ns())
         self.look_ahead()
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
-        self._session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
+        self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
         self._on_cycle(result.reduction)
         return result.reduction
@@ -227,13 +225,15 @@ class FrameTurn:
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""
         check = pointing_check(
-            reduction.solution, self._instrument_controller.mount_report(), self._control.config
+            reduction.solution,
+            self._parts.instrument_controller.mount_report(),
+            self._control.config,
         )
         if check.ok:
-            self._session_log.say("info", check.detail)
-        elif "pointing" in self._watch.lifted:
-            self._session_log.say("warning", f"{check.detail}: overridden")
+            self._parts.session_log.say("info", check.detail)
+        elif "pointing" in self._parts.watch.lifted:
+            self._parts.session_log.say("warning", f"{check.detail}: overridden")
         else:
             words = f"{check.detail}; {check.remedy}"
-            self._session_log.say("alarm", f"not armed: {words}")
+            self._parts.session_log.say("alarm", f"not armed: {words}")
             self._control.handle(NotPointing(words=words))

@@ -45,12 +45,7 @@ class Interruptions:
         """``forget``: drop what lives by times that are wrong; ``forget_camera``: how far the
         camera's clock was from this machine's; ``end_at_limit``: stop there."""
         self._control, self._by_hand = control, by_hand
-        self._instrument_controller, self._planner, self._watch = (
-            parts.instrument_controller,
-            parts.planner,
-            parts.watch,
-        )
-        self._session_log = parts.session_log
+        self._parts = parts
         self._forget, self._forget_camera = forget, forget_camera
         self._end_at_limit = end_at_limit
         self._must_look = False
@@ -128,7 +123,7 @@ class Interruptions:
         """What the mount's own clock says to it, where it tells the time."""
         off_s = None
         with contextlib.suppress(InstrumentError):
-            off_s = self._instrument_controller.instruments.mount.utc_offset_s()
+            off_s = self._parts.instrument_controller.instruments.mount.utc_offset_s()
         return "" if off_s is None else f"; the mount's own clock is {off_s:+.0f} s off this one"
 
     def _stood_still(self, fault: ClockFault) -> None:
@@ -152,11 +147,11 @@ class Interruptions:
         """
         if not self._must_look:
             return
-        self._instrument_controller.wait_until(
-            self._instrument_controller.now_utc_ns() + SETTLED_NS
+        self._parts.instrument_controller.wait_until(
+            self._parts.instrument_controller.now_utc_ns() + SETTLED_NS
         )
         try:
-            report = self._instrument_controller.mount_report()
+            report = self._parts.instrument_controller.mount_report()
         except InstrumentError as error:
             if self._control.authority.holder != "nobody":
                 raise
@@ -165,7 +160,7 @@ class Interruptions:
             self._say("alarm", f"nobody can tell how the mount stands: {error}")
             return
         self._must_look = False
-        ended = self._instrument_controller.instruments.mount.take_slew_end()
+        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
         if ended is not None:
             self._say("alarm", ended_words(ended), "")
         self._go_on_from(report)
@@ -175,23 +170,23 @@ class Interruptions:
 
         Then it is said, and autonomy goes on from where the mount stands.
         """
-        ended = self._instrument_controller.instruments.mount.take_slew_end()
+        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
         if ended is None:
             return False
         self._must_look = False
         self._say("alarm", ended_words(ended), "")
-        self._go_on_from(self._instrument_controller.wait_for_rest())
+        self._go_on_from(self._parts.instrument_controller.wait_for_rest())
         return True
 
     def _go_on_from(self, report: MountReport) -> None:
         """Raises Interrupted where the mount is beyond a limit: it has been stopped then."""
         if not report.is_slewing:
-            self._planner.moved_by_hand(report)
+            self._parts.planner.moved_by_hand(report)
         how = "slews" if report.is_slewing else "tracks" if report.is_tracking else "stands still"
         if report.is_parked:
             self._say("info", "the mount is parked: nothing else has become of it")
             return
-        refusal = self._watch.refusal(report)
+        refusal = self._parts.watch.refusal(report)
         if refusal is not None:
             self._end_at_limit(f"after nobody watched the mount: {refusal.text}")
             return
@@ -208,12 +203,14 @@ class Interruptions:
         self._say("info", f"{where}{within}: {goes_on}")
 
     def _note(self, text: str) -> None:
-        self.trouble = TimeTrouble(t_utc_ns=self._instrument_controller.now_utc_ns(), text=text)
+        self.trouble = TimeTrouble(
+            t_utc_ns=self._parts.instrument_controller.now_utc_ns(), text=text
+        )
 
     def _say(
         self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "clock"
     ) -> None:
-        self._session_log.say(level, text, topic)
+        self._parts.session_log.say(level, text, topic)
 
 
 def ended_words(ended: SlewEnd) -> str:

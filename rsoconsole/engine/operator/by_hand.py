@@ -46,12 +46,7 @@ class ByHand:
 
     def __init__(self, control: Control, parts: Parts) -> None:
         self._control = control
-        self._instrument_controller = parts.instrument_controller
-        self._planner = parts.planner
-        self._slews = parts.slews
-        self._watch = parts.watch
-        self._guide = parts.guide
-        self._session_log = parts.session_log
+        self._parts = parts
         self.move: HandMove | None = None
         """Where the operator has sent the mount, until it is there."""
 
@@ -72,16 +67,16 @@ class ByHand:
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
         """
         direction = self._wanted(preview.move)
-        now_ns = self._instrument_controller.now_utc_ns()
+        now_ns = self._parts.instrument_controller.now_utc_ns()
         site = self._control.config.site.to_site()
         here = self._looks_at()
-        report = self._instrument_controller.mount_report()
+        report = self._parts.instrument_controller.mount_report()
         alt_deg, az_deg = icrs_to_altaz(site, *direction, now_ns)
         ra_date_deg, dec_date_deg = icrs_to_jnow(*direction, now_ns)
         pose = Pose(
             t_utc_ns=now_ns, ra_icrs_deg=direction[0], dec_icrs_deg=direction[1], pier_side=None
         )
-        margins = self._watch.limits.margins_deg(pose)
+        margins = self._parts.watch.limits.margins_deg(pose)
         override = () if isinstance(preview.move, Beside) else preview.move.override
         return MovePreview(
             ra_icrs_deg=direction[0],
@@ -91,9 +86,9 @@ class ByHand:
             alt_deg=alt_deg,
             az_deg=az_deg,
             way_deg=separation_deg(*here, *direction),
-            slew_s=self._planner.slew_s(direction, now_ns),
+            slew_s=self._parts.planner.slew_s(direction, now_ns),
             pier_side=report.pier_side,
-            pier_side_after=self._planner.side_at(direction, now_ns),
+            pier_side_after=self._parts.planner.side_at(direction, now_ns),
             margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
             refused=PARKED if report.is_parked else self._refusal(direction, override),
         )
@@ -109,13 +104,13 @@ class ByHand:
         return Accepted(message="on its way; you have the mount", data=data)
 
     def _expect_unparked(self, _command: Command, _by: str) -> None:
-        if self._instrument_controller.mount_report().is_parked:
+        if self._parts.instrument_controller.mount_report().is_parked:
             raise ValueError(PARKED)
 
     def _move(self, command: Move, by: str) -> CommandResult:
         self._expect_unparked(command, by)
         direction = self._possible(command)
-        report = self._instrument_controller.mount_report()
+        report = self._parts.instrument_controller.mount_report()
         if report.is_slewing or report.is_parking:
             # Nudges add up; beside another motion than theirs they count from where that ends.
             adds_up = self.move is not None
@@ -123,12 +118,12 @@ class ByHand:
             if not adds_up:
                 direction = self._possible(command)
         commanded = self._command(direction)
-        self._instrument_controller.order_slew(*commanded)
+        self._parts.instrument_controller.order_slew(*commanded)
         self._control.handle(Taken(by=by))
         self.move = HandMove(direction=direction, command=commanded)
-        now_ns = self._instrument_controller.now_utc_ns()
+        now_ns = self._parts.instrument_controller.now_utc_ns()
         reason = f"{command.verb} by {by}"
-        self._session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))
+        self._parts.session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))
         return done("on its way")
 
     def _possible(self, command: Move) -> Direction:
@@ -147,8 +142,8 @@ class ByHand:
         """
         self._control.handle(Taken(by=by))
         self._control.end_park()
-        if self._instrument_controller.mount_report().is_slewing:
-            self._instrument_controller.end_motion()
+        if self._parts.instrument_controller.mount_report().is_slewing:
+            self._parts.instrument_controller.end_motion()
 
     def _expect_free(self, command: Track, by: str) -> None:
         if self._control.authority.is_autonomous:
@@ -160,11 +155,11 @@ class ByHand:
         self._expect_free(command, by)
         if command.is_on:
             self._control.end_park()
-        self._instrument_controller.instruments.mount.set_tracking(command.is_on)
+        self._parts.instrument_controller.instruments.mount.set_tracking(command.is_on)
         return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
 
     def _expect_park(self, _command: Unpark, _by: str) -> None:
-        report = self._instrument_controller.mount_report()
+        report = self._parts.instrument_controller.mount_report()
         if not (report.is_parked or report.is_parking or self._control.is_park_wanted):
             raise ValueError("the mount is not parked")
 
@@ -191,17 +186,17 @@ class ByHand:
         config = self._control.config
         for name, value in move.settings().items():
             config = changed(config, name, value)
-        now_ns = self._instrument_controller.now_utc_ns()
-        by_orbit = self._guide.of_track(now_ns, config.aim)
+        now_ns = self._parts.instrument_controller.now_utc_ns()
+        by_orbit = self._parts.guide.of_track(now_ns, config.aim)
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:
         """The limit that this move would break; None when none."""
-        now_ns = self._instrument_controller.now_utc_ns()
+        now_ns = self._parts.instrument_controller.now_utc_ns()
         exposure = self._control.config.exposure
         until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)
         lifted = frozenset(LIFTS[name] for name in override if name in LIFTS)
-        refusal = self._slews.refusal(self._command(direction), now_ns, until_ns, lifted)
+        refusal = self._parts.slews.refusal(self._command(direction), now_ns, until_ns, lifted)
         return None if refusal is None else text(refusal)
 
     def _looks_at(self) -> Direction:
@@ -209,8 +204,10 @@ class ByHand:
         move = self.move
         if move is not None:
             return move.direction
-        return self._planner.looking_at(self._instrument_controller.mount_report())
+        return self._parts.planner.looking_at(self._parts.instrument_controller.mount_report())
 
     def _command(self, direction: Direction) -> Direction:
-        now_ns = self._instrument_controller.now_utc_ns()
-        return self._planner.command(slew_to(self._control.frame_id, direction, now_ns, "by hand"))
+        now_ns = self._parts.instrument_controller.now_utc_ns()
+        return self._parts.planner.command(
+            slew_to(self._control.frame_id, direction, now_ns, "by hand")
+        )

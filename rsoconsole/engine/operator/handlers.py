@@ -41,6 +41,10 @@ class Control(Protocol):
     def last_track(self) -> TrackState | None:
         """What was followed last this night."""
 
+    @property
+    def may_move(self) -> bool:
+        """Whether autonomy has the mount and nobody holds it."""
+
     def handle(self, trigger: Trigger) -> Step:
         """Pass through one step. Raises ValueError with the reason where it refuses."""
 
