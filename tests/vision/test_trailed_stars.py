@@ -98,7 +98,7 @@ def test_stars_that_are_points_are_told_to_be(pattern, step):
     paths = sorted(DATA.glob(pattern))[::step]
     assert paths
     for path in paths:
-        frame = read_frame(path, 1, allow_8bit=True)
+        frame = read_frame(path, 1)
         assert find_stars(frame.pixels, saturation_adu=frame.saturation_adu).trail is None, path
 
 

@@ -63,21 +63,18 @@ def read_frame(
     frame_id: int,
     *,
     extension: str | None = None,
-    allow_8bit: bool = True,
-    expected_size: tuple[int, int] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Frame:
     """Read one frame: FITS (also .gz, .bz2, fpack), TIFF or PNG.
 
     ``extension``: which image of a FITS file that has several, by the name, ``NAME,VERSION`` or
     number of its extension; None is the first one, and a note names the others. Pixels come as
-    uint16 or float32, native order, (height, width). ``expected_size`` is (width, height). Pixels
-    that are NaN or infinite are errors when they are more than ``max_nonfinite_fraction`` of the
-    frame; fewer are masked bad pixels, are filled with the median of their neighbourhood, and
-    ``header["NOTES"]`` says how many. By default none may be. Frames of 8 bits and pictures in
-    colours are noted; without ``allow_8bit`` the former are errors. A start time that cannot be
-    understood is None, and a note says so; it never becomes another. Raises FrameError, one
-    sentence with the remedy.
+    uint16 or float32, native order, (height, width). Pixels that are NaN or infinite are errors
+    when they are more than ``max_nonfinite_fraction`` of the frame; fewer are masked bad pixels,
+    are filled with the median of their neighbourhood, and ``header["NOTES"]`` says how many. By
+    default none may be. Frames of 8 bits and pictures in colours are noted. A start time that
+    cannot be understood is None, and a note says so; it never becomes another. Raises FrameError,
+    one sentence with the remedy.
     """
     path = Path(path)
     return frame_from_bytes(
@@ -85,8 +82,6 @@ def read_frame(
         frame_id,
         path.name,
         extension=extension,
-        allow_8bit=allow_8bit,
-        expected_size=expected_size,
         max_nonfinite_fraction=max_nonfinite_fraction,
     )
 
@@ -100,26 +95,19 @@ def read_frames(
 ) -> Iterator[Frame]:
     """As ``read_frame``; with the extension ``ALL`` every image of the file, one after another."""
     path = Path(path)
-    content = _read_bytes(path)
     is_all = extension is not None and extension.strip().lower() == ALL
-    frame = frame_from_bytes(
-        content,
+    read = partial(
+        frame_from_bytes,
+        _read_bytes(path),
         frame_id,
         path.name,
-        extension=None if is_all else extension,
         max_nonfinite_fraction=max_nonfinite_fraction,
         is_alone=not is_all,
     )
+    frame = read(extension=None if is_all else extension)
     yield frame
     for label in frame.header.get(OTHERS_KEY, ()) if is_all else ():
-        yield frame_from_bytes(
-            content,
-            frame_id,
-            path.name,
-            extension=label,
-            max_nonfinite_fraction=max_nonfinite_fraction,
-            is_alone=False,
-        )
+        yield read(extension=label)
 
 
 def frame_from_bytes(
@@ -128,8 +116,6 @@ def frame_from_bytes(
     name: str,
     *,
     extension: str | None = None,
-    allow_8bit: bool = True,
-    expected_size: tuple[int, int] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
     room: Room = lambda _: None,
     is_alone: bool = True,
@@ -145,8 +131,6 @@ def frame_from_bytes(
             frame_id,
             name,
             extension,
-            allow_8bit=allow_8bit,
-            expected_size=expected_size,
             max_nonfinite_fraction=max_nonfinite_fraction,
             room=partial(_room_in, room),
             is_alone=is_alone,
@@ -194,8 +178,6 @@ def frame_from_array(
             [],
             None,
             bits=raw.dtype.itemsize * 8,
-            allow_8bit=True,
-            expected_size=None,
             max_nonfinite_fraction=max_nonfinite_fraction,
             room=lambda _: None,
         )
@@ -220,8 +202,6 @@ def _frame(
     name: str,
     extension: str | None,
     *,
-    allow_8bit: bool,
-    expected_size: tuple[int, int] | None,
     max_nonfinite_fraction: float,
     room: Room,
     is_alone: bool,
@@ -247,8 +227,6 @@ def _frame(
         notes,
         full_adu,
         bits=bits,
-        allow_8bit=allow_8bit,
-        expected_size=expected_size,
         max_nonfinite_fraction=max_nonfinite_fraction,
         room=room,
     )
@@ -262,17 +240,13 @@ def _frame_of(
     full_adu: float | None,
     *,
     bits: int,
-    allow_8bit: bool,
-    expected_size: tuple[int, int] | None,
     max_nonfinite_fraction: float,
     room: Room,
 ) -> Frame:
     """``full_adu``: where its pixels saturate, None where the numbers have to tell it."""
     raw, header = image.raw, dict(image.header)
-    _check_shape(raw, name, expected_size)
+    _check_shape(raw, name)
     if bits == 8:
-        if not allow_8bit:
-            raise FrameError(f"{name} is 8-bit: give the camera's 16-bit frames")
         notes.append(EIGHT_BIT)
     pixels = to_pixels(raw, header, name, room)
     if pixels.dtype == np.float32:
@@ -356,14 +330,9 @@ def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
     return content
 
 
-def _check_shape(raw: npt.NDArray[Any], name: str, expected: tuple[int, int] | None) -> None:
+def _check_shape(raw: npt.NDArray[Any], name: str) -> None:
     height, width = raw.shape
     if min(height, width) < MIN_SIDE_PX:
         raise FrameError(
             f"{name} is {width} x {height} px: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are needed"
-        )
-    if expected is not None and (width, height) != expected:
-        raise FrameError(
-            f"{name} is {width} x {height} px, the configured camera gives "
-            f"{expected[0]} x {expected[1]}: set optics.width_px and optics.height_px"
         )

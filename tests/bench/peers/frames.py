@@ -185,7 +185,7 @@ def independent_frames() -> Iterator[BenchFrame]:
         number += 1
         is_trail = path.name == "astride_long.fits"
         truth = (TrueStreak(line=by_eye, snr=float("inf")),) if is_trail else ()
-        frame = read_frame(path, number, allow_8bit=True, max_nonfinite_fraction=0.5)
+        frame = read_frame(path, number, max_nonfinite_fraction=0.5)
         yield BenchFrame(name=path.name, kind="real", frame=frame, truth=truth)
 
 
