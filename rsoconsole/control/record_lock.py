@@ -11,7 +11,6 @@ import struct
 import sys
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from rsoconsole.errors import ControlError
@@ -141,10 +140,5 @@ class RecordLock:
         self.acquire()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.release()

@@ -12,7 +12,7 @@ from typing import TypeAlias
 from rsoconsole.config import Config
 from rsoconsole.durable_files import write_durably
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.instruments.frames import frame_from_bytes
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.cycle import Cycle
@@ -194,13 +194,9 @@ class _Bench:
 @contextmanager
 def _scratch_folder(place: Path) -> Iterator[Path]:
     """A folder on the disk that is recorded to, gone afterwards."""
-    try:
+    remedy = "): give yourself the right to, or set session.root"
+    with said_as(SessionError, f"nothing can be written in {place} (", remedy):
         folder = tempfile.TemporaryDirectory(dir=place, prefix=".bench-")
-    except OSError as error:
-        raise SessionError(
-            f"nothing can be written in {place} ({error.strerror or error}): give yourself the "
-            "right to, or set session.root"
-        ) from error
     with folder as name:
         yield Path(name)
 

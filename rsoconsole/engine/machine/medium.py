@@ -23,7 +23,6 @@ class Medium:
     kind: MediumKind
     device: str = ""
     """As the kernel calls the whole disk; empty where it is none."""
-    file_system: str = ""
     life_used_percent: int | None = None
     """As an eMMC counts it itself, in steps of ten; 110: beyond what it is made for."""
 
@@ -36,17 +35,17 @@ def medium_of(folder: Path, root: Path | None = None) -> Medium:
         return Medium(kind="unknown")
     number, file_system, source = mount
     if file_system in _MEMORY:
-        return Medium(kind="memory", file_system=file_system)
+        return Medium(kind="memory")
     if file_system in _NETWORK:
-        return Medium(kind="network share", file_system=file_system)
+        return Medium(kind="network share")
     # A file system of several disks (btrfs) has no number of its own but names one of them.
     for path in (
         place / "sys/dev/block" / number,
         place / "sys/class/block" / Path(source).name,
     ):
         if path.exists():
-            return _disk(path.resolve(), file_system)
-    return Medium(kind="unknown", file_system=file_system)
+            return _disk(path.resolve())
+    return Medium(kind="unknown")
 
 
 def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
@@ -65,18 +64,13 @@ def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
     return None if found is None else found[1]
 
 
-def _disk(device: Path, file_system: str) -> Medium:
+def _disk(device: Path) -> Medium:
     """The whole disk behind a partition, or behind what is mapped onto it."""
     below = sorted((device / "slaves").glob("*"))
     if below:
-        return _disk(below[0].resolve(), file_system)
+        return _disk(below[0].resolve())
     whole = device.parent if (device / "partition").exists() else device
-    return Medium(
-        kind=_kind(whole),
-        device=whole.name,
-        file_system=file_system,
-        life_used_percent=_life_used(whole),
-    )
+    return Medium(kind=_kind(whole), device=whole.name, life_used_percent=_life_used(whole))
 
 
 def _kind(whole: Path) -> MediumKind:

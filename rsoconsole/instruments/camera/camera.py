@@ -2,6 +2,7 @@
 
 import contextlib
 from collections import deque
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames import camera_mode
-from rsoconsole.instruments.indi import IndiProcess
+from rsoconsole.instruments.indi import IndiProcess, device_settings, drained
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
@@ -20,17 +21,6 @@ decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do
 """
 _MAX_MESSAGES = 100
 _BYTES_PER_PIXEL = 4
-_FRAME_FIELDS = (
-    "frame_id",
-    "name",
-    "t_start_utc_ns",
-    "exposure_s",
-    "scale_arcsec_px",
-    "pointing_ra_icrs_deg",
-    "pointing_dec_icrs_deg",
-    "saturation_adu",
-    "header",
-)
 
 
 class IndiCamera:
@@ -66,14 +56,7 @@ class IndiCamera:
             name="camera",
             module="rsoconsole.instruments.camera.camera_child",
             settings={
-                "client": config.client,
-                "host": config.host,
-                "port": config.port,
-                "device": config.camera,
-                "setting": "indi.camera",
-                "device_s": waits.device_s,
-                "quiet_s": waits.quiet_s,
-                "answer_s": waits.answer_s,
+                **device_settings("camera", config.camera, config, waits),
                 "size_px": self._size_px,
                 "ring": self._ring.descriptor,
                 "slot_bytes": self._ring.slot_bytes,
@@ -152,7 +135,7 @@ class IndiCamera:
         if outcome["event"] == "failed":
             raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
         pixels = self._ring.take(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
-        facts = {field: outcome[field] for field in _FRAME_FIELDS}
+        facts = {each.name: outcome[each.name] for each in fields(Frame) if each.name in outcome}
         # JSON knows no tuples.
         facts["header"] = {
             key: tuple(value) if isinstance(value, list) else value
@@ -191,10 +174,7 @@ class IndiCamera:
 
         What it said before a frame is there when ``wait_frame`` returns it. From any thread.
         """
-        taken = []
-        while self._messages:
-            taken.append(self._messages.popleft())
-        return tuple(taken)
+        return drained(self._messages)
 
     def restart(self) -> None:
         """A fresh process and a fresh connection."""

@@ -7,6 +7,8 @@ from .indi_client import IndiClient as IndiClient
 from .indi_client import Vector as Vector
 from .indi_client import without_stamp as without_stamp
 from .indi_process import IndiProcess as IndiProcess
+from .indi_process import device_settings as device_settings
+from .indi_process import drained as drained
 from .indi_wire import IndiVector as IndiVector
 from .indi_wire import IndiWire as IndiWire
 from .reported_motion import POLLING as POLLING

@@ -12,12 +12,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import InstrumentError
 from rsoconsole.waits import LongWait
+
+if TYPE_CHECKING:  # the children start without
+    from rsoconsole.config import IndiConfig, WaitsConfig
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +45,30 @@ AT_ONCE = frozenset(("abort",))
 """Orders that do not wait for a child that is only starting: there is another way."""
 END = "end"
 """The order with which a parent takes its leave; one that merely goes away gives none."""
+
+
+def device_settings(
+    kind: str, device: str, config: "IndiConfig", waits: "WaitsConfig"
+) -> dict[str, Any]:
+    """What a child has to know of its device, and how long it waits for what."""
+    return {
+        "client": config.client,
+        "host": config.host,
+        "port": config.port,
+        "device": device,
+        "setting": f"indi.{kind}",
+        "device_s": waits.device_s,
+        "quiet_s": waits.quiet_s,
+        "answer_s": waits.answer_s,
+    }
+
+
+def drained(messages: deque[str]) -> tuple[str, ...]:
+    """Those that are there, taken out; others may be put in meanwhile."""
+    taken = []
+    while messages:
+        taken.append(messages.popleft())
+    return tuple(taken)
 
 
 class _LateError(InstrumentError):

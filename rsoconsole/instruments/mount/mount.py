@@ -22,7 +22,13 @@ from rsoconsole.instruments import (
     StopResult,
     unheard,
 )
-from rsoconsole.instruments.indi import IndiProcess, WatchedStop, stop_mount
+from rsoconsole.instruments.indi import (
+    IndiProcess,
+    WatchedStop,
+    device_settings,
+    drained,
+    stop_mount,
+)
 from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
@@ -70,14 +76,7 @@ class IndiMount:
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
             settings={
-                "client": config.client,
-                "host": config.host,
-                "port": config.port,
-                "device": config.mount,
-                "setting": "indi.mount",
-                "device_s": waits.device_s,
-                "quiet_s": waits.quiet_s,
-                "answer_s": waits.answer_s,
+                **device_settings("mount", config.mount, config, waits),
                 "simulated": config.simulated,
                 "after_stop": self._mount.after_stop,
                 "lease_s": self._mount.lease_s,
@@ -273,10 +272,7 @@ class IndiMount:
 
     def take_messages(self) -> tuple[str, ...]:
         """What the mount's process has done of its own accord since this was last asked."""
-        taken = []
-        while self._messages:
-            taken.append(self._messages.popleft())
-        return tuple(taken)
+        return drained(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
         """What its own process has done to the slew ordered last; None: nothing, or told before."""

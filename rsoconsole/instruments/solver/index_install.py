@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rsoconsole.errors import SolverError
+from rsoconsole.errors import SolverError, said_as
 from rsoconsole.instruments.solver.index_files import (
     SERIES_SCALES,
     IndexFile,
@@ -41,10 +41,8 @@ def install(
     """
     report = progress or _silent
     target = into or user_index_dir()
-    try:
+    with said_as(SolverError, f"{target} cannot be made: "):
         target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SolverError(f"{target} cannot be made: {error.strerror}") from error
     wanted = sorted(set(scales))
     if unknown := [n for n in wanted if n not in SERIES_SCALES]:
         raise SolverError(f"the series has no index {unknown}: numbers run from 7 to 19")
@@ -89,18 +87,17 @@ def _place(source: Path, home: Path, report: Progress) -> None:
     total = source.stat().st_size
     handle, name = tempfile.mkstemp(prefix=".install-", dir=home.parent)
     try:
-        with os.fdopen(handle, "wb") as out, source.open("rb") as stream:
-            done = 0
-            while chunk := stream.read(_COPY_CHUNK):
-                out.write(chunk)
-                done += len(chunk)
-                report(home.name, done, total)
-            out.flush()
-            os.fsync(out.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(home)
-    except OSError as error:
-        raise SolverError(f"{home} cannot be written: {error.strerror}") from error
+        with said_as(SolverError, f"{home} cannot be written: "):
+            with os.fdopen(handle, "wb") as out, source.open("rb") as stream:
+                done = 0
+                while chunk := stream.read(_COPY_CHUNK):
+                    out.write(chunk)
+                    done += len(chunk)
+                    report(home.name, done, total)
+                out.flush()
+                os.fsync(out.fileno())
+            Path(name).chmod(0o644)
+            Path(name).replace(home)
     finally:
         Path(name).unlink(missing_ok=True)
 

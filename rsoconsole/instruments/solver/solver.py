@@ -12,7 +12,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
@@ -111,12 +110,7 @@ class PlateSolver:
         """Itself; the process is already starting."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """End the process."""
         self.close()
 
@@ -124,11 +118,6 @@ class PlateSolver:
     def index_files(self) -> tuple[IndexFile, ...]:
         """Every index file found, faulty ones too."""
         return self._files
-
-    @property
-    def process_id(self) -> int | None:
-        """Of the solver process."""
-        return self._child.pid
 
     def close(self) -> None:
         """End the solver process; the solver must not be used afterwards."""

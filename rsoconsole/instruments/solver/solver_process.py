@@ -52,8 +52,6 @@ class MatchReply:
     """FITS cards of the quad's plate; None when nothing matched."""
     stars: tuple[tuple[float, float, float], ...] = ()
     """RA, Dec (ICRS degrees) and VT of the index's stars in the field, brightest first."""
-    log_odds: float = 0.0
-    index_file: str = ""
 
 
 def main(socket_fd: int) -> None:
@@ -132,8 +130,6 @@ class Searcher:
             request_id=request.request_id,
             wcs_cards={name: value for name, (value, _) in match.wcs_fields.items()},
             stars=tuple(sorted(stars, key=lambda star: (star[2], star[0], star[1]))),
-            log_odds=match.logodds,
-            index_file=str(match.index_path),
         )
 
     def _solver(self, index_files: tuple[str, ...]) -> Any:
