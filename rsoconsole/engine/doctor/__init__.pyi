@@ -6,6 +6,9 @@ from .bench_summary import judge as judge
 from .bench_summary import summary_lines as summary_lines
 from .doctor import run_checks as run_checks
 from .doctor_check import Check as Check
+from .doctor_check import bad as bad
+from .doctor_check import unsure as unsure
+from .doctor_check import well as well
 from .doctor_system import ClockReading as ClockReading
 from .doctor_system import free_bytes as free_bytes
 from .doctor_system import read_clock as read_clock

@@ -5,6 +5,7 @@ No check raises, none changes anything, and each says what to do when it is not 
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from rsoconsole.engine.doctor import (
     doctor_shutter,
     doctor_system,
 )
-from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_check import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_imports import import_faults
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
 from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook
@@ -70,10 +71,11 @@ def run_checks(config: Config) -> Iterator[Check]:
     )
     for name, check in checks:
         try:
-            yield check(config)
+            found = check(config)
         except Exception as error:  # the doctor's own fault must not hide the other checks
             fault = f"the check itself failed: {type(error).__name__}: {error}"
-            yield Check(check=name, ok=None, detail=fault, remedy="reinstall rsoconsole")
+            found = unsure(fault, "reinstall rsoconsole")
+        yield replace(found, check=name)
 
 
 def check_system() -> Check:
@@ -83,13 +85,11 @@ def check_system() -> Check:
     detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
     found = setup_check.faults(machine)
     if not found:
-        return Check(check="system", ok=True, detail=detail)
+        return well(detail)
     # It runs, so only the next installation would fail.
-    return Check(
-        check="system",
-        ok=None,
-        detail=f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
-        remedy=setup_check.APT_LINE,
+    return unsure(
+        f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
+        setup_check.APT_LINE,
     )
 
 
@@ -102,13 +102,11 @@ def check_libraries(_config: Config) -> Check:
     version = ".".join(str(part) for part in sys.version_info[:3])
     if broken:
         what = "; ".join(f"{name}: {fault}" for name, fault in broken.items())
-        return Check(
-            check="python",
-            ok=False,
-            detail=f"Python {version}; {what}",
-            remedy=f"'{setup_check.APT_LINE}', and install again with the README's first command",
+        return bad(
+            f"Python {version}; {what}",
+            f"'{setup_check.APT_LINE}', and install again with the README's first command",
         )
-    return Check(check="python", ok=True, detail=f"Python {version}, every library loads")
+    return well(f"Python {version}, every library loads")
 
 
 def check_network(config: Config) -> Check:
@@ -119,8 +117,8 @@ def check_network(config: Config) -> Check:
         network = Network.load(config.detector.model, config.detector.threads)
     except (RsoconsoleError, FileNotFoundError) as error:
         remedy = "reinstall rsoconsole, or name another network in detector.model"
-        return Check(check="network", ok=False, detail=str(error), remedy=remedy)
-    return Check(check="network", ok=True, detail=network.version)
+        return bad(str(error), remedy)
+    return well(network.version)
 
 
 def check_camera(config: Config) -> Check:
@@ -130,18 +128,16 @@ def check_camera(config: Config) -> Check:
     optics, exposure_s = config.optics, config.exposure.exposure_s
     outside = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
     if not outside:
-        detail = (
+        return well(
             f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
             f" {exposure_s:g} s"
         )
-        return Check(check="camera", ok=True, detail=detail)
     settings = {
         "scale": "optics.focal_length_mm and optics.pixel_um",
         "exposure": "exposure.exposure_s",
         "size": "optics.width_px and optics.height_px",
     }
     return Check(
-        check="camera",
         ok=None if is_usable_scale(optics.scale_arcsec_px) else False,
         detail="; ".join(outside.values()),
         remedy=f"if that is not so, correct {', '.join(settings[about] for about in outside)}",
@@ -152,31 +148,26 @@ def check_index_files(config: Config) -> Check:
     """There is an index file of every scale that the configured field needs."""
     from rsoconsole.instruments.solver import config_search_dirs, list_index_files, needed_scales
 
-    name = "index files"
     try:
         scales = needed_scales(config.optics.field_deg)
         files = list_index_files(config_search_dirs(config.solver))
     except (RsoconsoleError, FileNotFoundError) as error:
-        return Check(check=name, ok=False, detail=str(error), remedy="'rsoconsole index install'")
+        return bad(str(error), "'rsoconsole index install'")
     width_deg, height_deg = config.optics.field_deg
     field = f"a field of {width_deg:.2f} x {height_deg:.2f} deg"
     usable = [file for file in files if file.is_healthy and file.scale in scales]
     missing = sorted(set(scales) - {file.scale for file in usable})
     faulty = [f"{file.path}: {file.fault}" for file in files if not file.is_healthy]
     if missing:
-        return Check(
-            check=name,
-            ok=False,
-            detail="; ".join([f"{field} lacks scale {', '.join(map(str, missing))}", *faulty]),
-            remedy="'rsoconsole index install' gets them",
+        return bad(
+            "; ".join([f"{field} lacks scale {', '.join(map(str, missing))}", *faulty]),
+            "'rsoconsole index install' gets them",
         )
     has_whole_sky = {file.scale for file in usable if file.is_whole_sky} >= set(scales)
     reach = "the whole sky" if has_whole_sky else _reach(usable)
-    return Check(
-        check=name,
-        ok=True,
-        detail="; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
-        remedy="" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
+    return well(
+        "; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
+        "" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
     )
 
 
@@ -184,29 +175,26 @@ def check_catalogue(config: Config) -> Check:
     """The element files can be read, and are fresh enough to name geostationary satellites."""
     from rsoconsole.pipeline.orbits import read_catalogue
 
-    name, files = "catalogue", config.catalogue.tle_files
+    files = config.catalogue.tle_files
     fetch = (
         "fetch fresh ones ('rsoconsole catalogue add celestrak:geo' once, then 'rsoconsole"
         " catalogue update')"
     )
     if not files:
-        return Check(
-            check=name,
-            ok=True,
-            detail="no element files: what is followed gets no name",
-            remedy=f"{fetch}, or name files in catalogue.tle_files",
+        return well(
+            "no element files: what is followed gets no name",
+            f"{fetch}, or name files in catalogue.tle_files",
         )
     try:
         entries = read_catalogue(files)
     except RsoconsoleError as error:
-        return Check(check=name, ok=False, detail=str(error), remedy=f"{fetch}, or mend the path")
+        return bad(str(error), f"{fetch}, or mend the path")
     now_utc_ns = utc_now_ns()
     newest = {each.norad_id: each.epoch_utc_ns for each in sorted(entries, key=_epoch)}
     ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
     middle_days = ages_days[len(ages_days) // 2]
     is_fresh = middle_days <= STALE_DAYS
     return Check(
-        check=name,
         ok=True if is_fresh else None,
         detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
         remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
@@ -224,12 +212,10 @@ def check_site(config: Config) -> Check:
     is_papers = site.latitude_deg == papers.latitude_deg
     is_papers = is_papers and site.longitude_deg == papers.longitude_deg
     if config.indi.simulated or not is_papers:
-        return Check(check="site", ok=True, detail=place)
-    return Check(
-        check="site",
-        ok=None,
-        detail=f"{place}: still the default, {papers.name}. Is it really yours?",
-        remedy="set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
+        return well(place)
+    return unsure(
+        f"{place}: still the default, {papers.name}. Is it really yours?",
+        "set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
     )
 
 
@@ -242,78 +228,69 @@ def check_indi_server(config: Config) -> Check:
     settings |= {name: None for name in ("mount", "camera") if getattr(others, name) != "indi"}
     wanted = {device for device in settings.values() if device is not None}
     if missing_words := missing_protocol(config):
-        return Check(check="INDI server", ok=False, detail=missing_words)
+        return bad(missing_words)
     if not wanted:
-        detail = f"not used: mount by {others.mount}, camera by {others.camera}"
-        return Check(check="INDI server", ok=True, detail=detail)
+        return well(f"not used: mount by {others.mount}, camera by {others.camera}")
     try:
         found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
     except OSError as error:
-        return Check(
-            check="INDI server",
-            ok=False,
-            detail=f"nothing answers at {address}: {error}",
-            remedy=f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
+        return bad(
+            f"nothing answers at {address}: {error}",
+            f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
             " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
         )
     if missing := wanted - found:
         names = [f"indi.{name}" for name, device in settings.items() if device in missing]
-        return Check(
-            check="INDI server",
-            ok=False,
-            detail=f"{address} answers but has no {' and no '.join(sorted(missing))}"
+        return bad(
+            f"{address} answers but has no {' and no '.join(sorted(missing))}"
             + (f" (it has: {', '.join(sorted(found))})" if found else " nor any other device yet"),
-            remedy=f"start the driver, or set {' and '.join(names)} to its device's name",
+            f"start the driver, or set {' and '.join(names)} to its device's name",
         )
     there = ", ".join(device for device in settings.values() if device is not None)
-    return Check(check="INDI server", ok=True, detail=f"{address}: {there}")
+    return well(f"{address}: {there}")
 
 
 def check_mount_site(config: Config) -> Check:
     """The mount's site is the configured one: its limits depend on it."""
-    name, indi = "mount site", config.indi
+    indi = config.indi
     if config.instruments.mount != "indi":
-        detail = f"a mount by {config.instruments.mount} is asked when it is armed"
-        return Check(check=name, ok=None, detail=detail)
+        return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
     try:
         reported = doctor_indi.mount_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
     except InstrumentError as error:
-        return Check(check=name, ok=None, detail=str(error))
+        return unsure(str(error))
     if reported is None:
-        detail = f"{indi.mount} does not tell it: is its driver connected to the mount?"
-        return Check(check=name, ok=None, detail=detail)
+        return unsure(f"{indi.mount} does not tell it: is its driver connected to the mount?")
     own = config.site.to_site()
     apart_km = KM_PER_DEG * separation_deg(
         own.longitude_deg, own.latitude_deg, reported.longitude_deg, reported.latitude_deg
     )
     detail = f"{indi.mount} says {_place(reported)}, {apart_km:.1f} km from the configured site"
     if apart_km <= SITE_KM:
-        return Check(check=name, ok=True, detail=detail)
+        return well(detail)
     option = f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
     remedy = (
         "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
         f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{option}'"
     )
-    return Check(check=name, ok=False, detail=detail, remedy=remedy)
+    return bad(detail, remedy)
 
 
 def check_mount_driver(config: Config) -> Check:
     """The mount's driver offers all that a night needs; what it lacks, with what follows."""
-    name, indi = "mount driver", config.indi
+    indi = config.indi
     if config.instruments.mount != "indi":
-        detail = f"a mount by {config.instruments.mount} is asked when it is armed"
-        return Check(check=name, ok=None, detail=detail)
+        return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
     quiet_s = min(config.waits.quiet_s, DEFINED_S)
     try:
         abilities = doctor_indi.mount_abilities(indi.host, indi.port, indi.mount, quiet_s)
     except InstrumentError as error:
-        return Check(check=name, ok=None, detail=str(error))
+        return unsure(str(error))
     if abilities is None:
-        detail = f"{indi.mount} tells no position: is its driver connected to the mount?"
-        return Check(check=name, ok=None, detail=detail)
+        return unsure(f"{indi.mount} tells no position: is its driver connected to the mount?")
     lacks = lacks_of(abilities, config.mount)
     if not lacks:
-        return Check(check=name, ok=True, detail=f"{indi.mount} offers all that is used")
+        return well(f"{indi.mount} offers all that is used")
     missing = ", ".join(PROPERTIES[lack.name] for lack in lacks)
     detail = "; ".join(f"{lack.what}: {lack.follows}" for lack in lacks)
     unsafe = [lack.name for lack in lacks if lack.needs_override]
@@ -322,7 +299,7 @@ def check_mount_driver(config: Config) -> Check:
         overrides = " ".join(f"--override {each}" for each in unsafe)
         remedy = f"another driver; else stay beside it and arm with {overrides}"
     detail = f"{indi.mount} has no {missing}. {detail}"
-    return Check(check=name, ok=False if unsafe else None, detail=detail, remedy=remedy)
+    return Check(ok=False if unsafe else None, detail=detail, remedy=remedy)
 
 
 def _indi_options(indi: IndiConfig) -> str:
@@ -381,18 +358,15 @@ def check_sessions_folder(config: Config) -> Check:
     root = config.session.root
     fault = doctor_system.write_fault(root)
     if fault is None:
-        return Check(check="sessions folder", ok=True, detail=str(root))
-    remedy = "give yourself the right to write there, or set session.root"
-    return Check(check="sessions folder", ok=False, detail=f"{root}: {fault}", remedy=remedy)
+        return well(str(root))
+    return bad(f"{root}: {fault}", "give yourself the right to write there, or set session.root")
 
 
 def check_terminal() -> Check:
     """The terminal is large enough and knows UTF-8 and colours."""
     found = doctor_system.read_terminal()
     if found is None:
-        return Check(
-            check="terminal", ok=None, detail="there is none here: only the console needs one"
-        )
+        return unsure("there is none here: only the console needs one")
     faults = []
     if found.columns < 80 or found.rows < 24:
         faults.append("make it at least 80 x 24")
@@ -402,7 +376,6 @@ def check_terminal() -> Check:
         faults.append("set TERM to one with colours, e.g. xterm-256color")
     encoding = "UTF-8" if found.is_utf8 else "not UTF-8"
     return Check(
-        check="terminal",
         ok=not faults,
         detail=f"{found.columns} x {found.rows}, {found.colours} colours, {encoding}",
         remedy="; ".join(faults),

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_check import Check, well
 from rsoconsole.pipeline.frame import Master, Traits, is_same_exposure, nearest_dark, read_masters
 
 BIAS_GONE = 0.5
@@ -12,9 +12,8 @@ BIAS_GONE = 0.5
 
 def check_calibration(config: Config) -> Check:
     """The configured master frames are there, have the camera's size and the exposure's length."""
-    name = "calibration"
     if not config.calibration.files:
-        return Check(check=name, ok=True, detail="no master frames: frames are used as they come")
+        return well("no master frames: frames are used as they come")
     masters, faults = read_masters(config.calibration)
     camera = Traits(
         width_px=config.optics.width_px,
@@ -25,7 +24,6 @@ def check_calibration(config: Config) -> Check:
     doubts = list(_doubts(masters, camera))
     loaded = [f"{each.setting.removesuffix('s')} {each.words}" for each in masters]
     return Check(
-        check=name,
         ok=False if faults else None if doubts else True,
         detail="; ".join([*loaded, *faults, *(words for words, _ in doubts)]),
         remedy="; ".join(

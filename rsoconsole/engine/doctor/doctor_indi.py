@@ -9,7 +9,7 @@ import socket
 import time
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_check import Check, bad, well
 from rsoconsole.engine.doctor.doctor_imports import import_faults
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
 from rsoconsole.instruments import MountAbilities
@@ -24,9 +24,9 @@ _DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 def check_client(config: Config) -> Check:
     """The library that is to speak INDI is installed and loads."""
-    name, setting = "INDI client", config.indi.client
+    setting = config.indi.client
     if "indi" not in (config.instruments.mount, config.instruments.camera):
-        return Check(check=name, ok=True, detail="not used: neither mount nor camera speaks INDI")
+        return well("not used: neither mount nor camera speaks INDI")
     meant = meant_libraries(setting)
     faults = import_faults([each.module for each in meant])
     found = [
@@ -37,14 +37,11 @@ def check_client(config: Config) -> Check:
     usable = [each for each in meant if each.module not in faults]
     if usable:
         detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *found])
-        return Check(check=name, ok=True, detail=detail)
+        return well(detail)
     found += [f"{each.package} is not installed" for each in meant if not each.is_there]
     remedy = f"'{meant[-1].install}'"
-    return Check(
-        check=name,
-        ok=False,
-        detail="; ".join(found),
-        remedy=remedy if setting == "auto" else f"{remedy}, or set indi.client to auto",
+    return bad(
+        "; ".join(found), remedy if setting == "auto" else f"{remedy}, or set indi.client to auto"
     )
 
 

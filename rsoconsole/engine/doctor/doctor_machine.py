@@ -3,7 +3,7 @@
 from rsoconsole.config import Config
 from rsoconsole.control import Machine
 from rsoconsole.engine.doctor import doctor_system
-from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_check import Check, bad, unsure, well
 from rsoconsole.engine.machine import (
     HEAT_REMEDY,
     POWER_REMEDY,
@@ -26,9 +26,9 @@ _NOT_REPORTED = {
 
 def check_temperature(reading: Machine | None = None) -> Check:
     """The processor is cool enough to run at its full speed."""
-    name, found = "temperature", read_machine() if reading is None else reading
+    found = read_machine() if reading is None else reading
     if found.cpu_temperature_c is None:
-        return Check(check=name, ok=True, detail="this machine does not tell it")
+        return well("this machine does not tell it")
     parts = [f"{found.cpu_temperature_c:.0f} °C"]
     if found.cpu_frequency_mhz is not None and found.cpu_frequency_max_mhz is not None:
         parts.append(
@@ -36,41 +36,31 @@ def check_temperature(reading: Machine | None = None) -> Check:
         )
     troubles = [each for each in troubles_of(found) if each.name == "hot"]
     if troubles:
-        return Check(
-            check=name,
-            ok=False,
-            detail=", ".join([troubles[0].words, *parts[1:]]),
-            remedy=HEAT_REMEDY,
-        )
-    return Check(check=name, ok=True, detail=", ".join(parts))
+        return bad(", ".join([troubles[0].words, *parts[1:]]), HEAT_REMEDY)
+    return well(", ".join(parts))
 
 
 def check_power(reading: Machine | None = None) -> Check:
     """The supply is strong enough, and nothing slows the processor down."""
-    name, found = "power", read_machine() if reading is None else reading
+    found = read_machine() if reading is None else reading
     if found.is_under_voltage is None and found.is_throttled is None:
-        return Check(check=name, ok=True, detail=_NOT_REPORTED[found.is_pi])
+        return well(_NOT_REPORTED[found.is_pi])
     troubles = [each for each in troubles_of(found) if each.name in {"power", "throttled"}]
     if troubles:
-        return Check(
-            check=name,
-            ok=False,
-            detail="; ".join(each.words for each in troubles),
-            remedy=troubles[0].remedy,
-        )
+        return bad("; ".join(each.words for each in troubles), troubles[0].remedy)
     if found.has_been_under_voltage:
         words = "well now, but it has been too weak before: under-voltage spoils cards and frames"
-        return Check(check=name, ok=None, detail=words, remedy=POWER_REMEDY)
+        return unsure(words, POWER_REMEDY)
     if found.has_been_throttled:
         words = "well now, but the processor has been slowed down before"
-        return Check(check=name, ok=None, detail=words, remedy=HEAT_REMEDY)
+        return unsure(words, HEAT_REMEDY)
     words = "no under-voltage" if found.is_throttled is None else "no under-voltage, not throttled"
-    return Check(check=name, ok=True, detail=words)
+    return well(words)
 
 
 def check_medium(config: Config, medium: Medium | None = None) -> Check:
     """The nights are written to something that bears it: a card wears out, and is slow."""
-    name, root = "recording medium", config.session.root
+    root = config.session.root
     found = medium_of(root) if medium is None else medium
     now_utc_ns = utc_now_ns()
     need = disk_outlook(config, doctor_system.free_bytes(root), now_utc_ns).bytes_a_night
@@ -85,22 +75,22 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
             "is the operating system too"
         )
         is_worn = (found.life_used_percent or 0) >= WORN_PERCENT
-        return Check(check=name, ok=False if is_worn else None, detail=detail, remedy=remedy)
+        return Check(ok=False if is_worn else None, detail=detail, remedy=remedy)
     if found.kind == "memory":
         remedy = "set session.root to a disk: what lies in memory is gone with the power"
-        return Check(check=name, ok=False, detail=detail, remedy=remedy)
-    return Check(check=name, ok=True, detail=detail)
+        return bad(detail, remedy)
+    return well(detail)
 
 
 def check_time_source(source: TimeSource | None = None) -> Check:
     """Somebody sets this machine's clock; without a real-time clock each power cut unsets it."""
-    name, found = "time source", read_time_source() if source is None else source
+    found = read_time_source() if source is None else source
     kept = f"real-time clock {found.rtc}" if found.rtc else "no real-time clock"
     said = found.detail if found.kind == "unknown" else f"{found.kind}: {found.detail}"
     detail = f"{said}; {kept}"
     if found.kind in {"GPS", "NTP"}:
-        return Check(check=name, ok=True, detail=detail)
+        return well(detail)
     remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
     if not found.rtc:
         remedy += "; until it is reached after each start the time is wrong"
-    return Check(check=name, ok=None, detail=detail, remedy=remedy)
+    return unsure(detail, remedy)

@@ -3,7 +3,7 @@
 from datetime import date
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.doctor_check import Check
+from rsoconsole.engine.doctor.doctor_check import Check, unsure
 from rsoconsole.instruments.observatory import utc_now_ns
 from rsoconsole.pipeline.frame import OLD_DAYS, age_days, day_of, shutter_words, timing_words
 
@@ -15,9 +15,7 @@ def check_shutter(config: Config, today: date | None = None) -> Check:
     today = today or day_of(utc_now_ns())
     known = config.exposure.calibrated
     if not known:
-        return Check(
-            check="shutter", ok=None, detail=shutter_words(config.exposure, today), remedy=HOW
-        )
+        return unsure(shutter_words(config.exposure, today), HOW)
     detail = "; ".join(f"{each.mode_words}: {timing_words(each, today)}" for each in known)
     old = [each for each in known if age_days(each, today) > OLD_DAYS]
     later = [each for each in known if age_days(each, today) < 0]
@@ -25,4 +23,4 @@ def check_shutter(config: Config, today: date | None = None) -> Check:
         remedy = "the machine's clock is wrong, or exposure.calibrated.measured_on"
     else:
         remedy = f"older than {OLD_DAYS} days: measure again, {HOW}" if old else ""
-    return Check(check="shutter", ok=None if old or later else True, detail=detail, remedy=remedy)
+    return Check(ok=None if old or later else True, detail=detail, remedy=remedy)

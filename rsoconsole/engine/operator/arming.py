@@ -16,9 +16,12 @@ from rsoconsole.engine.doctor import (
     ClockReading,
     Lack,
     LackName,
+    bad,
     doctor,
     doctor_system,
     lacks_of,
+    unsure,
+    well,
 )
 from rsoconsole.engine.machine import DISK_REMEDY, bytes_until_dawn
 from rsoconsole.errors import RsoconsoleError
@@ -125,14 +128,14 @@ def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]
     """Every check but "pointing", which needs a frame. Pure."""
     return (
         _clock(facts, config),
-        _site(facts),
-        _time(facts),
-        _sun(facts, config),
-        _unparked(facts, config),
-        _abort(facts, config),
-        _tracking(facts, config),
-        _weather(facts, config),
-        _dome(facts, config),
+        _of_doctor("site", _site(facts)),
+        _of_doctor("time", _time(facts)),
+        _of_doctor("sun", _sun(facts, config)),
+        _of_doctor("unparked", _unparked(facts, config)),
+        _of_doctor("abort", _ability("abort", "STOP can end a slew", facts, config)),
+        _of_doctor("tracking", _ability("tracking", "it can be ended at a limit", facts, config)),
+        _of_doctor("weather", _weather(facts, config)),
+        _of_doctor("dome", _dome(facts, config)),
         _disk(facts, config),
         _of_doctor("network", facts.network),
         _of_doctor("index", facts.index),
@@ -146,28 +149,26 @@ def pointing_check(
 
     ``report`` is of the time of the exposure; None stands for a mount that did not tell.
     """
-    name = "pointing"
+    return _of_doctor("pointing", _pointing(solution, report, config))
+
+
+def _pointing(
+    solution: Solution | NotSolved | None, report: MountReport | None, config: Config
+) -> Check:
     if solution is None:
-        return ArmingCheck(
-            name=name,
-            ok=False,
-            detail="no frame has been taken yet",
-            remedy="look at the camera: its driver, its cable, its power",
+        return bad(
+            "no frame has been taken yet", "look at the camera: its driver, its cable, its power"
         )
     if isinstance(solution, NotSolved):
-        return ArmingCheck(
-            name=name,
-            ok=False,
-            detail=f"frame {solution.frame_id} is not solved: {solution.reason}",
-            remedy="lens cap, focus, cloud? Check optics.focal_length_mm and pixel_um, and "
+        return bad(
+            f"frame {solution.frame_id} is not solved: {solution.reason}",
+            "lens cap, focus, cloud? Check optics.focal_length_mm and pixel_um, and "
             f"that the mount is aligned to within solver.radius_deg = {config.solver.radius_deg:g}",
         )
     if report is None:
-        return ArmingCheck(
-            name=name,
-            ok=False,
-            detail="the mount does not say where it looks",
-            remedy="look at the mount's driver, its cable, its power",
+        return bad(
+            "the mount does not say where it looks",
+            "look at the mount's driver, its cable, its power",
         )
     apart_deg = separation_deg(
         solution.ra_icrs_deg, solution.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
@@ -176,12 +177,10 @@ def pointing_check(
         f"pointing offset {60 * apart_deg:.1f} arcmin: the stars lie beside where the mount says"
     )
     if apart_deg <= POINTING_DEG:
-        return ArmingCheck(name=name, ok=True, detail=detail)
-    return ArmingCheck(
-        name=name,
-        ok=False,
-        detail=f"{detail}, {60 * POINTING_DEG:.0f} at most",
-        remedy="align the mount with its own tools (its sync, its hand controller)",
+        return well(detail)
+    return bad(
+        f"{detail}, {60 * POINTING_DEG:.0f} at most",
+        "align the mount with its own tools (its sync, its hand controller)",
     )
 
 
@@ -225,11 +224,11 @@ def _machine_clock(facts: ArmingFacts) -> ArmingCheck:
     return ArmingCheck(name=name, ok=False, detail=detail, remedy="wait until it has settled")
 
 
-def _site(facts: ArmingFacts) -> ArmingCheck:
+def _site(facts: ArmingFacts) -> Check:
     if facts.site is None:
-        return _mount_is_dumb("site", facts)
+        return _mount_is_dumb(facts)
     if facts.site.is_consistent:
-        return ArmingCheck(name="site", ok=True, detail=facts.site.detail)
+        return well(facts.site.detail)
     distance_km = facts.site.distance_km
     detail = (
         facts.site.detail
@@ -237,66 +236,54 @@ def _site(facts: ArmingFacts) -> ArmingCheck:
         else f"the mount believes to stand {distance_km:.0f} km from the configured site"
     )
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
-    return ArmingCheck(name="site", ok=False, detail=detail, remedy=remedy)
+    return bad(detail, remedy)
 
 
-def _time(facts: ArmingFacts) -> ArmingCheck:
+def _time(facts: ArmingFacts) -> Check:
     if facts.report is None:
-        return _mount_is_dumb("time", facts)
+        return _mount_is_dumb(facts)
     offset_s = facts.mount_utc_offset_s
     if offset_s is None:
-        return ArmingCheck(name="time", ok=True, detail="the mount does not tell its time")
+        return well("the mount does not tell its time")
     detail = f"the mount's clock is {offset_s:+.1f} s from this machine's"
     if abs(offset_s) <= MOUNT_TIME_S:
-        return ArmingCheck(name="time", ok=True, detail=detail)
-    return ArmingCheck(
-        name="time",
-        ok=False,
-        detail=f"{detail}, {MOUNT_TIME_S:.0f} s at most",
-        remedy="set the mount's UTC time, or the hand controller's zone and summer time",
+        return well(detail)
+    return bad(
+        f"{detail}, {MOUNT_TIME_S:.0f} s at most",
+        "set the mount's UTC time, or the hand controller's zone and summer time",
     )
 
 
-def _sun(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _sun(facts: ArmingFacts, config: Config) -> Check:
     fault = sun_fault(config, facts.now_utc_ns)
     when = darkness_words(config, facts.now_utc_ns)
     if fault:
-        return ArmingCheck(name="sun", ok=False, detail=fault, remedy=when)
-    return ArmingCheck(name="sun", ok=True, detail=when)
+        return bad(fault, when)
+    return well(when)
 
 
-def _unparked(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _unparked(facts: ArmingFacts, config: Config) -> Check:
     if facts.report is None:
-        return _mount_is_dumb("unparked", facts)
+        return _mount_is_dumb(facts)
     if facts.report.is_parked:
-        return ArmingCheck(
-            name="unparked", ok=False, detail="the mount is parked", remedy="'rsoconsole unpark'"
-        )
+        return bad("the mount is parked", "'rsoconsole unpark'")
     is_parking = facts.report.is_parking
     detail = "the mount parks: arming ends that" if is_parking else "the mount is not parked"
     found = [_lack(name, facts, config) for name in ("park", "pier side")]
     lacks = [f"{lack.what}, {lack.follows}" for lack in found if lack is not None]
-    return ArmingCheck(name="unparked", ok=True, detail="; ".join([detail, *lacks]))
-
-
-def _abort(facts: ArmingFacts, config: Config) -> ArmingCheck:
-    return _ability("abort", "STOP can end a slew", facts, config)
-
-
-def _tracking(facts: ArmingFacts, config: Config) -> ArmingCheck:
-    return _ability("tracking", "it can be ended at a limit", facts, config)
+    return well("; ".join([detail, *lacks]))
 
 
 def _ability(
     name: Literal["abort", "tracking"], detail: str, facts: ArmingFacts, config: Config
-) -> ArmingCheck:
+) -> Check:
     if facts.report is None or facts.abilities is None:
-        return _mount_is_dumb(name, facts)
+        return _mount_is_dumb(facts)
     lack = _lack(name, facts, config)
     if lack is None:
-        return ArmingCheck(name=name, ok=True, detail=detail)
+        return well(detail)
     remedy = "use a driver that can; else stay beside the mount" if lack.needs_override else ""
-    return ArmingCheck(name=name, ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
+    return Check(ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
 
 
 def _lack(name: LackName, facts: ArmingFacts, config: Config) -> Lack | None:
@@ -304,24 +291,24 @@ def _lack(name: LackName, facts: ArmingFacts, config: Config) -> Lack | None:
     return next((lack for lack in lacks if lack.name == name), None)
 
 
-def _weather(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _weather(facts: ArmingFacts, config: Config) -> Check:
     if config.indi.weather is None:
-        return ArmingCheck(name="weather", ok=True, detail="no station is configured")
+        return well("no station is configured")
     fault = weather_fault(config, facts.sky)
     if fault:
         remedy = "wait until it clears; for a silent station look at its driver and indi.weather"
-        return ArmingCheck(name="weather", ok=False, detail=fault, remedy=remedy)
+        return bad(fault, remedy)
     word = facts.sky.weather if facts.sky else None
-    return ArmingCheck(name="weather", ok=True, detail=f"{config.indi.weather} says {word}")
+    return well(f"{config.indi.weather} says {word}")
 
 
-def _dome(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _dome(facts: ArmingFacts, config: Config) -> Check:
     if config.indi.dome is None:
-        return ArmingCheck(name="dome", ok=True, detail="none is configured")
+        return well("none is configured")
     fault = dome_fault(config, facts.sky)
     if fault:
-        return ArmingCheck(name="dome", ok=False, detail=fault, remedy="open its shutter")
-    return ArmingCheck(name="dome", ok=True, detail=f"{config.indi.dome} is open")
+        return bad(fault, "open its shutter")
+    return well(f"{config.indi.dome} is open")
 
 
 def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
@@ -343,18 +330,17 @@ def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
 
 
 def _of_doctor(name: str, found: Check) -> ArmingCheck:
+    """To arm, what cannot be told is not well."""
     is_well = found.ok is True
     return ArmingCheck(
         name=name, ok=is_well, detail=found.detail, remedy="" if is_well else found.remedy
     )
 
 
-def _mount_is_dumb(name: str, facts: ArmingFacts) -> ArmingCheck:
-    return ArmingCheck(
-        name=name,
-        ok=False,
-        detail=f"the mount does not answer: {facts.mount_fault or 'no reason given'}",
-        remedy="look at its driver, its cable, its power",
+def _mount_is_dumb(facts: ArmingFacts) -> Check:
+    return bad(
+        f"the mount does not answer: {facts.mount_fault or 'no reason given'}",
+        "look at its driver, its cable, its power",
     )
 
 
@@ -370,4 +356,4 @@ def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
 
 def _checked(check: Callable[[Config], Check], config: Config) -> Check:
     found, fault = _ask(lambda: check(config))
-    return found or Check(check="", ok=None, detail=fault, remedy="reinstall rsoconsole")
+    return found or unsure(fault, "reinstall rsoconsole")
