@@ -207,7 +207,7 @@ def test_a_hold_behind_an_order_at_the_close_teaches_no_pointing_offset() -> Non
     r.engine.instrument_controller.on_closed = hold_after
     r.engine.run(frames=23)
     assert held
-    offset = r.engine.planner.pointing_offset
+    offset = r.engine.planner._pointing.last
     assert max(abs(offset.east_arcsec), abs(offset.north_arcsec)) < 60.0
 
 

@@ -97,15 +97,14 @@ def test_a_pi_is_hot_where_other_machines_are_not():
 
 def test_the_firmwares_own_program_is_asked_before_the_file_that_complains(tmp_path, monkeypatch):
     asked: list[tuple[str, ...]] = []
-    monkeypatch.setattr(machine.shutil, "which", lambda name: f"/usr/bin/{name}")
 
-    def answer(*words: str) -> str:
+    def answer(words: tuple[str, ...]) -> str:
         asked.append(words)
-        return "throttled=0x50005"
+        return "throttled=0x50005\n"
 
-    monkeypatch.setattr(machine, "_ask", answer)
+    monkeypatch.setattr(machine, "run_program", answer)
     assert read_machine(Path("/")).is_throttled is True
-    assert asked == [("/usr/bin/vcgencmd", "get_throttled")]
+    assert asked == [("vcgencmd", "get_throttled")]
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_the_doctor_asks_the_driver_what_it_offers(
     server: Serve, missing: set[str], ok: bool | None, says: str
 ):
     check = diagnosed(server(WHOLE - missing))
-    assert (check.check, check.ok) == ("mount driver", ok)
+    assert check.ok is ok
     assert says in check.detail
     for name in missing - {"EQUATORIAL_EOD_COORD"}:
         assert name in check.detail

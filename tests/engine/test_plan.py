@@ -226,11 +226,11 @@ def test_the_first_look_teaches_the_offset_and_a_move_by_hand_keeps_it():
     here = report()
     loop.expose(loop.planner.first_look(T0_UTC_NS), SEARCHING, SEARCHING)
     loop.planner.solved(solution_at(here.ra_icrs_deg, here.dec_icrs_deg + 0.1))
-    offset = loop.planner.pointing_offset
+    offset = loop.planner._pointing.last
     assert (offset.samples, offset.north_arcsec) == (1, pytest.approx(360.0, abs=0.1))
     moved = report(-38.0)
     loop.planner.moved_by_hand(moved)
-    assert loop.planner.pointing_offset == offset
+    assert loop.planner._pointing.last == offset
     looks = loop.planner.looking_at(moved)
     beside = separation_deg(*looks, moved.ra_icrs_deg, moved.dec_icrs_deg + 0.1)
     assert beside * 3600.0 < 1.0
@@ -240,7 +240,7 @@ def test_a_mount_that_does_not_track_teaches_no_offset():
     loop = Loop(LIST)
     loop.planner.moved_by_hand(report(is_tracking=False))
     loop.planner.solved(solution_at(10.0, 10.0))
-    assert loop.planner.pointing_offset.samples == 0
+    assert loop.planner._pointing.last.samples == 0
 
 
 def test_the_offset_is_that_of_the_side_the_mount_will_choose_when_it_is_told():

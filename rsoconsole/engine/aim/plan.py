@@ -27,7 +27,7 @@ from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
 from rsoconsole.sky import hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
 from rsoconsole.sky.limits import Pose
-from rsoconsole.tracking import PointingModel, PointingOffset, command_for, observed
+from rsoconsole.tracking import PointingModel, command_for, observed
 from rsoconsole.tracking.association import Following
 
 
@@ -53,11 +53,6 @@ class Planner:
         self._planned: tuple[SlewCommand | None, int] = (None, 0)
         self.last_report: MountReport | None = None
         """What the mount said last of its place at rest."""
-
-    @property
-    def pointing_offset(self) -> PointingOffset:
-        """How far the telescope looked beside where it was sent, as last learnt."""
-        return self._pointing.last
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""

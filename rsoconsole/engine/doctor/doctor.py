@@ -30,7 +30,6 @@ from rsoconsole.sky import NS_PER_DAY, separation_deg
 
 if TYPE_CHECKING:
     from rsoconsole.instruments.solver import IndexFile
-    from rsoconsole.orbits.elements import CatalogueEntry
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
@@ -190,7 +189,8 @@ def check_catalogue(config: Config) -> Check:
     except RsoconsoleError as error:
         return bad(str(error), f"{fetch}, or mend the path")
     now_utc_ns = utc_now_ns()
-    newest = {each.norad_id: each.epoch_utc_ns for each in sorted(entries, key=_epoch)}
+    in_order = sorted(entries, key=lambda each: each.epoch_utc_ns)
+    newest = {each.norad_id: each.epoch_utc_ns for each in in_order}
     ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
     middle_days = ages_days[len(ages_days) // 2]
     is_fresh = middle_days <= STALE_DAYS
@@ -199,10 +199,6 @@ def check_catalogue(config: Config) -> Check:
         detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
         remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
     )
-
-
-def _epoch(entry: "CatalogueEntry") -> int:
-    return entry.epoch_utc_ns
 
 
 def check_site(config: Config) -> Check:

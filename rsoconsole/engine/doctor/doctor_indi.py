@@ -7,6 +7,7 @@ import html
 import re
 import socket
 import time
+from contextlib import closing
 
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check, bad, well
@@ -77,9 +78,8 @@ def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAb
 
     None where it has told no coordinates: it is not connected to its mount. Raises InstrumentError.
     """
-    wire = IndiWire(host, port, quiet_s)
     found: set[str] = set()
-    try:
+    with closing(IndiWire(host, port, quiet_s)) as wire:
         wire.ask(mount)
         while not found >= _ALL_OF_MOUNT:
             vector = wire.wait(
@@ -88,8 +88,6 @@ def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAb
             if vector is None:
                 break
             found.add(vector.name)
-    finally:
-        wire.close()
     return abilities_by(found) if _COORDINATES in found else None
 
 
@@ -98,15 +96,12 @@ def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
 
     Raises InstrumentError.
     """
-    wire = IndiWire(host, port, quiet_s)
-    try:
+    with closing(IndiWire(host, port, quiet_s)) as wire:
         wire.ask(mount, "GEOGRAPHIC_COORD")
         found = wire.wait(
             lambda vector: vector.device == mount and vector.name == "GEOGRAPHIC_COORD",
             quiet_s,
         )
-    finally:
-        wire.close()
     if found is None:
         return None
     latitude_deg, east_deg = float(found.values["LAT"]), float(found.values["LONG"])

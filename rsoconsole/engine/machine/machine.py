@@ -8,6 +8,7 @@ machine does not tell is None, never a guess.
 
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ ROOT = Path("/")
 """Where ``proc`` and ``sys`` are; tests put their own here."""
 PI_HOT_C, HOT_C = 80.0, 95.0
 """A Raspberry Pi slows itself down from 80 degrees on; other machines are built for more."""
-FIRMWARE_TIMEOUT_S = 3.0
+TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16
 """Shift from each of these bits to the bit that says whether it has been so before."""
@@ -116,8 +117,7 @@ def _supply_alarm(root: Path) -> bool | None:
 
 def _throttled_word(root: Path) -> int | None:
     """The firmware's word; by its own program first: the kernel's file complains when read."""
-    program = shutil.which("vcgencmd") if root == Path("/") else None
-    answer = None if program is None else _ask(program, "get_throttled")
+    answer = run_program(("vcgencmd", "get_throttled")) if root == Path("/") else None
     if answer is None:
         answer = text_of(root / _THROTTLED_FILE)
     try:
@@ -126,14 +126,18 @@ def _throttled_word(root: Path) -> int | None:
         return None
 
 
-def _ask(*words: str) -> str | None:
+def run_program(words: Sequence[str]) -> str | None:
+    """What a program says; None where it is not there, fails or takes too long."""
+    program = shutil.which(words[0])
+    if program is None:
+        return None
     try:
         done = subprocess.run(
-            words, capture_output=True, text=True, timeout=FIRMWARE_TIMEOUT_S, check=True
+            (program, *words[1:]), capture_output=True, text=True, timeout=TIMEOUT_S, check=True
         )
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip()
+    return done.stdout
 
 
 def _megahertz(root: Path, name: str) -> float | None:

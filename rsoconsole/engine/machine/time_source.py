@@ -1,18 +1,15 @@
 """Where this machine's time comes from: a GPS receiver, a time server, or nowhere."""
 
 import re
-import shutil
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import text_of
+from rsoconsole.engine.machine.machine import run_program, text_of
 
 TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
-TIMEOUT_S = 3.0
 _CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
 """Reference clocks, as chrony and gpsd name them."""
 _LEAP_UNSET = "Not synchronised"
@@ -39,20 +36,6 @@ def read_time_source(ask: Ask | None = None, root: Path | None = None) -> TimeSo
     if found is None:
         found = _by_systemd(put(("timedatectl", "show")), put(("timedatectl", "show-timesync")))
     return TimeSource(kind=found[0], detail=found[1], rtc=clock)
-
-
-def run_program(words: Sequence[str]) -> str | None:
-    """What a program says; None where it is not there, fails or takes too long."""
-    program = shutil.which(words[0])
-    if program is None:
-        return None
-    try:
-        done = subprocess.run(
-            (program, *words[1:]), capture_output=True, text=True, timeout=TIMEOUT_S, check=True
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout
 
 
 def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config, OpticsConfig
-from rsoconsole.engine.tasks.tunables import change_record, changed
+from rsoconsole.engine.tasks.tunables import change_record, changed, value_of
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking.filters import sky_rate_arcsec_s
 
@@ -92,7 +92,7 @@ class Pace:
         ``track``: as the last frame left it; None where nothing is followed.
         """
         for name, value in list(self._own.items()):
-            if _value(config, name) != value:
+            if value_of(config, name) != value:
                 self._is_left_alone = True
                 self._before.pop(name)
                 self._own.pop(name)
@@ -109,15 +109,15 @@ class Pace:
         apart = {
             name: value
             for name, value in values.items()
-            if value == _value(base, name)
-            or abs(value / _value(config, name) - 1.0) > _WORTH_CHANGING
+            if value == value_of(base, name)
+            or abs(value / value_of(config, name) - 1.0) > _WORTH_CHANGING
         }
         return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
 
     def of_night(self, config: Config) -> Config:
         """The configuration without what is changed for the track."""
         for name, value in self._before.items():
-            if _value(config, name) == self._own.get(name):
+            if value_of(config, name) == self._own.get(name):
                 config = changed(config, name, value)
         return config
 
@@ -126,11 +126,11 @@ class Pace:
     ) -> tuple[Config, tuple[ParameterChange, ...]]:
         changes = []
         for name, value in values.items():
-            if value == _value(config, name):
+            if value == value_of(config, name):
                 continue
             after = changed(config, name, value)
             changes.append(change_record(config, after, name, by))
-            if self._before.setdefault(name, _value(config, name)) == value:
+            if self._before.setdefault(name, value_of(config, name)) == value:
                 self._before.pop(name)
                 self._own.pop(name, None)
             else:
@@ -143,8 +143,3 @@ def _may_change(config: Config) -> bool:
     """The paper's night has one exposure, and a dark that cannot be scaled fits one only."""
     is_dark_fixed = bool(config.calibration.darks) and config.calibration.bias is None
     return config.exposure.automatic and config.filter.preset != "paper" and not is_dark_fixed
-
-
-def _value(config: Config, name: str) -> float:
-    section, _, key = name.partition(".")
-    return float(getattr(getattr(config, section), key))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.engine.tasks.tunables import change_record, changed
+from rsoconsole.engine.tasks.tunables import change_record, changed, value_of
 from rsoconsole.records import ParameterChange
 
 
@@ -25,9 +25,7 @@ class Temporary:
     def lend(self, config: Config, name: str, frames: int) -> None:
         """Remember what the setting is now; the first lender's value comes back at the end."""
         known = self._loans.get(name)
-        section, _, key = name.partition(".")
-        own = self._of_night(config)
-        before = getattr(getattr(own, section), key) if known is None else known.before
+        before = value_of(self._of_night(config), name) if known is None else known.before
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:

@@ -1,5 +1,7 @@
 """The settings that may change while the loop runs, and the record of a change."""
 
+from typing import Any
+
 from rsoconsole.config import Config, unknown_setting, walk, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import ParameterChange
@@ -74,10 +76,12 @@ def check_tunable(name: str) -> None:
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
     """The change for the record."""
-    section, _, key = name.partition(".")
     return ParameterChange(
-        name=name,
-        before=getattr(getattr(before, section), key),
-        after=getattr(getattr(after, section), key),
-        by=by,
+        name=name, before=value_of(before, name), after=value_of(after, name), by=by
     )
+
+
+def value_of(config: Config, name: str) -> Any:
+    """What a setting is there."""
+    section, _, key = name.partition(".")
+    return getattr(getattr(config, section), key)

@@ -5,7 +5,6 @@ in the extensions of one file. Only the decoding process reads them: a hostile f
 crash it.
 """
 
-import math
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.errors import FrameError
+from rsoconsole.instruments.frames.fits_structure import data_bytes
 from rsoconsole.instruments.frames.plain_fits import FitsImage
 
 ALL = "all"
@@ -58,7 +58,8 @@ def image_by_astropy(
                 label = _chosen(found, extension, name)
                 hdu = found[label].hdu
                 info = hdu.fileinfo()
-                if info and info["datLoc"] + _data_bytes(hdu) > len(content):
+                promised = data_bytes(getattr(hdu, "_bintable", hdu).header)
+                if info and info["datLoc"] + promised > len(content):
                     raise truncated
                 raw = hdu.data
                 if raw is None:
@@ -146,14 +147,6 @@ def _readable(hdus: Any) -> Iterator[Any]:
             return
         count += 1
         yield hdu
-
-
-def _data_bytes(hdu: Any) -> int:
-    """Bytes that the header promises, without the padding to a full block."""
-    header = getattr(hdu, "_bintable", hdu).header
-    axes = [int(header[f"NAXIS{i + 1}"]) for i in range(int(header["NAXIS"]))]
-    items = int(header.get("PCOUNT", 0)) + math.prod(axes)
-    return abs(int(header["BITPIX"])) // 8 * int(header.get("GCOUNT", 1)) * items
 
 
 def _merged_header(primary: Any, own: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ is. Source: FITS standard 4.0, 4.4.1, 7.1.1, 7.3.1 and 10.1.
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from rsoconsole.instruments.frames.plain_fits import Content
 
@@ -40,7 +40,7 @@ def _headers(content: Content) -> Iterator[dict[str, int]]:
         yield header
         if _fault_of(header) is not None:
             return
-        offset = end + -(-_data_bytes(header) // _BLOCK) * _BLOCK
+        offset = end + -(-data_bytes(header) // _BLOCK) * _BLOCK
         if offset >= len(content):
             return
 
@@ -68,7 +68,8 @@ def _number(digits: bytes) -> int:
     return int(digits) if len(digits) < 20 else (-1 if digits.startswith(b"-") else 10**20)
 
 
-def _data_bytes(header: dict[str, int]) -> int:
+def data_bytes(header: Mapping[str, int]) -> int:
+    """Bytes that a unit's header promises, without the padding to a full block."""
     axes = [header.get(f"NAXIS{n + 1}", 0) for n in range(header.get("NAXIS", 0))]
     items = math.prod(axes) if axes else 0
     groups = header.get("GCOUNT", 1)

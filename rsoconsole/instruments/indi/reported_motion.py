@@ -10,10 +10,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rsoconsole.instruments import DirectionReport, Motion, MotionMeter
 from rsoconsole.sky import hours_to_deg
+
+if TYPE_CHECKING:
+    from rsoconsole.instruments.indi.indi_client import Vector
+    from rsoconsole.instruments.indi.indi_wire import IndiVector
 
 COORDINATES = "EQUATORIAL_EOD_COORD"
 POLLING = "POLLING_PERIOD"
@@ -27,26 +31,6 @@ _PERIODS_S = (0.05, 30.0)
 _INTERVALS = 9
 _INTERVAL_S = (0.2, 10.0)
 _NS = 1e9
-
-
-class AnyVector(Protocol):
-    """A property's vector, from whichever client."""
-
-    @property
-    def name(self) -> str:
-        """Of the property."""
-
-    @property
-    def state(self) -> str:
-        """Idle, Ok, Busy or Alert."""
-
-    @property
-    def values(self) -> Mapping[str, Any]:
-        """Numbers as such, or as INDI writes them."""
-
-    @property
-    def is_definition(self) -> bool:
-        """The answer to what there is, however old its values are by then."""
 
 
 class ReportedMotion:
@@ -74,7 +58,7 @@ class ReportedMotion:
         self.polling_ms: float | None = None
         """What the driver says of its looks; None where it says nothing."""
 
-    def take(self, vector: AnyVector) -> None:
+    def take(self, vector: "Vector | IndiVector") -> None:
         """One more word of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
@@ -145,7 +129,7 @@ class ReportedMotion:
             self._knows_period = True
             self._meter.period_s = max(_PERIODS_S[0], statistics.median(self._apart_s))
 
-    def _take_coordinates(self, vector: AnyVector, now_s: float) -> None:
+    def _take_coordinates(self, vector: "Vector | IndiVector", now_s: float) -> None:
         was_busy, self._spoke_s = self.state == "Busy", now_s
         if was_busy is not (vector.state == "Busy"):
             # Where it was on its way here tells nothing of how it moves from now on.

@@ -90,7 +90,7 @@ def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
     found: list[IndexFile] = []
     for folder in dirs:
         if folder.is_dir():
-            found += [_examine(path) for path in sorted(folder.glob("index-*.fits"))]
+            found += [examine(path) for path in sorted(folder.glob("index-*.fits"))]
     return tuple(found)
 
 
@@ -193,7 +193,8 @@ def _sky(file: IndexFile) -> float:
     return file.dec_deg[1] - file.dec_deg[0]
 
 
-def _examine(path: Path) -> IndexFile:
+def examine(path: Path) -> IndexFile:
+    """One file, faulty or not."""
     try:
         state = path.stat()
     except OSError as error:

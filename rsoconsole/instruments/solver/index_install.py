@@ -15,6 +15,7 @@ from rsoconsole.errors import SolverError, said_as
 from rsoconsole.instruments.solver.index_files import (
     SERIES_SCALES,
     IndexFile,
+    examine,
     list_index_files,
     user_index_dir,
 )
@@ -31,7 +32,7 @@ def install(
     *,
     from_dir: Path | None = None,
     into: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda _name, _done, _total: None,
 ) -> tuple[IndexFile, ...]:
     """Install the index files of these numbers; gives back what now lies in ``into``.
 
@@ -39,7 +40,6 @@ def install(
     ``dpkg -x`` will do; without it the files are downloaded. A complete file that is already
     there is kept. Raises SolverError when any of them could not be had.
     """
-    report = progress or _silent
     target = into or user_index_dir()
     with said_as(SolverError, f"{target} cannot be made: "):
         target.mkdir(parents=True, exist_ok=True)
@@ -49,14 +49,10 @@ def install(
     present = {f.scale for f in list_index_files([target]) if f.is_healthy and f.is_whole_sky}
     missing = [n for n in wanted if n not in present]
     if missing and from_dir is not None:
-        _copy(missing, from_dir, target, report)
+        _copy(missing, from_dir, target, progress)
     elif missing:
-        _download(missing, target, report)
+        _download(missing, target, progress)
     return tuple(f for f in list_index_files([target]) if f.scale in wanted)
-
-
-def _silent(_name: str, _done: int, _total: int) -> None:
-    return
 
 
 def _copy(scales: list[int], source: Path, target: Path, report: Progress) -> None:
@@ -109,7 +105,7 @@ def _download(scales: list[int], target: Path, report: Progress) -> None:
     for scale in scales:
         total = astrometry.series_4100.size({scale})
         fetched = _fetch(scale, cache, total, report)
-        found = _examine_one(fetched)
+        found = examine(fetched)
         if not found.is_healthy or fetched.stat().st_size != total:
             fetched.unlink(missing_ok=True)
             raise SolverError(
@@ -118,10 +114,6 @@ def _download(scales: list[int], target: Path, report: Progress) -> None:
             )
         fetched.replace(target / fetched.name)
     shutil.rmtree(cache, ignore_errors=True)
-
-
-def _examine_one(path: Path) -> IndexFile:
-    return next(f for f in list_index_files([path.parent]) if f.path.name == path.name)
 
 
 def _fetch(scale: int, cache: Path, total: int, report: Progress) -> Path:
