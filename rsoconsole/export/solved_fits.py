@@ -27,19 +27,20 @@ _PLATE = re.compile(
     r"[AB]P?_(?:ORDER|DMAX|\d+_\d+)|IMAGE[WH]"
 )
 _COLUMNS = (
-    ("X_PX", "pix", "column of the midpoint, 0-based"),
-    ("Y_PX", "pix", "row of it, 0-based"),
-    ("RA_ICRS", "deg", "midpoint at mid-exposure"),
-    ("DEC_ICRS", "deg", "midpoint at mid-exposure"),
-    ("SIG_RA", "arcsec", "one sigma, times cos Dec"),
-    ("SIG_DEC", "arcsec", "one sigma"),
-    ("CORR", None, "correlation of both errors"),
-    ("CONF", None, "confidence, 0 to 1"),
-    ("RA_A", "deg", "one end"),
-    ("DEC_A", "deg", "one end"),
-    ("RA_B", "deg", "the other end"),
-    ("DEC_B", "deg", "the other end"),
+    ("X_PX", "x_px", "pix", "column of the midpoint, 0-based"),
+    ("Y_PX", "y_px", "pix", "row of it, 0-based"),
+    ("RA_ICRS", "ra_icrs_deg", "deg", "midpoint at mid-exposure"),
+    ("DEC_ICRS", "dec_icrs_deg", "deg", "midpoint at mid-exposure"),
+    ("SIG_RA", "sigma_ra_arcsec", "arcsec", "one sigma, times cos Dec"),
+    ("SIG_DEC", "sigma_dec_arcsec", "arcsec", "one sigma"),
+    ("CORR", "correlation", None, "correlation of both errors"),
+    ("CONF", "confidence", None, "confidence, 0 to 1"),
+    ("RA_A", "ra_a_icrs_deg", "deg", "one end"),
+    ("DEC_A", "dec_a_icrs_deg", "deg", "one end"),
+    ("RA_B", "ra_b_icrs_deg", "deg", "the other end"),
+    ("DEC_B", "dec_b_icrs_deg", "deg", "the other end"),
 )
+"""Name, what a row has it from, unit and comment."""
 
 
 def solved_fits(frame: FrameOnRecord, config: Config) -> bytes:
@@ -131,24 +132,17 @@ def _streaks(frame: FrameOnRecord) -> Any:
     from astropy.io import fits
 
     rows = frame.rows
-    values = [
-        (
-            *(r.x_px, r.y_px, r.ra_icrs_deg, r.dec_icrs_deg, r.sigma_ra_arcsec, r.sigma_dec_arcsec),
-            *(r.correlation, r.confidence, r.ra_a_icrs_deg, r.dec_a_icrs_deg),
-            *(r.ra_b_icrs_deg, r.dec_b_icrs_deg),
-        )
-        for r in rows
-    ]
+    values = [[getattr(row, field) for _, field, _, _ in _COLUMNS] for row in rows]
     table = np.array(values, dtype=np.float64).reshape(len(rows), len(_COLUMNS))
     columns = [
         fits.Column(name=name, format="D", unit=unit, array=table[:, place])
-        for place, (name, unit, _) in enumerate(_COLUMNS)
+        for place, (name, _, unit, _) in enumerate(_COLUMNS)
     ]
     columns.append(fits.Column(name="TAKEN", format="L", array=[r.is_taken for r in rows]))
     columns.append(fits.Column(name="CLIPPED", format="L", array=[r.is_clipped for r in rows]))
     columns.append(fits.Column(name="SOURCE", format="8A", array=[r.source for r in rows]))
     hdu = fits.BinTableHDU.from_columns(columns, name=STREAKS)
-    for place, (_, _, comment) in enumerate(_COLUMNS, start=1):
+    for place, (_, _, _, comment) in enumerate(_COLUMNS, start=1):
         hdu.header.comments[f"TTYPE{place}"] = comment
     if frame.predicted is not None:
         x, P = frame.predicted.x, frame.predicted.P

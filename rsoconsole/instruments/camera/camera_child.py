@@ -9,6 +9,7 @@ import os
 import queue
 import sys
 import threading
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,13 @@ from rsoconsole.instruments.indi import (
     run_child,
     without_stamp,
 )
+from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
+_SAID = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
+"""Of a frame: its pixels lie in the ring, and what its camera did follows from the header."""
 
 
 class CameraChild:
@@ -189,19 +193,11 @@ class CameraChild:
         self._writer.say(
             {
                 "event": "frame",
-                "frame_id": frame_id,
-                "name": frame.name,
                 "slot": slot,
                 "dtype": frame.pixels.dtype.str,
                 "shape": frame.pixels.shape,
-                "t_start_utc_ns": frame.t_start_utc_ns,
-                "exposure_s": frame.exposure_s,
-                "scale_arcsec_px": frame.scale_arcsec_px,
-                "pointing_ra_icrs_deg": frame.pointing_ra_icrs_deg,
-                "pointing_dec_icrs_deg": frame.pointing_dec_icrs_deg,
-                "saturation_adu": frame.saturation_adu,
-                "header": dict(frame.header),
                 "arrived_monotonic_s": arrived_s,
+                **{each: getattr(frame, each) for each in _SAID},
             }
         )
 

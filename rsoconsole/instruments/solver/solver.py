@@ -114,11 +114,6 @@ class PlateSolver:
         """End the process."""
         self.close()
 
-    @property
-    def index_files(self) -> tuple[IndexFile, ...]:
-        """Every index file found, faulty ones too."""
-        return self._files
-
     def close(self) -> None:
         """End the solver process; the solver must not be used afterwards."""
         self._child.close()
