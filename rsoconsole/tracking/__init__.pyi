@@ -10,6 +10,5 @@ from .further_tracks import MANY as MANY
 from .joint import STRANGERS_ARCSEC2 as STRANGERS_ARCSEC2
 from .pointing import CLIP_ARCSEC as CLIP_ARCSEC
 from .pointing import PointingModel as PointingModel
-from .pointing import PointingOffset as PointingOffset
 from .pointing import command_for as command_for
 from .pointing import observed as observed

@@ -14,13 +14,11 @@ from rsoconsole.durable_files import write_durably
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.errors import SessionError, said_as
 from rsoconsole.instruments.frames import frame_from_bytes
-from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.cycle import Cycle
-from rsoconsole.pipeline.frame import FrameReducer, PlateFinder, Reduction
+from rsoconsole.pipeline.frame import Reduction, open_reducer
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session.files import compress_frame
 from rsoconsole.tracking.association import Following
-from rsoconsole.vision.detector import ConfidenceCurve, Network
 from rsoconsole.vision.frame import threads_for
 
 BUDGET_S = 22.0
@@ -95,14 +93,11 @@ def measure(
     can be written.
     """
     report("loading network, star index and catalogue")
-    network = Network.load(config.detector.model, config.detector.threads)
-    curve = ConfidenceCurve.from_card(network.card)
     with (
-        PlateSolver(config.solver.index_dirs) as solver,
+        open_reducer(config) as (reducer, _),
         _scratch_folder(nearest_existing(config.session.root)) as scratch,
     ):
-        finder = PlateFinder(solver, config)
-        bench = _Bench(Cycle(FrameReducer(network, curve, finder, config), config), scratch)
+        bench = _Bench(Cycle(reducer, config), scratch)
         rounds: list[Times] = []
         began_s = time.monotonic()
         while len(rounds) < most_rounds:

@@ -156,8 +156,7 @@ class FrameTurn:
     def _count_frame(self) -> None:
         """One frame is done: what holds for some frames, or until the sky clears, may be over."""
         config, changes = self.temporary.count(self._control.config)
-        for change in changes:
-            self._parts.session_log.append(change)
+        self._parts.session_log.append_all(changes)
         if changes:
             self._control.configure(config)
         if not self._leaping.is_on:
@@ -173,8 +172,7 @@ class FrameTurn:
     def set_pace(self, track: TrackState | None) -> None:
         """Exposure and cadence for what is followed; the night's own where nothing is."""
         config, changes = self._pace.after(self._control.config, track)
-        for change in changes:
-            self._parts.session_log.append(change)
+        self._parts.session_log.append_all(changes)
         if changes:
             self._control.configure(config)
 

@@ -58,8 +58,8 @@ def image_by_astropy(
                 label = _chosen(found, extension, name)
                 hdu = found[label].hdu
                 info = hdu.fileinfo()
-                promised = data_bytes(getattr(hdu, "_bintable", hdu).header)
-                if info and info["datLoc"] + promised > len(content):
+                size_bytes = data_bytes(getattr(hdu, "_bintable", hdu).header)
+                if info and info["datLoc"] + size_bytes > len(content):
                     raise truncated
                 raw = hdu.data
                 if raw is None:
