@@ -22,6 +22,8 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _PATH = re.compile(r"\d(?:,\d)+", re.ASCII)
 _NUMBERED = "12345"
 _HEADER = {"CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"}
+_ERRORS = ("sigma_1_arcsec", "sigma_2_arcsec", "correlation")
+"""As our comments tell them, in order."""
 
 
 def _each(*stems: str) -> set[str]:
@@ -122,7 +124,7 @@ class _Open:
     metadata: dict[str, str] = field(default_factory=dict)
     comments: list[str] = field(default_factory=list)
     halves: dict[int, dict[str, float]] = field(default_factory=dict)
-    sigmas: dict[int, tuple[float, float, float]] = field(default_factory=dict)
+    errors: dict[int, dict[str, float]] = field(default_factory=dict)
     others: int = 0
 
     def closed(self) -> TdmSegment:
@@ -130,19 +132,16 @@ class _Open:
         return TdmSegment(
             metadata=self.metadata,
             comments=tuple(self.comments),
-            angles=tuple(self._angles(t, half) for t, half in pairs.items()),
+            angles=tuple(
+                TdmAngles(
+                    t_utc_ns=t,
+                    angle_1_deg=half["ANGLE_1"],
+                    angle_2_deg=half["ANGLE_2"],
+                    **self.errors.get(t, {}),
+                )
+                for t, half in pairs.items()
+            ),
             others=self.others + len(self.halves) - len(pairs),
-        )
-
-    def _angles(self, t_utc_ns: int, half: Mapping[str, float]) -> TdmAngles:
-        sigma_1, sigma_2, correlation = self.sigmas.get(t_utc_ns, (None, None, None))
-        return TdmAngles(
-            t_utc_ns=t_utc_ns,
-            angle_1_deg=half["ANGLE_1"],
-            angle_2_deg=half["ANGLE_2"],
-            sigma_1_arcsec=sigma_1,
-            sigma_2_arcsec=sigma_2,
-            correlation=correlation,
         )
 
 
@@ -270,8 +269,8 @@ class _Walk:
             return
         parts = text.split()
         if self.section == "data" and parts[:1] == ["SIGMA"] and len(parts) == 5:
-            east, north, correlation = (self._value("SIGMA", part) for part in parts[2:])
-            self.open.sigmas[self._instant(parts[1])] = (east, north, correlation)
+            values = (self._value("SIGMA", part) for part in parts[2:])
+            self.open.errors[self._instant(parts[1])] = dict(zip(_ERRORS, values, strict=True))
             return
         self.open.comments.append(text)
 

@@ -5,10 +5,9 @@ import logging
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.engine.operator import Control
-from rsoconsole.engine.tasks import SessionLog, change_record, changed
+from rsoconsole.engine.operator import Control, Parts
+from rsoconsole.engine.tasks import change_record, changed
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import Instruments
 from rsoconsole.pipeline.leaps import binning_for
 
 log = logging.getLogger(__name__)
@@ -20,8 +19,9 @@ _WORTH_CHANGING = 0.15
 class LeapCamera:
     """Sets exposure and binning, on record, and gives the night's own back."""
 
-    def __init__(self, control: Control, instruments: Instruments, session_log: SessionLog) -> None:
-        self._control, self._camera, self._session_log = control, instruments.camera, session_log
+    def __init__(self, control: Control, parts: Parts) -> None:
+        self._control, self._session_log = control, parts.session_log
+        self._camera = parts.instrument_controller.instruments.camera
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""
         self.share = 1.0

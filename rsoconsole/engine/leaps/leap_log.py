@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.engine.aim import NS, InstrumentController
+from rsoconsole.engine.aim import NS
 from rsoconsole.engine.leaps.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leaps.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leaps.leap_words import (
@@ -14,8 +14,7 @@ from rsoconsole.engine.leaps.leap_words import (
     pass_words,
     rest_words,
 )
-from rsoconsole.engine.operator import Control
-from rsoconsole.engine.tasks import SessionLog
+from rsoconsole.engine.operator import Control, Parts
 from rsoconsole.orbits.low import ExpectedPass, LeapTrack, path_of_orbit
 from rsoconsole.orbits.motion import KnownOrbit, PointMass
 from rsoconsole.pipeline.leaps import FrameStreak, Leap, Telescope, plan_pass
@@ -46,17 +45,10 @@ class _Begun:
 class LeapLog:
     """Gathers leap by leap; what takes time is done once nobody waits for it."""
 
-    def __init__(
-        self,
-        control: Control,
-        instrument_controller: InstrumentController,
-        session_log: SessionLog,
-        times: LeapTimes,
-    ) -> None:
-        self._control = control
-        self._instrument_controller = instrument_controller
-        self._session_log = session_log
-        self._times = times
+    def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
+        self._control, self._times = control, times
+        self._instrument_controller = parts.instrument_controller
+        self._session_log = parts.session_log
         self._site = control.config.site.to_site()
         self._begun = _Begun()
         self._seen: LeapSeen | None = None

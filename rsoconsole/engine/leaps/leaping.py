@@ -80,12 +80,10 @@ class Leaping:
         self._exposing = (0, 0)
         """The frame under way, and when its exposure was ordered."""
         self.times = LeapTimes(lambda: control.config, parts.instrument_controller, parts.watch)
-        self._camera = LeapCamera(
-            control, parts.instrument_controller.instruments, parts.session_log
-        )
+        self._camera = LeapCamera(control, parts)
         self._awaiting = Awaiting(control, parts)
         self._staring = Staring(control, parts, self.times, self._camera, self._awaiting)
-        self._log = LeapLog(control, parts.instrument_controller, parts.session_log, self.times)
+        self._log = LeapLog(control, parts, self.times)
 
     @property
     def is_on(self) -> bool:
