@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rsoconsole.errors import FrameError
 from rsoconsole.instruments.camera.frame_ring import SLOTS, FrameRing
 
 SHAPE = (64, 80)
@@ -60,5 +61,5 @@ def test_a_frame_outlives_the_ring():
 
 
 def test_a_frame_larger_than_a_slot_is_refused_with_the_remedy(ring):
-    with pytest.raises(ValueError, match=r"optics\.width_px"):
+    with pytest.raises(FrameError, match=r"optics\.width_px"):
         ring.room(0, (640, 800), np.uint16)

@@ -53,7 +53,7 @@ class LeapLog:
         self._begun = _Begun()
         self._seen: LeapSeen | None = None
         """What came of the last leap, not on record yet."""
-        self._parts: list[LeapParts] = []
+        self._spent: list[LeapParts] = []
         """Of each leap of the pass, what it took."""
         self._frame_id = 0
         """The last one with a leap or a first streak."""
@@ -61,12 +61,12 @@ class LeapLog:
     def begin(self, frame_id: int, name: str) -> None:
         """A first streak, of what was waited for by this name, or of whatever came: empty."""
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
-        self._seen, self._parts = None, []
+        self._seen, self._spent = None, []
 
     def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
         """The next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
-        self._parts.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
+        self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
 
     def came(
         self,
@@ -95,8 +95,8 @@ class LeapLog:
     def record(self) -> None:
         """The last leap."""
         seen, self._seen = self._seen, None
-        if seen is not None and self._parts:
-            self._session_log.append(leap_record(seen, self._parts[-1]))
+        if seen is not None and self._spent:
+            self._session_log.append(leap_record(seen, self._spent[-1]))
 
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
@@ -138,7 +138,7 @@ class LeapLog:
     def end(self, track: LeapTrack, why: str) -> None:
         """What is known of what was leapt after."""
         orbit = track.best.orbit
-        self._session_log.say("info", f"{why}: {last_words(track, self._parts)}")
+        self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
         later: ExpectedPass | None = None
         if orbit is not None:
             now_ns = self._instrument_controller.now_utc_ns()
@@ -165,7 +165,7 @@ class LeapLog:
                 next_pass=later,
             )
         )
-        self._parts = []
+        self._spent = []
 
 
 def _likeliest(track: LeapTrack) -> KnownOrbit:

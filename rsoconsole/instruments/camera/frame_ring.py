@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.errors import FrameError
 from rsoconsole.records import PixelArray
 
 SLOTS = 3
@@ -53,9 +54,9 @@ class FrameRing:
         return next(slot for slot in range(SLOTS) if slot not in self._lent)
 
     def room(self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        """A slot's memory as an array to be written. Raises ValueError when it is too small."""
+        """A slot's memory as an array to be written. Raises FrameError when it is too small."""
         if int(np.prod(shape)) * np.dtype(dtype).itemsize > self.slot_bytes:
-            raise ValueError(
+            raise FrameError(
                 f"a frame of {shape[1]} x {shape[0]} pixels is larger than the "
                 "configured sensor: set optics.width_px and optics.height_px"
             )

@@ -132,11 +132,9 @@ def frame_from_bytes(
             name,
             extension,
             max_nonfinite_fraction=max_nonfinite_fraction,
-            room=partial(_room_in, room),
+            room=room,
             is_alone=is_alone,
         )
-    except FrameError:
-        raise
     except (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError) as e:
         # A header may say anything; whatever stumbles over it, the frame is what is wrong.
         log.warning("%s cannot be understood", name, exc_info=True)
@@ -186,14 +184,6 @@ def frame_from_array(
         raise FrameError(
             f"{name}: its header makes no sense ({type(error).__name__}): give it without"
         ) from error
-
-
-def _room_in(room: Room, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
-    """What ``room`` gives; that it has none is said in its own words."""
-    try:
-        return room(shape)
-    except ValueError as error:
-        raise FrameError(str(error)) from error
 
 
 def _frame(
