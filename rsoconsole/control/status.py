@@ -236,7 +236,8 @@ class Status:
     uncatalogued: tuple[int, ...] = ()
     """Tracks that no catalogued object explains."""
     next_limit: str | None = None
-    """What sidereal tracking runs into within hours, and when."""
+    """Which one sidereal tracking runs into within hours."""
+    next_limit_utc_ns: int | None = None
     lifted: tuple[str, ...] = ()
     """Checks and limits that the operator has overridden, by name."""
     faults: tuple[str, ...] = ()

@@ -2,7 +2,8 @@
 
 import pytest
 
-from rsoconsole.control import Status, motion_words
+from rsoconsole.control import Status
+from rsoconsole.control.words import motion_words
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,8 @@ def status(
         return
     if out is not None:
         raise typer.BadParameter("--out belongs to --prometheus")
-    from rsoconsole.control import ControlClient, Machine, Sender, mount_words, read_status
+    from rsoconsole.control import ControlClient, Machine, Sender, read_status
+    from rsoconsole.control.words import fault_words, held_words, holder_words, mount_words
 
     outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
@@ -142,8 +143,8 @@ def status(
         output.emit_json(dict(outcome.data))
         return
     status = read_status(outcome.data)
-    held = " HELD" if status.is_held else ""
-    words = [f"{status.state}{held}", f"{status.holder} has the mount", f"frame {status.frame_id}"]
+    state = f"{status.state} {held_words(status)}".rstrip()
+    words = [state, holder_words(status.holder, "plain"), f"frame {status.frame_id}"]
     if status.target:
         words.append(f"follows {status.target}")
     if status.kept:
@@ -161,9 +162,7 @@ def status(
     last = status.last_stop
     if last is not None and not (last.is_at_rest or last.is_over):
         words.append(f"STOP {last.text}")
-    words.extend(f"FAULT {fault}" for fault in status.faults)
-    if status.state == "FAULT" and not status.faults:
-        words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
+    words.extend(fault_words(status))
     output.say(" · ".join(words), *status.mount_lacks)
     _say_field(status)
 
@@ -190,7 +189,8 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
 def _say_field(status: Status) -> None:
     """Its tracks, the next aim, how they move to each other, and who is missing."""
-    from rsoconsole.control import field_words, next_aim_words, track_table
+    from rsoconsole.control import field_words
+    from rsoconsole.control.words import next_aim_words, track_table
 
     lines: list[str] = []
     if len(status.tracks) > 1:

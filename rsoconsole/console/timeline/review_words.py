@@ -12,13 +12,9 @@ from rsoconsole.console.words import (
     fitted,
     justified,
 )
+from rsoconsole.control.words import holder_words
 from rsoconsole.night import NightView
 
-HOLDERS = {
-    "autonomy": "AUTO had the mount",
-    "operator": "the operator had it",
-    "nobody": "nobody had the mount",
-}
 UNHELD = frozenset(("IDLE", "FAULT"))
 
 
@@ -58,7 +54,7 @@ def review_top_lines(
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
         since_s = (night.last_utc_ns - night.state_since_utc_ns) / NS_PER_S
         state = f"{state} {duration_text(since_s)}"
-    holder = HOLDERS.get(engine.holder or "", "")
+    holder = holder_words(engine.holder, "past")
     name = night.folder.name if night.folder is not None else ""
     clock = f"{clock_text(night.last_utc_ns)} "
     first: Line = [

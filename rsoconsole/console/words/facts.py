@@ -4,7 +4,6 @@ Each group of facts is made here; how much of it is shown depends on the room: t
 small terminal, a line a group in a larger one, a block a group in a column of its own.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,15 @@ from rsoconsole.console.words.words import (
     short,
     unsigned_text,
 )
-from rsoconsole.control import Health, is_silent, motion_words, mount_words
+from rsoconsole.control import Health
+from rsoconsole.control.words import (
+    is_silent,
+    limit_left_s,
+    limit_words,
+    motion_words,
+    mount_words,
+    shutter_words,
+)
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import format_dec, format_ra, separation_deg
@@ -34,7 +41,7 @@ Item = tuple[str, Ink]
 
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""
-LIMIT_SOON_MIN = 60
+LIMIT_SOON_S = 3600.0
 SOON_S = 900.0
 NEAR_DEG = 5.0
 """A limit so near is said loudly."""
@@ -123,7 +130,7 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
     seen_ns = engine.t_utc_ns
     if ra is None and track is not None:
         ra, dec, seen_ns = track.x[0] % 360.0, track.x[2], track.t_utc_ns
-    limit = _limit_item(engine.next_limit)
+    limit = _limit_item(engine)
     if ra is None and (mount := _mount_items(engine)):
         # Nothing is followed: where the telescope really looks, by the mount's own word.
         return [*mount, *limit]
@@ -192,14 +199,12 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
     return items
 
 
-def _limit_item(next_limit: str | None) -> list[Item]:
+def _limit_item(engine: EngineView) -> list[Item]:
     """What the mount runs into if it only tracks on, where that is soon."""
-    if not next_limit:
+    left_s = limit_left_s(engine)
+    if left_s is None or left_s >= LIMIT_SOON_S:
         return []
-    minutes = re.search(r"in (\d+) min", next_limit)
-    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
-    is_near = minutes is not None and int(minutes[1]) * 60 < SOON_S
-    return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
+    return [(f"limit if tracking: {limit_words(engine)}", "warn" if left_s < SOON_S else "")]
 
 
 def _motion_items(
@@ -246,17 +251,11 @@ def _aim_words(night: NightView, engine: EngineView) -> str:
 
 def _schedule_items(engine: EngineView) -> list[Item]:
     """What the telescope does at this moment, and until when."""
-    now = engine.now_utc_ns
-    if not engine.is_attached or now is None:
+    if not engine.is_attached:
         return []
-    if engine.exposing_until_utc_ns is not None:
-        left_s = max((engine.exposing_until_utc_ns - now) / NS_PER_S, 0.0)
-        return [(f"exposing, {left_s:.0f} s left", "")]
-    items: list[Item] = [(motion_words(engine), "")] if engine.is_slewing else []
-    if engine.next_start_utc_ns is not None:
-        wait_s = max((engine.next_start_utc_ns - now) / NS_PER_S, 0.0)
-        items.append((f"next exposure in {wait_s:.0f} s", ""))
-    return items
+    is_closed = engine.exposing_until_utc_ns is None
+    moves = motion_words(engine) if engine.is_slewing and is_closed else ""
+    return [(words, "") for words in (moves, shutter_words(engine)) if words]
 
 
 def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:

@@ -9,15 +9,11 @@ from functools import lru_cache
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.control.words import fault_words, held_words, holder_words
 from rsoconsole.night import NightView
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
-HOLDERS = {
-    "autonomy": "AUTO has the mount",
-    "operator": "YOU have the mount",
-    "nobody": "nobody has the mount",
-}
 HELD = "AUTO watches, moves nothing"
 ARROWS = "→↘↓↙←↖↑↗"
 NS_PER_S = 1_000_000_000
@@ -165,12 +161,11 @@ def _state_words(
         began_ns = night.last_seen_utc_ns or began_ns
     if night.state == state and began_ns and now:
         since = " " + duration_text((now - began_ns) / NS_PER_S)
-    holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
+    holder = holder_words(engine.holder, "seat")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
         watches = HELD if engine.holder == "autonomy" else holder
-        held = "HELD until it clears" if engine.resumes_when_clear else "HELD"
-        return (f"{state}{since} {held}", "warn"), (watches, ink)
+        return (f"{state}{since} {held_words(engine)}", "warn"), (watches, ink)
     return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
 
 
@@ -183,11 +178,8 @@ def alert_text(night: NightView, engine: EngineView) -> str:
         parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
     elif engine.reach == "silent":
         parts.append("the engine does not answer: 'rsoconsole stop' works without it")
-    parts += [f"FAULT {fault}" for fault in dict.fromkeys(engine.faults)]
-    if engine.is_attached and engine.state == "FAULT" and not engine.faults:
-        parts.append("the cause of the FAULT is over: arm it to go on")
-    if engine.lifted:
-        parts.append(f"overridden: {', '.join(engine.lifted)}")
+    if engine.is_attached:
+        parts += fault_words(engine)
     if night.fault is not None:
         parts.append(night.fault)
     if engine.is_attached and engine.session is None:

@@ -1,7 +1,6 @@
 """The tracks of the field and the next aim in plain lines, for shell and console alike."""
 
-from rsoconsole.control.status import NextAim, Status, TrackNow
-from rsoconsole.control.text import one_line
+from rsoconsole.control import NextAim, Status, TrackNow, one_line
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
 NAME_COLUMNS = 22
