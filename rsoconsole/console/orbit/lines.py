@@ -19,6 +19,7 @@ from rsoconsole.console.words import (
     clock_text,
     duration_text,
     packed,
+    rule,
     short,
     unsigned_text,
     wrapped,
@@ -109,27 +110,17 @@ def _title(shown: OrbitShown, width: int) -> Line:
         at = f" {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else ""
         head = f"last orbit{at}"
     if estimate is None:
-        return _rule([(head, "title")], "", width)
+        return rule(head, "", width)
     label = estimate.label
     with_prior = f"{label} ({estimate.prior})" if estimate.prior != "none" else label
     if len(f"─ {head} · {with_prior} ") <= width:
         label = with_prior
     ink = LABEL_INKS.get(estimate.label, "")
-    return _rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
+    return rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
 
 
 def _arc_words(estimate: OrbitEstimate) -> str:
     return f"{estimate.observations} in {duration_text(estimate.arc_s)}"
-
-
-def _rule(items: Line, right: str, width: int) -> Line:
-    """A title in a line; what is right is dropped first."""
-    used = 2 + sum(len(text) for text, _ in items) + 1
-    tail = f" {right} ─" if right else ""
-    if used + len(tail) > width:
-        tail = ""
-    fill = "─" * max(width - used - len(tail), 0)
-    return clipped([("─ ", "dim"), *items, (f" {fill}{tail}", "dim")], width)
 
 
 def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:

@@ -4,9 +4,7 @@ from .curves import Page as Page
 from .curves import alignment_lines as alignment_lines
 from .curves import focus_lines as focus_lines
 from .curves import quality_lines as quality_lines
-from .facts import Item as Item
 from .facts import fact_lines as fact_lines
-from .facts import packed as packed
 from .kept import kept_words as kept_words
 from .pair_lines import neighbour_lines as neighbour_lines
 from .panels import refused_of as refused_of
@@ -19,6 +17,7 @@ from .track_lines import track_list_lines as track_list_lines
 from .words import BY_PRIOR as BY_PRIOR
 from .words import NS_PER_S as NS_PER_S
 from .words import STATE_INKS as STATE_INKS
+from .words import Item as Item
 from .words import arcsec_text as arcsec_text
 from .words import clipped as clipped
 from .words import clock_text as clock_text
@@ -27,7 +26,9 @@ from .words import duration_text as duration_text
 from .words import first_shown as first_shown
 from .words import fitted as fitted
 from .words import justified as justified
+from .words import packed as packed
 from .words import present_utc_ns as present_utc_ns
+from .words import rule as rule
 from .words import short as short
 from .words import unsigned_text as unsigned_text
 from .words import wrapped as wrapped

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 from rsoconsole.console.drawing import Ink, Line, value_plot
-from rsoconsole.console.words.panels import NEWEST, rule
+from rsoconsole.console.words.panels import NEWEST
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
-from rsoconsole.console.words.words import clipped, duration_text
+from rsoconsole.console.words.words import clipped, duration_text, rule
 from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
 from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
 from rsoconsole.tracking import polar_hint as hint_of

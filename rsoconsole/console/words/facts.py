@@ -13,10 +13,11 @@ from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.leaving import leaving_words
 from rsoconsole.console.words.words import (
     NS_PER_S,
-    clipped,
+    Item,
     clock_text,
     cos_deg,
     duration_text,
+    packed,
     present_utc_ns,
     short,
     unsigned_text,
@@ -36,8 +37,6 @@ from rsoconsole.sky import format_dec, format_ra, separation_deg
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
-
-Item = tuple[str, Ink]
 
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""
@@ -376,26 +375,3 @@ def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
             label = f" {title}" if number == 0 else ""
             lines.append([(label.ljust(label_columns), "dim"), *line])
     return lines[:rows]
-
-
-def packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
-    """Items over as many rows as there are; what has no room is left out."""
-    lines: list[list[Item]] = [[]]
-    for item in items:
-        if lines[-1] and _length([*lines[-1], item]) > width:
-            if len(lines) == rows:
-                break
-            lines.append([])
-        lines[-1].append(item)
-    return [clipped(_joined(line), width) for line in lines if line][:rows]
-
-
-def _length(items: Sequence[Item]) -> int:
-    return 1 + len("  ".join(text for text, _ in items))
-
-
-def _joined(items: Sequence[Item]) -> Line:
-    line: Line = [(" ", "")]
-    for number, (text, ink) in enumerate(items):
-        line.append(("  " + text if number else text, ink))
-    return line

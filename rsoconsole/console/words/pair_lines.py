@@ -1,9 +1,8 @@
 """Who stands next to whom in the field, when they come closest, and who is missing. Pure."""
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.words.panels import rule
-from rsoconsole.console.words.track_lines import is_chosen, name_words, packed
-from rsoconsole.console.words.words import clipped, clock_text, first_shown
+from rsoconsole.console.words.track_lines import is_chosen, name_words
+from rsoconsole.console.words.words import clipped, clock_text, first_shown, packed, rule
 from rsoconsole.control import one_line
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion, UnseenMember
@@ -75,7 +74,7 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
         _closest_words(pair),
     ]
     ink: Ink = "warn" if pair.is_close else ""
-    return [clipped([(f" {line}", ink)], width) for line in packed(parts, width - 1)]
+    return packed([(part, ink) for part in parts], width, gap=" · ")
 
 
 def field_lines(night: NightView, width: int) -> list[Line]:
@@ -92,9 +91,7 @@ def field_lines(night: NightView, width: int) -> list[Line]:
     ]
     if len(unseen) > _MOST_UNSEEN:
         parts.append(f"{len(unseen) - _MOST_UNSEEN} more")
-    if not parts:
-        return []
-    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
+    return packed([(part, "dim") for part in parts], width, gap=" · ")
 
 
 def is_uncatalogued(night: NightView, track_id: int) -> bool:

@@ -16,7 +16,7 @@ from rsoconsole.console.drawing import (
 )
 from rsoconsole.console.picture import SHOWN_REJECTED
 from rsoconsole.console.words.plot_window import PlotWindow
-from rsoconsole.console.words.words import arcsec_text, clipped, short, unsigned_text
+from rsoconsole.console.words.words import arcsec_text, clipped, rule, short, unsigned_text
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.tracking.filters import NIS_BAND, WINDOW, consistency, summary_words
@@ -121,16 +121,6 @@ def nis_lines(
     figures = " · ".join(each for each in (judged.words, learnt) if each)
     said = clipped([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
-
-
-def rule(left: str, right: str, width: int) -> Line:
-    """A title in a line; what is right is dropped first."""
-    head = f"─ {left.strip()} "
-    tail = f" {right} ─" if right else ""
-    if len(head) + len(tail) > width:
-        tail = ""
-    fill = "─" * max(width - len(head) - len(tail), 0)
-    return clipped([("─ ", "dim"), (left.strip(), "title"), (f" {fill}{tail}", "dim")], width)
 
 
 def _column(row: FrameRow, axis: int) -> Column:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.words.panels import rule
 from rsoconsole.console.words.words import (
     NS_PER_S,
     arcsec_text,
@@ -13,6 +12,8 @@ from rsoconsole.console.words.words import (
     clock_text,
     duration_text,
     first_shown,
+    packed,
+    rule,
     unsigned_text,
 )
 from rsoconsole.control import NextAim, one_line
@@ -149,19 +150,7 @@ def detail_lines(
     age = _age(night, track, now_utc_ns)
     parts.append(f"age {age}" if age else "")
     parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
-    return [clipped([(f" {line}", "")], width) for line in packed(parts, width - 1)]
-
-
-def packed(parts: list[str], width: int) -> list[str]:
-    """In as many lines as it takes, broken between parts."""
-    lines = [""]
-    for part in (each for each in parts if each):
-        longer = f"{lines[-1]} · {part}" if lines[-1] else part
-        if len(longer) <= width or not lines[-1]:
-            lines[-1] = longer
-        else:
-            lines.append(part)
-    return lines
+    return packed([(part, "") for part in parts if part], width, gap=" · ")
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
@@ -172,7 +161,7 @@ def aim_lines(aim: NextAim, width: int) -> list[Line]:
         clock_text(aim.t_utc_ns)[:8],
         "no slew" if way is None else f"slew {way:.1f}′",
     ]
-    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
+    return packed([(part, "dim") for part in parts], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:

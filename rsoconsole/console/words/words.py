@@ -3,7 +3,7 @@
 import bisect
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 from rsoconsole.console.drawing import Ink, Line
@@ -15,6 +15,7 @@ from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 
 HELD = "AUTO watches, moves nothing"
+Item = tuple[str, Ink]
 ARROWS = "→↘↓↙←↖↑↗"
 NS_PER_S = 1_000_000_000
 BADGE_COLUMNS = 100
@@ -325,6 +326,30 @@ def clipped(line: Line, width: int) -> Line:
         kept.append((text[:left], ink))
         left -= len(text[:left])
     return [*kept, ("…", "dim")] if width > 0 else []
+
+
+def rule(left: str | Line, right: str, width: int) -> Line:
+    """A title in a line; what is right is dropped first."""
+    title: Line = [(left.strip(), "title")] if isinstance(left, str) else left
+    used = 3 + _columns(title)
+    tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
+    fill = "─" * max(width - used - len(tail), 0)
+    return clipped([("─ ", "dim"), *title, (f" {fill}{tail}", "dim")], width)
+
+
+def packed(
+    items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
+) -> list[Line]:
+    """Items over as many rows as there are; what has no room is left out."""
+    lines: list[Line] = []
+    for text, ink in items:
+        if lines and _columns(lines[-1]) + len(gap) + len(text) <= width:
+            lines[-1].append((gap + text, ink))
+        elif len(lines) == rows:
+            break
+        else:
+            lines.append([(" ", ""), (text, ink)])
+    return [clipped(line, width) for line in lines]
 
 
 def _columns(line: Line) -> int:
