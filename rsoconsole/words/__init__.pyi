@@ -2,6 +2,8 @@ from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text
 from .reasons import measured_text as measured_text
+from .reasons import ordered_text as ordered_text
+from .reasons import rate_text as rate_text
 from .reasons import ruled_text as ruled_text
 from .reasons import text as text
 from .reasons import unmeasured_text as unmeasured_text

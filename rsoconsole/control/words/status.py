@@ -4,6 +4,7 @@ from typing import Literal
 
 from rsoconsole.control import Status
 from rsoconsole.sky import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import rate_text
 
 HOLDERS = {
     "autonomy": ("AUTO has the mount", "autonomy has the mount", "AUTO had the mount"),
@@ -14,8 +15,6 @@ HOLDERS = {
 
 OLD_S = 10.0
 """A word of the mount older than that is told with its instant."""
-SLOW_DEG_S = 0.02
-"""Below it a rate is told in arcseconds."""
 STANDS = "stands, measured"
 
 
@@ -102,16 +101,10 @@ def _measured(status: Status) -> str:
         case "tracks":
             return "tracks, measured"
         case "moves":
-            return f"moves{_at_rate(status.mount_rate_deg_s)}, measured"
+            rate_deg_s = status.mount_rate_deg_s
+            at = "" if rate_deg_s is None else f" at {rate_text(rate_deg_s)}"
+            return f"moves{at}, measured"
     return ""
-
-
-def _at_rate(rate_deg_s: float | None) -> str:
-    if rate_deg_s is None:
-        return ""
-    if rate_deg_s < SLOW_DEG_S:
-        return f" at {rate_deg_s * 3600.0:.0f} arcsec/s"
-    return f" at {rate_deg_s:.{1 if rate_deg_s >= 1.0 else 2}f} deg/s"
 
 
 def _claimed(status: Status) -> str:

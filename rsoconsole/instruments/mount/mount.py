@@ -26,7 +26,7 @@ from rsoconsole.instruments.indi import IndiProcess, WatchedStop, stop_mount
 from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
-from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
+from rsoconsole.words import measured_text
 
 log = logging.getLogger(__name__)
 
@@ -351,6 +351,5 @@ def _to_result(answer: dict[str, Any]) -> StopResult:
 
 
 def _motion_words(motion: Motion) -> str:
-    if motion.kind == "unknown":
-        return unmeasured_text("", f"{CUT_POWER} if it does")
-    return f"since then {measured_text(motion.kind, motion.rate_deg_s)}"
+    since = "" if motion.kind == "unknown" else "since then "
+    return since + measured_text(motion.kind, motion.rate_deg_s)
