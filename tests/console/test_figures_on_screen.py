@@ -477,7 +477,7 @@ def test_turns_from_orbit_to_filter_and_back_are_one_line():
 
 def test_the_aim_shown_is_the_next_one_in_the_log_s_words():
     view = NightView(track=night.state_of(4, 10.0, 0.0, "updated"), state="TRACK")
-    for reason, words in (("prediction", "aim: filter"), ("orbit", "aim: orbit")):
+    for reason, words in (("filter", "aim: filter"), ("orbit", "aim: orbit")):
         engine = engine_view(
             {"state": "TRACK", "ra": 10.0, "dec": 0.0, "next_aim": {"reason": reason}}
         )

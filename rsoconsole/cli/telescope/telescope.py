@@ -190,12 +190,12 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 def _say_field(status: Status) -> None:
     """Its tracks, the next aim, how they move to each other, and who is missing."""
     from rsoconsole.control import field_words
-    from rsoconsole.control.words import next_aim_words, track_table
+    from rsoconsole.control.words import aim_parts, track_table
 
     lines: list[str] = []
     if len(status.tracks) > 1:
         lines += track_table(status)
-        lines += [] if status.next_aim is None else [next_aim_words(status.next_aim)]
+        lines += [] if status.next_aim is None else [" · ".join(aim_parts(status.next_aim))]
     lines += field_words(status.pairs, status.unseen, status.uncatalogued)
     output.say(*lines)
 

@@ -237,15 +237,12 @@ def _motion_items(
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
     """By what the next aim is predicted: what the log calls it, too."""
-    said = ""
     if engine.is_attached and engine.next_aim is not None:
-        said = engine.next_aim.reason
-    elif night.slew is not None and night.slew.track_id is not None:
-        # What led nowhere yet says nothing once something is followed.
-        said = night.slew.reason
-    if said.startswith("prediction"):
-        said = said.replace("prediction", "filter", 1)
-    return f"aim: {said}" if said else ""
+        return f"aim: {engine.next_aim.reason}"
+    # What led nowhere yet says nothing once something is followed.
+    if night.slew is None or night.slew.track_id is None:
+        return ""
+    return f"aim: {night.slew.reason}"
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:

@@ -9,7 +9,6 @@ from rsoconsole.console.words.words import (
     NS_PER_S,
     arcsec_text,
     clipped,
-    clock_text,
     duration_text,
     first_shown,
     packed,
@@ -17,6 +16,7 @@ from rsoconsole.console.words.words import (
     unsigned_text,
 )
 from rsoconsole.control import NextAim, one_line
+from rsoconsole.control.words import aim_parts, state_words
 from rsoconsole.night import FollowedTrack, NightView
 
 NAME_COLUMNS = (8, 24)
@@ -106,12 +106,11 @@ def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
-def state_words(track: FollowedTrack) -> str:
+def _state(track: FollowedTrack) -> str:
     """What became of it in the last frame; "+": the operator keeps it."""
-    kept = "+" if track.state.is_kept else ""
-    if track.state.misses:
-        return f"COAST {track.state.misses}{kept}"
-    return f"{'trial' if track.is_on_trial else 'TRACK'}{kept}"
+    misses = track.state.misses
+    state = "COAST" if misses else "trial" if track.is_on_trial else "TRACK"
+    return state_words(state, misses, is_kept=track.state.is_kept)
 
 
 def name_words(night: NightView, track_id: int) -> str:
@@ -135,9 +134,7 @@ def detail_lines(
     orbit = night.orbits.get(track.track_id)
     parts = [
         f"{track.number} {name_words(night, track.track_id)}",
-        {"trial": "on trial: one more measurement confirms it"}.get(
-            state_words(track), state_words(track)
-        ),
+        {"trial": "on trial: one more measurement confirms it"}.get(_state(track), _state(track)),
         "kept: no miss ends it in the field" if track.state.is_kept else "",
     ]
     if track.residual_arcsec is not None:
@@ -155,13 +152,8 @@ def detail_lines(
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
     """Where the telescope looks in the exposure after the next one, and by which policy."""
-    way = aim.moves_arcmin
-    parts = [
-        f"next aim, {aim.policy}: {aim.reason}",
-        clock_text(aim.t_utc_ns)[:8],
-        "no slew" if way is None else f"slew {way:.1f}′",
-    ]
-    return packed([(part, "dim") for part in parts], width, gap=" · ")
+    what, _place, *rest = aim_parts(aim)
+    return packed([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
@@ -250,7 +242,7 @@ _COLUMNS = (
         head="state",
         width=8,
         rank=2,
-        words=lambda _night, track, _now: state_words(track),
+        words=lambda _night, track, _now: _state(track),
         is_left=True,
     ),
     _Column(head="resid", width=5, rank=3, words=_residual),

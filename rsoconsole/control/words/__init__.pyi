@@ -7,5 +7,6 @@ from .status import limit_words as limit_words
 from .status import motion_words as motion_words
 from .status import mount_words as mount_words
 from .status import shutter_words as shutter_words
-from .tracks import next_aim_words as next_aim_words
+from .tracks import aim_parts as aim_parts
+from .tracks import state_words as state_words
 from .tracks import track_table as track_table

@@ -17,27 +17,32 @@ def track_table(status: Status) -> list[str]:
     return [_HEAD, *map(_row, status.tracks)]
 
 
-def next_aim_words(aim: NextAim) -> str:
-    """Policy, reason, place and time of the exposure after the next one."""
-    way = aim.moves_arcmin
-    moves = "no slew" if way is None else f"a slew of {way:.1f} arcmin"
-    return (
-        f"next aim by policy {aim.policy}: {aim.reason} · {format_ra(aim.ra_icrs_deg, 1)}"
-        f" {format_dec(aim.dec_icrs_deg, 0)} at {utc_ns_to_iso(aim.t_utc_ns)[11:19]}Z · {moves}"
-    )
+def aim_parts(aim: NextAim) -> list[str]:
+    """Policy with reason, place and time of the exposure after the next one, and its slew."""
+    return [
+        f"next aim, {aim.policy}: {aim.reason}",
+        f"α {format_ra(aim.ra_icrs_deg, 1)} δ {format_dec(aim.dec_icrs_deg, 0)}",
+        utc_ns_to_iso(aim.t_utc_ns, 0)[11:19],
+        "no slew" if aim.moves_arcmin is None else f"slew {aim.moves_arcmin:.1f}′",
+    ]
+
+
+def state_words(state: str, misses: int, *, is_kept: bool) -> str:
+    """What became of it in the last frame; "+": the operator keeps it."""
+    return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 
 def _row(track: TrackNow) -> str:
     name = one_line(track.name or "-")
     if len(name) > NAME_COLUMNS:
         name = f"{name[: NAME_COLUMNS - 1]}…"
-    state = f"{track.state} {track.misses}" if track.misses else track.state
+    state = state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
     return (
         f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"
-        f" {f'{state}+' if track.is_kept else state:<9} {_age(track.age_s):>6} {off:>15}"
+        f" {state:<9} {_age(track.age_s):>6} {off:>15}"
         f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5} {is_in}"
     )
 
