@@ -13,3 +13,4 @@ from .streaks import pulse_of as pulse_of
 from .streaks import pulse_words as pulse_words
 from .streaks import remarkable as remarkable
 from .streaks import short_name_of as short_name_of
+from .times import span as span

@@ -1,3 +1,4 @@
+from .preview import preview_lines as preview_lines
 from .status import fault_words as fault_words
 from .status import held_words as held_words
 from .status import holder_words as holder_words

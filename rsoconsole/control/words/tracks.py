@@ -2,6 +2,7 @@
 
 from rsoconsole.control import NextAim, Status, TrackNow, one_line
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import span
 
 NAME_COLUMNS = 22
 _HEAD = (
@@ -38,11 +39,12 @@ def _row(track: TrackNow) -> str:
         name = f"{name[: NAME_COLUMNS - 1]}…"
     state = state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
+    age = "-" if track.age_s is None else span(track.age_s)
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
     return (
         f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"
-        f" {state:<9} {_age(track.age_s):>6} {off:>15}"
+        f" {state:<9} {age:>6} {off:>15}"
         f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5} {is_in}"
     )
 
@@ -51,10 +53,3 @@ def _figure(value: float | None, digits: int) -> str:
     if value is None:
         return "-"
     return f"{value:.{digits}f}" if value < 1000.0 else f"{value:.0f}" if value < 1e5 else ">99999"
-
-
-def _age(age_s: float | None) -> str:
-    if age_s is None:
-        return "-"
-    minutes, seconds = divmod(round(age_s), 60)
-    return f"{minutes}m{seconds:02d}" if minutes < 100 else f"{minutes / 60.0:.1f}h"
