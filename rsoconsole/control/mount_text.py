@@ -1,7 +1,7 @@
 """Where the mount itself says that it stands, and what it does: for console and shell alike."""
 
 from rsoconsole.control.status import Status
-from rsoconsole.sky import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import NS_PER_S, altaz, clock, format_dec, format_ra
 
 OLD_S = 10.0
 """A word of the mount older than that is told with its instant."""
@@ -16,8 +16,8 @@ def mount_words(status: Status) -> tuple[str, ...]:
     if ra is None or dec is None:
         return ()
     words = [f"mount RA {format_ra(ra, 1)} Dec {format_dec(dec, 0)}"]
-    if status.mount_alt_deg is not None and status.mount_az_deg is not None:
-        words.append(f"alt {status.mount_alt_deg:.1f} az {status.mount_az_deg:.1f}")
+    if high := altaz(status.mount_alt_deg, status.mount_az_deg):
+        words.append(high)
     since = _silent_since(status)
     if since is not None:
         return (*words, f"silent since {since}")
@@ -73,4 +73,4 @@ def _silent_since(status: Status) -> str | None:
     said, now = status.mount_t_utc_ns, status.now_utc_ns
     if said is None or now is None or now - said <= OLD_S * NS_PER_S:
         return None
-    return f"{utc_ns_to_iso(said, 0)[11:19]}Z"
+    return clock(said)

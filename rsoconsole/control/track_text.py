@@ -2,7 +2,7 @@
 
 from rsoconsole.control.status import NextAim, Status, TrackNow
 from rsoconsole.control.text import one_line
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import clock, direction, span
 
 NAME_COLUMNS = 22
 _HEAD = (
@@ -23,8 +23,8 @@ def next_aim_words(aim: NextAim) -> str:
     way = aim.moves_arcmin
     moves = "no slew" if way is None else f"a slew of {way:.1f} arcmin"
     return (
-        f"next aim by policy {aim.policy}: {aim.reason} · {format_ra(aim.ra_icrs_deg, 1)}"
-        f" {format_dec(aim.dec_icrs_deg, 0)} at {utc_ns_to_iso(aim.t_utc_ns)[11:19]}Z · {moves}"
+        f"next aim by policy {aim.policy}: {aim.reason}"
+        f" · {direction(aim.ra_icrs_deg, aim.dec_icrs_deg)} at {clock(aim.t_utc_ns)} · {moves}"
     )
 
 
@@ -35,10 +35,11 @@ def _row(track: TrackNow) -> str:
     state = f"{track.state} {track.misses}" if track.misses else track.state
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
+    age = "-" if track.age_s is None else span(track.age_s)
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
     return (
         f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"
-        f" {f'{state}+' if track.is_kept else state:<9} {_age(track.age_s):>6} {off:>15}"
+        f" {f'{state}+' if track.is_kept else state:<9} {age:>6} {off:>15}"
         f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5} {is_in}"
     )
 
@@ -47,10 +48,3 @@ def _figure(value: float | None, digits: int) -> str:
     if value is None:
         return "-"
     return f"{value:.{digits}f}" if value < 1000.0 else f"{value:.0f}" if value < 1e5 else ">99999"
-
-
-def _age(age_s: float | None) -> str:
-    if age_s is None:
-        return "-"
-    minutes, seconds = divmod(round(age_s), 60)
-    return f"{minutes}m{seconds:02d}" if minutes < 100 else f"{minutes / 60.0:.1f}h"

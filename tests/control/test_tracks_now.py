@@ -58,11 +58,11 @@ def test_the_shell_lists_every_track_and_the_next_aim():
     assert lines[0] == "TRACK · autonomy has the mount · frame 24"
     assert lines[1].split() == ["track", "name", *HEADS]
     assert lines[2].split() == ["2*", "ASTRA", "1KR", *ROW]
-    assert lines[3].split()[-7:] == ["COAST", "12+", "11.1h", "-", "-", "-", "out"]
+    assert lines[3].split()[-7:] == ["COAST", "12+", "11h06", "-", "-", "-", "out"]
     assert "A NAME THAT IS LONGER…" in lines[3]
     assert all(len(line) <= 80 for line in lines[1:4])
     assert lines[4] == (
-        "next aim by policy most: prediction, 3 of 4 in the field · 10:00:00.0 -05:00:00"
+        "next aim by policy most: prediction, 3 of 4 in the field · α 10:00:00.0 δ -05:00:00"
         " at 04:00:00Z · a slew of 4.2 arcmin"
     )
     told_of = json.loads(as_json.stdout)

@@ -8,6 +8,7 @@ from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, conf
 from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output
 from rsoconsole.control import AskStatus, Goto, Outcome, Preview
 from rsoconsole.errors import ControlError
+from rsoconsole.words import altaz, direction, span
 
 if TYPE_CHECKING:
     from rsoconsole.control import ControlClient, MovePreview, Status
@@ -99,14 +100,14 @@ def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") ->
 
 def understood_lines(found: "Understood", preview: "MovePreview | None") -> list[str]:
     """What was understood, the way there and the limits, for a person."""
-    place = output.direction_text(found.ra_icrs_deg, found.dec_icrs_deg)
+    place = direction(found.ra_icrs_deg, found.dec_icrs_deg)
     lines = [f"understood: {found.words}", f"RA, Dec     {place} (ICRS)"]
     if found.caution:
         lines.append(f"careful     {found.caution}")
     if preview is not None:
         margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
-        lines[1] += f", alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}"
-        lines.append(f"way         {preview.way_deg:.1f}°, {preview.slew_s:.0f} s")
+        lines[1] += f", {altaz(preview.alt_deg, preview.az_deg)}"
+        lines.append(f"way         {preview.way_deg:.1f}°, {span(preview.slew_s)}")
         if margins:
             lines.append(f"limits      {margins}")
     return lines

@@ -13,10 +13,9 @@ from rsoconsole.config import Config
 from rsoconsole.console.commands import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.watches import Previewed
-from rsoconsole.console.words import duration_text
 from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_record
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.words import altaz, direction, span
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.words import Understood
@@ -159,15 +158,15 @@ def preview_lines(preview: MovePreview | None, ending: str = GOES) -> list[str]:
     """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
     if preview is None:
         return [UNREADABLE]
-    date = format_ra(preview.ra_date_deg, 1), format_dec(preview.dec_date_deg, 0)
-    icrs = format_ra(preview.ra_icrs_deg, 1), format_dec(preview.dec_icrs_deg, 0)
+    date = direction(preview.ra_date_deg, preview.dec_date_deg)
+    high = altaz(preview.alt_deg, preview.az_deg)
     after = preview.pier_side_after
     side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
     margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
     return [
-        f"ICRS     α {icrs[0]} δ {icrs[1]}",
-        f"of date  α {date[0]} δ {date[1]}   alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
-        f"way      {preview.way_deg:.1f}°, {duration_text(preview.slew_s)}{side}",
+        f"ICRS     {direction(preview.ra_icrs_deg, preview.dec_icrs_deg)}",
+        f"of date  {date}   {high}",
+        f"way      {preview.way_deg:.1f}°, {span(preview.slew_s)}{side}",
         f"limits   {margins}",
         f"REFUSED  {preview.refused}" if preview.refused else ending,
     ]

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.words.panels import rule
 from rsoconsole.console.words.words import (
-    NS_PER_S,
-    arcsec_text,
     clipped,
-    clock_text,
-    duration_text,
     first_shown,
-    unsigned_text,
 )
 from rsoconsole.control import NextAim, one_line
 from rsoconsole.night import FollowedTrack, NightView
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import angle, clock, identity, signed_angle, span
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""
@@ -115,16 +112,7 @@ def state_words(track: FollowedTrack) -> str:
 
 def name_words(night: NightView, track_id: int) -> str:
     """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
-    found = night.identifications.get(track_id)
-    if found is not None and found.verdict == "unknown":
-        past = found.ledger
-        known = "" if past is None else one_line(past.name) + ("" if past.is_sure else "?")
-        return known or "not in catalogue"
-    if found is None or not found.matches:
-        return "-"
-    best = found.matches[0]
-    doubt = "" if found.verdict == "identified" else "?"
-    return one_line(best.name or str(best.norad_id)) + doubt
+    return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
@@ -141,7 +129,7 @@ def detail_lines(
     ]
     if track.residual_arcsec is not None:
         east, north = track.residual_arcsec
-        parts.append(f"residual {arcsec_text(east)} {arcsec_text(north)}")
+        parts.append(f"residual {signed_angle(east)} {signed_angle(north)}")
     if track.nis is not None:
         parts.append(f"NIS {track.nis:.1f}")
     if track.snr is not None:
@@ -169,7 +157,7 @@ def aim_lines(aim: NextAim, width: int) -> list[Line]:
     way = aim.moves_arcmin
     parts = [
         f"next aim, {aim.policy}: {aim.reason}",
-        clock_text(aim.t_utc_ns)[:8],
+        clock(aim.t_utc_ns, zone=""),
         "no slew" if way is None else f"slew {way:.1f}′",
     ]
     return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
@@ -227,7 +215,7 @@ def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
     if residual is None:
         return "-"
     off = math.hypot(*residual)
-    return f"{off:.1f}″" if 10.0 <= off < 100.0 else unsigned_text(off)
+    return angle(off, "cell" if 10.0 <= off < 100.0 else "line")
 
 
 def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -240,7 +228,7 @@ def _snr(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
     now = now_utc_ns or night.last_utc_ns
-    return "" if now is None else duration_text((now - track.since_utc_ns) / NS_PER_S)
+    return "" if now is None else span((now - track.since_utc_ns) / NS_PER_S)
 
 
 def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:

@@ -28,7 +28,7 @@ from rsoconsole.control import (
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.panel.link import Link
 from rsoconsole.notebook.panel.panel_view import TUNED
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.words import altaz, direction, span
 
 log = logging.getLogger(__name__)
 
@@ -303,13 +303,13 @@ def preview_lines(preview: MovePreview | None) -> list[str]:
     """The engine's preview of a move, in lines."""
     if preview is None:
         return [_UNREADABLE]
-    place = f"ICRS α {format_ra(preview.ra_icrs_deg, 1)} δ {format_dec(preview.dec_icrs_deg, 0)}"
+    place = f"ICRS {direction(preview.ra_icrs_deg, preview.dec_icrs_deg)}"
     margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
     after = preview.pier_side_after
     side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
     lines = [
-        f"{place}  alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
-        f"way {preview.way_deg:.1f}°, {preview.slew_s:.0f} s{side}",
+        f"{place}  {altaz(preview.alt_deg, preview.az_deg)}",
+        f"way {preview.way_deg:.1f}°, {span(preview.slew_s)}{side}",
         f"limits {margins}",
     ]
     return [*lines, f"REFUSED: {preview.refused}"] if preview.refused else lines
