@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from rsoconsole.control.text import one_line
 from rsoconsole.records import PairMotion, UnseenMember
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import clock, tracks_words
 
 MOST_LINES = 12
 """Of pairs and of missing objects in plain lines: JSON has all."""
@@ -21,7 +21,7 @@ def field_words(
     """Each track's nearest neighbour and who is missing, in lines of at most 80 columns."""
     lines = [_pair_words(each) for each in _nearest(pairs)[:MOST_LINES]]
     if uncatalogued:
-        lines.append(f"not in the catalogue: track {', '.join(map(str, uncatalogued))}")
+        lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
     for each in unseen[:MOST_LINES]:
         why = "" if each.is_lit else ", in shadow"
         why += "" if each.is_usable else ", at the edge"
@@ -45,9 +45,9 @@ def _nearest(pairs: Sequence[PairMotion]) -> list[PairMotion]:
 def _pair_words(pair: PairMotion) -> str:
     least = {"now": "they part", "beyond": "still nearing"}.get(pair.closest)
     if least is None:
-        when = utc_ns_to_iso(pair.closest_utc_ns, 0)[11:16]
+        when = clock(pair.closest_utc_ns, "minute")
         low, high = pair.closest_low_arcsec, pair.closest_high_arcsec
-        least = f'least {low:.0f} to {high:.0f}" {when}Z'
+        least = f'least {low:.0f} to {high:.0f}" {when}'
     mark = " !" if pair.is_close else ""
     return (
         f"{pair.track_id}-{pair.other_track_id}: {pair.separation_arcsec:.1f} ±"

@@ -21,6 +21,7 @@ from rsoconsole.reasons import (
     StopOutcome,
     TrackLost,
 )
+from rsoconsole.words.angles import error_figure
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "fit broke": "the line fit broke on it: see the log",
@@ -229,21 +230,16 @@ def ruled_text(result: CommandResult) -> str:
 
 def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
     """How good a mark by hand is, what it takes the place of, and what it makes."""
-    east, north = (_figure(each) for each in sigma_arcsec)
+    east, north = (error_figure(each) for each in sigma_arcsec)
     words = f"used: ±{east}″ RA ±{north}″ Dec"
     others = result.left_alone
     if result.off_arcsec is not None:
-        off = _figure(result.off_arcsec)
+        off = error_figure(result.off_arcsec)
         words += f", {off}″ from the automatic measurement, which is set aside"
         others -= 1
     if result.ruled in {"first of a track", "second of a track", "leads"}:
         words += f"; {_RULED[result.ruled]}"
     return words + (f"; {others} more not taken" if others > 0 else "")
-
-
-def _figure(value: float) -> str:
-    """As exactly as an error is worth."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind

@@ -26,7 +26,7 @@ from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
-from rsoconsole.console.words.words import duration_text, top_lines
+from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import TrackFigures, as_recorded
 from rsoconsole.night.frame import FrameRow
 from rsoconsole.night.log_lines import LogLine, line_of
@@ -36,6 +36,7 @@ from rsoconsole.night.night_view import NightView, Pointing
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.words import span
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.nights.orbit_night import estimate_of, folded, state, to
@@ -414,7 +415,7 @@ def test_changes_of_state_that_come_out_the_same_are_told_once_and_a_coast_goes_
     now = night.t_of(8)
     engine = engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
     # Since frame 5, in which it was measured last, however often it came to a coast since.
-    since = duration_text((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
+    since = span((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
     assert f"COAST {since}" in plain(top_lines(view, engine, False, 120, 1))
 
 

@@ -132,7 +132,7 @@ def test_name_elements_and_places_ahead_are_told_at_every_agreed_size(size) -> N
         "98%",
         "3.1″ off",
         "then SES 10 (42432)",
-        "12′ off",
+        "12.0′ off",
         "a 42165±9 km",
         "e .00030±.00002",
         "i .052±.003°",
@@ -178,7 +178,7 @@ def test_doubt_is_a_sign_and_a_word_never_a_colour_alone() -> None:
     reason = "no catalogued object within 0.2 deg moves like this; the nearest is 3 deg off"
     unknown = replace(KNOWN, identified=identified_of(20, verdict="unknown", reason=reason))
     assert "unknown: no catalogued object within 0.2 deg" in said(unknown, 47, 15)
-    assert target_words(unknown)[0] == "target unknown"
+    assert target_words(unknown)[0] == "not in catalogue"
 
 
 def test_a_manoeuvre_is_hinted_at_before_the_places_ahead_are_left_out() -> None:

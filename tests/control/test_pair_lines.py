@@ -39,7 +39,7 @@ def test_each_of_eight_tracks_has_its_nearest_neighbour_in_the_narrowest_column(
     assert said[1].split() == ["#", "by", "apart", "/min", "least", "at", "UT"]
     rows = [line[1:].split() for line in said[2:10]]
     assert [row[0] for row in rows] == ["1", "2*", "3", "4", "5", "6", "7", "8"]
-    assert rows[0][1:4] == ["2", "253″", "-1.44"]
+    assert rows[0][1:4] == ["2", "4.2′", "-1.44"]
     assert rows[0][4] == "61.0″"
     assert rows[7][1] == "7"  # the way from 7 to 8 is the way from 8 to 7
     below = " ".join(said[10:])

@@ -20,6 +20,7 @@ from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
 from rsoconsole.errors import ControlError
 from rsoconsole.waits import waits_reported_to
+from rsoconsole.words import direction
 
 log = logging.getLogger(__name__)
 
@@ -151,7 +152,7 @@ def status(
         way = "" if status.is_resumable else "'rsoconsole arm', then "
         words.append(f"{status.kept} kept: {way}'rsoconsole resume' follows it again")
     if status.ra_icrs_deg is not None and status.dec_icrs_deg is not None:
-        words.append(output.direction_text(status.ra_icrs_deg, status.dec_icrs_deg))
+        words.append(direction(status.ra_icrs_deg, status.dec_icrs_deg, "bare"))
     if status.alt_deg is not None and status.az_deg is not None:
         words.append(f"alt {status.alt_deg:.1f} az {status.az_deg:.1f}")
     words.extend(mount_words(status))

@@ -5,8 +5,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rsoconsole.cli.words.output import direction_text
 from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import direction
 
 _ELEMENT_WORDS = (
     ("a_km", "semi-major axis", "km"),
@@ -121,7 +121,10 @@ def _ahead_lines(report: dict[str, Any]) -> Iterator[str]:
     for each in report["predicted"]:
         name = span_words((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9)
         shade = "" if each["lit"] >= 1.0 else "  in shadow" if each["lit"] <= 0.0 else "  penumbra"
-        clock, place = _clock(each["t_utc"], seconds=True), direction_text(each["ra"], each["dec"])
+        clock, place = (
+            _clock(each["t_utc"], seconds=True),
+            direction(each["ra"], each["dec"], "bare"),
+        )
         sigma = _angle(min(each["sigma_arcsec"], _HALF_SKY_ARCSEC))
         altaz = f"{each['alt']:6.1f} {each['az']:6.1f}"
         yield f"  {clock:11} {place:27} {sigma:>8} {altaz}  in {name}{shade}"

@@ -15,14 +15,10 @@ from .track_lines import is_chosen as is_chosen
 from .track_lines import name_words as name_words
 from .track_lines import track_list_lines as track_list_lines
 from .words import BY_PRIOR as BY_PRIOR
-from .words import NS_PER_S as NS_PER_S
 from .words import STATE_INKS as STATE_INKS
 from .words import Item as Item
-from .words import arcsec_text as arcsec_text
 from .words import clipped as clipped
-from .words import clock_text as clock_text
 from .words import cos_deg as cos_deg
-from .words import duration_text as duration_text
 from .words import first_shown as first_shown
 from .words import fitted as fitted
 from .words import justified as justified
@@ -30,5 +26,4 @@ from .words import packed as packed
 from .words import present_utc_ns as present_utc_ns
 from .words import rule as rule
 from .words import short as short
-from .words import unsigned_text as unsigned_text
 from .words import wrapped as wrapped

@@ -12,15 +12,11 @@ from rsoconsole.console.night import EngineView
 from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.leaving import leaving_words
 from rsoconsole.console.words.words import (
-    NS_PER_S,
     Item,
-    clock_text,
     cos_deg,
-    duration_text,
     packed,
     present_utc_ns,
     short,
-    unsigned_text,
 )
 from rsoconsole.control import Health
 from rsoconsole.control.words import (
@@ -33,7 +29,8 @@ from rsoconsole.control.words import (
 )
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
-from rsoconsole.sky import format_dec, format_ra, separation_deg
+from rsoconsole.sky import NS_PER_S, separation_deg
+from rsoconsole.words import altaz, angle, clock, direction, format_dec, format_ra, span
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
@@ -140,21 +137,16 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
         alt, az = pointing.alt_deg, pointing.az_deg
         is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
         if is_old:
-            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+            word, age = f"last {word}", f"as of {clock(pointing.t_utc_ns, zone='')}"
     elif ra is not None and dec is not None:
         word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
-    if ra is None or dec is None:
-        items = ["no direction yet"]
-    else:
-        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
-    if alt is not None and az is not None:
-        items.append(f"alt {alt:.1f} az {az:.1f}")
-    if engine.pier_side in {"east", "west"}:
-        items.append(f"{engine.pier_side} of the pier")
-    first, *others = items
+    first = (
+        f"{word}{direction(ra, dec)}" if ra is not None and dec is not None else "no direction yet"
+    )
+    pier = f"{engine.pier_side} of the pier" if engine.pier_side in {"east", "west"} else ""
     # What comes last has no room in a narrow terminal: never its age, nor a limit that is near.
     plain: list[Item] = [(item, "") for item in (first, age) if item]
-    return [*plain, *limit, *((item, "") for item in others)]
+    return [*plain, *limit, *((item, "") for item in (altaz(alt, az), pier) if item)]
 
 
 def _followed(
@@ -168,7 +160,7 @@ def _followed(
         return "predicted ", "", at
     since_s = (now - seen_ns) / NS_PER_S
     if since_s > OLD_S:
-        return "last ", f"as of {clock_text(seen_ns)[:8]}", at
+        return "last ", f"as of {clock(seen_ns, zone='')}", at
     if track is None or track.t_utc_ns != seen_ns:
         return "predicted ", "", at
     ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
@@ -221,10 +213,10 @@ def _motion_items(
     _, ra_rate, dec, dec_rate = track.x
     east, north = predicted_sigma_arcsec(track)
     is_old = now_utc_ns is not None and now_utc_ns - track.t_utc_ns > OLD_S * NS_PER_S
-    age = f" as of {clock_text(track.t_utc_ns)[:8]}" if is_old else ""
+    age = f" as of {clock(track.t_utc_ns, zone='')}" if is_old else ""
     items: list[Item] = [
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
-        (f"prediction 3σ {unsigned_text(3 * max(east, north))}{age}", "warn" if age else ""),
+        (f"prediction 3σ {angle(3 * max(east, north))}{age}", "warn" if age else ""),
     ]
     if coasts := coast_words(night, now_utc_ns):
         items.insert(0, (coasts, "warn"))
@@ -273,7 +265,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     items: list[Item] = []
     for at, what in sorted(coming):
         left_s = (at - now) / NS_PER_S
-        words = what if left_s <= 0 else f"{what} {clock_text(at)[:5]}Z ({duration_text(left_s)})"
+        words = what if left_s <= 0 else f"{what} {clock(at, 'minute')} ({span(left_s)})"
         items.append((words, "warn" if left_s < SOON_S else ""))
     height = f"{outlook.moon_altitude_deg:+.0f}°"
     away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"

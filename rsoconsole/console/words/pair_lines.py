@@ -2,16 +2,15 @@
 
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.words.track_lines import is_chosen, name_words
-from rsoconsole.console.words.words import clipped, clock_text, first_shown, packed, rule
+from rsoconsole.console.words.words import clipped, first_shown, packed, rule
 from rsoconsole.control import one_line
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion, UnseenMember
+from rsoconsole.words import angle, clock, tracks_words
 
 _HEADS = f"{'#':>3} {'by':>3} {'apart':>6} {'/min':>6} {'least':>6} {'at UT':>5}"
 _LEAST_TRACK_ROWS = 5
 _MOST_UNSEEN = 4
-_IN_ARCMIN = 1000.0
-"""Arcsec from which on a separation is told in arcmin."""
 
 
 def neighbour_lines(night: NightView, chosen: int | None, width: int, height: int) -> list[Line]:
@@ -82,7 +81,7 @@ def field_lines(night: NightView, width: int) -> list[Line]:
     parts = []
     nameless = [t.number for t in night.tracks if is_uncatalogued(night, t.track_id)]
     if nameless:
-        parts.append(f"not in the catalogue: track {', '.join(nameless)}")
+        parts.append(f"not in the catalogue: {tracks_words(nameless)}")
     unseen = () if night.expected is None else night.expected.unseen
     shown = sorted(unseen, key=lambda each: not (each.is_usable and each.is_lit))
     parts += [
@@ -121,7 +120,7 @@ def _closest_words(pair: PairMotion) -> str:
     within = f"{pair.closest_low_arcsec:.0f} to {pair.closest_high_arcsec:.0f}″"
     if pair.closest == "beyond":
         return f"still nearing in {hours:.1f} h: {within}"
-    when = clock_text(pair.closest_utc_ns)[:5]
+    when = clock(pair.closest_utc_ns, "minute", "")
     off = max(pair.sigma_closest_s / 60.0, 0.5)
     how = f"{pair.path} path"
     return f"least {within} at {when} ± {off:.0f} min, {how}"
@@ -130,16 +129,12 @@ def _closest_words(pair: PairMotion) -> str:
 def _row(pair: PairMotion | None, track_id: int) -> str:
     if pair is None:
         return "  -"
-    at = {"now": "now", "beyond": "later"}.get(pair.closest) or clock_text(pair.closest_utc_ns)[:5]
+    at = {"now": "now", "beyond": "later"}.get(pair.closest) or clock(
+        pair.closest_utc_ns, "minute", ""
+    )
     rate = pair.separation_rate_arcsec_min
     change = f"{rate:+.2f}" if abs(rate) < 99.0 else f"{rate:+.0f}"
     return (
-        f"{other_of(pair, track_id):>3} {_apart(pair.separation_arcsec):>6} {change:>6}"
-        f" {_apart(pair.closest_arcsec):>6} {at:>5}"
+        f"{other_of(pair, track_id):>3} {angle(pair.separation_arcsec, 'cell'):>6} {change:>6}"
+        f" {angle(pair.closest_arcsec, 'cell'):>6} {at:>5}"
     )
-
-
-def _apart(arcsec: float) -> str:
-    if arcsec >= _IN_ARCMIN:
-        return f"{arcsec / 60.0:.1f}′"
-    return f"{arcsec:.0f}″" if arcsec >= 100.0 else f"{arcsec:.1f}″"

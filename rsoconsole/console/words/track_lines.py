@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.words.words import (
-    NS_PER_S,
-    arcsec_text,
     clipped,
-    duration_text,
     first_shown,
     packed,
     rule,
-    unsigned_text,
 )
 from rsoconsole.control import NextAim, one_line
 from rsoconsole.control.words import aim_parts, state_words
 from rsoconsole.night import FollowedTrack, NightView
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import angle, identity, signed_angle, span
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""
@@ -115,16 +113,7 @@ def _state(track: FollowedTrack) -> str:
 
 def name_words(night: NightView, track_id: int) -> str:
     """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
-    found = night.identifications.get(track_id)
-    if found is not None and found.verdict == "unknown":
-        past = found.ledger
-        known = "" if past is None else one_line(past.name) + ("" if past.is_sure else "?")
-        return known or "not in catalogue"
-    if found is None or not found.matches:
-        return "-"
-    best = found.matches[0]
-    doubt = "" if found.verdict == "identified" else "?"
-    return one_line(best.name or str(best.norad_id)) + doubt
+    return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
@@ -139,7 +128,7 @@ def detail_lines(
     ]
     if track.residual_arcsec is not None:
         east, north = track.residual_arcsec
-        parts.append(f"residual {arcsec_text(east)} {arcsec_text(north)}")
+        parts.append(f"residual {signed_angle(east)} {signed_angle(north)}")
     if track.nis is not None:
         parts.append(f"NIS {track.nis:.1f}")
     if track.snr is not None:
@@ -208,7 +197,7 @@ def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
     if residual is None:
         return "-"
     off = math.hypot(*residual)
-    return f"{off:.1f}″" if 10.0 <= off < 100.0 else unsigned_text(off)
+    return angle(off, "cell" if 10.0 <= off < 100.0 else "line")
 
 
 def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -221,7 +210,7 @@ def _snr(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
     now = now_utc_ns or night.last_utc_ns
-    return "" if now is None else duration_text((now - track.since_utc_ns) / NS_PER_S)
+    return "" if now is None else span((now - track.since_utc_ns) / NS_PER_S)
 
 
 def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:

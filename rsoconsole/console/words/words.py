@@ -12,12 +12,12 @@ from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.control.words import fault_words, held_words, holder_words
 from rsoconsole.night import NightView
 from rsoconsole.records import Detection, NotSolved, Solution
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock, direction, span
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
 ARROWS = "→↘↓↙←↖↑↗"
-NS_PER_S = 1_000_000_000
 BADGE_COLUMNS = 100
 STATE_INKS: dict[str, Ink] = {
     "TRACK": "good",
@@ -25,36 +25,6 @@ STATE_INKS: dict[str, Ink] = {
     "LOST": "warn",
     "FAULT": "alarm",
 }
-
-
-def clock_text(t_utc_ns: int | None) -> str:
-    """hh:mm:ssZ of an instant."""
-    return "--:--:--Z" if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0)[11:19] + "Z"
-
-
-def dated_clock_text(t_utc_ns: int | None) -> str:
-    """yyyy-mm-dd hh:mm:ssZ of an instant."""
-    return clock_text(t_utc_ns) if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0).replace("T", " ")
-
-
-def duration_text(seconds: float) -> str:
-    """8s, 12m04, 3h05."""
-    whole = max(int(seconds), 0)
-    if whole < 60:
-        return f"{whole}s"
-    if whole < 3600:
-        return f"{whole // 60}m{whole % 60:02d}"
-    return f"{whole // 3600}h{whole % 3600 // 60:02d}"
-
-
-def arcsec_text(value: float) -> str:
-    """A signed error in arcsec, arcmin when large."""
-    return f"{value:+.2f}″" if abs(value) < 100 else f"{value / 60:+.1f}′"
-
-
-def unsigned_text(value: float) -> str:
-    """The same without a sign."""
-    return arcsec_text(abs(value)).lstrip("+")
 
 
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
@@ -98,7 +68,7 @@ def top_lines(
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
     if engine.reach in {"gone", "silent"}:
         target_words, is_followed = ("", ""), False
-    clock, dated = f"{clock_text(now)} ", f"{dated_clock_text(now)} "
+    brief, dated = f"{clock(now)} ", f"{clock(now, 'dated')} "
     gap = ("  ", "")
     badge = demo_badge(night, width, engine)
     if only_looks and engine.is_attached:
@@ -120,11 +90,11 @@ def top_lines(
         left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
         # The date gives way to what is known of the target.
         whole, apart = with_target(left, width), 1
-        shown = dated if _columns(whole) + apart + len(dated) <= width else clock
+        shown = dated if _columns(whole) + apart + len(dated) <= width else brief
         return [justified(with_target(left, width - len(shown) - apart), shown, width)]
     first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
-    shown = dated if _columns(first) + len(dated) <= width else clock
+    shown = dated if _columns(first) + len(dated) <= width else brief
     return [justified(first, shown, width), clipped(with_target(second, width), width)]
 
 
@@ -144,13 +114,13 @@ def _state_words(
     if engine.reach == "unknown":
         return ("waiting for the engine to start", "title"), ("", "")
     if engine.reach == "gone" and night.has_ended:
-        ended = clock_text(engine.since_utc_ns or now)
+        ended = clock(engine.since_utc_ns or now)
         return (f"ENGINE ENDED {ended}", "title"), ("it was asked to", "dim")
     if engine.reach in {"gone", "silent"}:
         word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
         last = engine.state or night.state
         was = f"was {last}" if last else "nothing seen of it"
-        return (f"{word} since {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+        return (f"{word} since {clock(engine.since_utc_ns or now)}", "alarm"), (was, "title")
     if engine.reach == "recorded":
         kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
         return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
@@ -161,7 +131,7 @@ def _state_words(
         # Whatever was followed again since: it coasts from where it was seen last.
         began_ns = night.last_seen_utc_ns or began_ns
     if night.state == state and began_ns and now:
-        since = " " + duration_text((now - began_ns) / NS_PER_S)
+        since = " " + span((now - began_ns) / NS_PER_S)
     holder = holder_words(engine.holder, "seat")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
@@ -256,7 +226,7 @@ def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list
     if followed is None:
         return []
     east, _, north = followed.cov_sky_arcsec2
-    place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
+    place = direction(followed.ra_icrs_deg, followed.dec_icrs_deg, "measured")
     close = place.replace("α ", "α").replace("δ ", "δ")
     ways = (f"measured {place}", f"meas {close}", place)
     said = next((each for each in ways if len(each) <= width), close)

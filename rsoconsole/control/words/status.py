@@ -3,8 +3,7 @@
 from typing import Literal
 
 from rsoconsole.control import Status
-from rsoconsole.sky import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
-from rsoconsole.words import rate_text
+from rsoconsole.words import NS_PER_S, altaz, clock, format_dec, format_ra, rate_text
 
 HOLDERS = {
     "autonomy": ("AUTO has the mount", "autonomy has the mount", "AUTO had the mount"),
@@ -72,12 +71,12 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
     if ra is None or dec is None:
         return ()
     words = [f"{name}RA {format_ra(ra, 1)} Dec {format_dec(dec, 0)}"]
-    if status.mount_alt_deg is not None and status.mount_az_deg is not None:
-        words.append(f"alt {status.mount_alt_deg:.1f} az {status.mount_az_deg:.1f}")
+    if high := altaz(status.mount_alt_deg, status.mount_az_deg):
+        words.append(high)
+    does = motion_words(status)
     if is_silent(status):
-        since = utc_ns_to_iso(status.mount_t_utc_ns or 0, 0)[11:19]
-        return (*words, f"silent since {since}Z")
-    return *words, motion_words(status)
+        does = f"silent since {clock(status.mount_t_utc_ns)}"
+    return *words, does
 
 
 def motion_words(status: Status) -> str:

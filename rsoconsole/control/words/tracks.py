@@ -1,8 +1,7 @@
 """The tracks of the field and the next aim in plain lines, for shell and console alike."""
 
 from rsoconsole.control import NextAim, Status, TrackNow, one_line
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
-from rsoconsole.words import span
+from rsoconsole.words import clock, direction, span
 
 NAME_COLUMNS = 22
 _HEAD = (
@@ -22,8 +21,8 @@ def aim_parts(aim: NextAim) -> list[str]:
     """Policy with reason, place and time of the exposure after the next one, and its slew."""
     return [
         f"next aim, {aim.policy}: {aim.reason}",
-        f"α {format_ra(aim.ra_icrs_deg, 1)} δ {format_dec(aim.dec_icrs_deg, 0)}",
-        utc_ns_to_iso(aim.t_utc_ns, 0)[11:19],
+        direction(aim.ra_icrs_deg, aim.dec_icrs_deg),
+        clock(aim.t_utc_ns, zone=""),
         "no slew" if aim.moves_arcmin is None else f"slew {aim.moves_arcmin:.1f}′",
     ]
 
@@ -41,6 +40,7 @@ def _row(track: TrackNow) -> str:
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     age = "-" if track.age_s is None else span(track.age_s)
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
+    age = "-" if track.age_s is None else span(track.age_s)
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
     return (
         f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"

@@ -17,8 +17,8 @@ from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures import NIS_BAND
 from rsoconsole.notebook.night import DrawnNight, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
+from rsoconsole.words import altaz, clock, direction
 
 SHOWN_FRAMES = 60
 NIS_TOP = 14.0
@@ -49,7 +49,7 @@ def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str,
         "is_autonomous": holder == "autonomy",
         "wants_resuming": status.is_held or holder == "operator",
         "frame": status.frame_id,
-        "clock": _clock(status.now_utc_ns),
+        "clock": clock(status.now_utc_ns),
         "alerts": fault_words(status) if is_attached else [],
         "facts": _facts(status),
         "health": [[each.name, each.ok, each.text] for each in status.health],
@@ -74,7 +74,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
         "caption": "no picture yet" if frame is None else words_of(frame),
         "slew": _slew_words(live),
         "nis": _nis_words(night),
-        "log": [[_clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
+        "log": [[clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
         "tunables": [
             [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
             for name, label, unit in TUNED
@@ -89,7 +89,7 @@ def plots(night: DrawnNight) -> dict[str, str]:
         return {}
     t_0, t_1 = night.seconds(frames[0]), night.seconds(frames[-1])
     span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
-    ends = _clock(frames[0].t_mid_utc_ns), _clock(frames[-1].t_mid_utc_ns)
+    ends = clock(frames[0].t_mid_utc_ns), clock(frames[-1].t_mid_utc_ns)
     newest = _Newest(night=night, frames=frames, span=span, ends=ends)
     return {
         "confidence": _confidence(newest),
@@ -187,9 +187,8 @@ def _facts(status: Status) -> list[list[str]]:
     rows = []
     ra, dec = status.ra_icrs_deg, status.dec_icrs_deg
     if ra is not None and dec is not None:
-        alt, az = status.alt_deg, status.az_deg
-        high = "" if alt is None or az is None else f"  alt {alt:.1f} az {az:.1f}"
-        rows.append(["track", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}{high}"])
+        high = altaz(status.alt_deg, status.az_deg)
+        rows.append(["track", f"{direction(ra, dec)}  {high}".rstrip()])
     if mount := mount_words(status, name=""):
         pier = (f"{status.pier_side} of the pier",) if status.pier_side else ()
         rows.append(["mount", " · ".join((*mount, *pier))])
@@ -202,15 +201,10 @@ def _slew_words(live: LiveNight) -> str:
     slew = live.slew
     if slew is None:
         return "none ordered yet"
-    place = f"α {format_ra(slew.ra_icrs_deg, 1)} δ {format_dec(slew.dec_icrs_deg, 0)}"
-    return f"{place} for {_clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
+    place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)
+    return f"{place} for {clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
 
 
 def _setting(config: Any, name: str) -> Any:
     section, _, key = name.partition(".")
     return getattr(getattr(config, section), key)
-
-
-def _clock(t_utc_ns: Any) -> str:
-    is_instant = isinstance(t_utc_ns, int) and not isinstance(t_utc_ns, bool)
-    return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19] if is_instant else "--:--:--"
