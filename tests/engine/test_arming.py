@@ -117,7 +117,10 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
         (
             with_(
                 site=SiteCheck(
-                    is_consistent=False, distance_km=42.4, reported=HERE.reported, detail="far"
+                    is_consistent=False,
+                    distance_km=42.4,
+                    reported=HERE.reported,
+                    detail="42 km off",
                 )
             ),
             "site",

@@ -220,14 +220,8 @@ def _site(facts: ArmingFacts) -> ArmingCheck:
         return _mount_is_dumb("site", facts)
     if facts.site.is_consistent:
         return ArmingCheck(name="site", ok=True, detail=facts.site.detail)
-    distance_km = facts.site.distance_km
-    detail = (
-        facts.site.detail
-        if distance_km is None
-        else f"the mount believes to stand {distance_km:.0f} km from the configured site"
-    )
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
-    return ArmingCheck(name="site", ok=False, detail=detail, remedy=remedy)
+    return ArmingCheck(name="site", ok=False, detail=facts.site.detail, remedy=remedy)
 
 
 def _time(facts: ArmingFacts) -> ArmingCheck:

@@ -254,8 +254,7 @@ class IndiMount:
         detail = (
             "the mount stands at the configured site"
             if is_consistent
-            else f"the mount believes to stand {distance_km:.0f} km from the configured site: "
-            "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
+            else f"the mount believes to stand {distance_km:.0f} km from the configured site"
         )
         return SiteCheck(
             is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
