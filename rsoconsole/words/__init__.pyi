@@ -4,6 +4,7 @@ from .angles import direction as direction
 from .angles import error_figure as error_figure
 from .angles import format_dec as format_dec
 from .angles import format_ra as format_ra
+from .angles import plus_minus as plus_minus
 from .angles import signed_angle as signed_angle
 from .angles import with_sigma as with_sigma
 from .names import called as called
@@ -12,6 +13,14 @@ from .names import identity as identity
 from .names import ledger_words as ledger_words
 from .names import match_words as match_words
 from .names import tracks_words as tracks_words
+from .orbits import due as due
+from .orbits import eclipse_words as eclipse_words
+from .orbits import size_words as size_words
+from .orbits import turn_words as turn_words
+from .pairs import apart_words as apart_words
+from .pairs import closest_words as closest_words
+from .pairs import nearing_words as nearing_words
+from .pairs import unseen_words as unseen_words
 from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text

@@ -37,10 +37,6 @@ def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
 
 
-BY_PRIOR = " by prior"
-"""Behind what was assumed of an orbit rather than measured."""
-
-
 def top_lines(
     night: NightView,
     engine: EngineView,
@@ -48,16 +44,16 @@ def top_lines(
     width: int,
     rows: int,
     *,
-    found: tuple[str, str] = ("", ""),
+    found: tuple[str, str, str] = ("", "", ""),
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
-    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
-    orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
-    what is kept of a track that was ended, the longest way to say it first; ``is_stopping``: STOP
-    was given, and what the engine said last is from before it.
+    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name, its orbit's
+    size and whether that was assumed, each where it is known; as much of it is said as there is
+    room for. ``kept``: what is kept of a track that was ended, the longest way to say it first;
+    ``is_stopping``: STOP was given, and what the engine said last is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -84,9 +80,7 @@ def top_lines(
             return [*line, (said, "warn")]
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
-        size, by_prior, _ = found[1].partition(BY_PRIOR)
-        known = (found[0] or target_words[0], size, by_prior.strip())
-        parts = [part for part in known if part]
+        parts = [part for part in (found[0] or target_words[0], *found[1:]) if part]
         return [*line, (fitted(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
