@@ -30,10 +30,12 @@ from .reasons import text as text
 from .reasons import unmeasured_text as unmeasured_text
 from .streaks import name_of as name_of
 from .streaks import name_words as name_words
+from .streaks import parts_of as parts_of
 from .streaks import pulse_of as pulse_of
 from .streaks import pulse_words as pulse_words
 from .streaks import remarkable as remarkable
 from .streaks import short_name_of as short_name_of
+from .streaks import size_of as size_of
 from .times import NS_PER_DAY as NS_PER_DAY
 from .times import NS_PER_S as NS_PER_S
 from .times import age as age

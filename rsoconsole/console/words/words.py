@@ -9,10 +9,10 @@ from functools import lru_cache
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
-from rsoconsole.night import NightView
+from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import clock, direction, span
+from rsoconsole.words import clock, direction, size_of, span
 
 HOLDERS = {
     "autonomy": "AUTO has the mount",
@@ -215,7 +215,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
     found = _followed_detection(picture)
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
-        parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+        parts.append(size_of(found))
     elif picture.detail.followed is None and picture.detail.predicted is not None:
         parts.append("predicted place")
     return parts
@@ -238,14 +238,7 @@ def _followed_detection(picture: Picture) -> Detection | None:
     found, followed = picture.detail.detections, picture.detail.followed
     if found is None or followed is None:
         return None
-    return next(
-        (
-            d
-            for d in found.detections
-            if abs(d.x_px - followed.x_px) < 1.0 and abs(d.y_px - followed.y_px) < 1.0
-        ),
-        None,
-    )
+    return next((each for each in found.detections if is_of_streak(each, followed)), None)
 
 
 def frame_caption(picture: Picture | None) -> list[str]:
