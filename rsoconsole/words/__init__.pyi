@@ -4,6 +4,7 @@ from .angles import direction as direction
 from .angles import error_figure as error_figure
 from .angles import format_dec as format_dec
 from .angles import format_ra as format_ra
+from .angles import plus_minus as plus_minus
 from .angles import signed_angle as signed_angle
 from .angles import with_sigma as with_sigma
 from .names import called as called
@@ -12,6 +13,14 @@ from .names import identity as identity
 from .names import ledger_words as ledger_words
 from .names import match_words as match_words
 from .names import tracks_words as tracks_words
+from .orbits import due as due
+from .orbits import eclipse_words as eclipse_words
+from .orbits import size_words as size_words
+from .orbits import turn_words as turn_words
+from .pairs import apart_words as apart_words
+from .pairs import closest_words as closest_words
+from .pairs import nearing_words as nearing_words
+from .pairs import unseen_words as unseen_words
 from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text
@@ -23,10 +32,12 @@ from .reasons import text as text
 from .reasons import unmeasured_text as unmeasured_text
 from .streaks import name_of as name_of
 from .streaks import name_words as name_words
+from .streaks import parts_of as parts_of
 from .streaks import pulse_of as pulse_of
 from .streaks import pulse_words as pulse_words
 from .streaks import remarkable as remarkable
 from .streaks import short_name_of as short_name_of
+from .streaks import size_of as size_of
 from .times import NS_PER_DAY as NS_PER_DAY
 from .times import NS_PER_S as NS_PER_S
 from .times import age as age

@@ -62,6 +62,12 @@ def error_figure(value: float) -> str:
     return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
+def plus_minus(value: float, sigma: float | None) -> str:
+    """42165±9, .0002±.0001: as many decimals as the sigma has any say in."""
+    texts = with_sigma(value, sigma)
+    return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
+
+
 def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
     """Both to the last of ``digits`` of the sigma, which is empty where there is none."""
     if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):

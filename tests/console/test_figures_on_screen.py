@@ -203,7 +203,7 @@ def test_a_size_that_the_prior_gives_says_so():
             EngineView(reach="recorded"),
             None,
         )
-        return plain(orbit_lines(shown, 90, 20)) + " | " + target_words(shown)[1]
+        return plain(orbit_lines(shown, 90, 20)) + " | " + " ".join(target_words(shown)[1:])
 
     assert words("geo").count("km by prior") == 2
     assert "by prior" not in words("none").replace("constrained by prior", "")

@@ -99,9 +99,9 @@ def test_status_has_pairs_and_the_missing_over_the_wire_and_in_plain_lines():
     assert there.uncatalogued == (3,)
     said = field_words(there.pairs, there.unseen, there.uncatalogued)
     assert all(len(each) <= 80 for each in said)
-    assert said[0].startswith('2-3: 253.2 ± 0.5" -1.44 ± 0.03"/min, least 52 to 73"')
+    assert said[0].startswith("2-3: 253.2 ± 0.5″ -1.44 ± 0.03″/min, least 52 to 73″")
     assert any(each.startswith("1-2:") and each.endswith("!") for each in said)
     assert not any(each.startswith("1-3:") for each in said)  # neither is the other's nearest
     assert "not in the catalogue: track 3" in said
-    assert said[-1] == "expected, not seen: ASTRA 2C (25785) x 3120 y 912, in shadow"
+    assert said[-1] == "expected, not seen: ASTRA 2C (25785) x 3120 y 912 in shadow"
     assert field_words((), (), ()) == []

@@ -193,7 +193,7 @@ def test_an_approach_is_warned_of_once_and_ends_when_it_has_passed():
     assert [each.level for _, each in words] == ["warning", "info"]
     (first, warning), (last, end) = words
     assert first < 36
-    assert "closest approach" in warning.text
+    assert "apart, least " in warning.text
     assert "tracks 1 2" in warning.text
     assert warning.topic == end.topic == "approach"
     assert last > 44

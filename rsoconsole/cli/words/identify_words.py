@@ -3,15 +3,14 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rsoconsole.cli.words.orbit_words import span_words
 from rsoconsole.orbits.identification import SURE_SAME
-from rsoconsole.words import called, chance
+from rsoconsole.words import called, chance, span
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
     """One line a track, in order of time, with the candidates below where they are several."""
     for each in tracks:
-        arc = f"{each['directions']} in {span_words(each['arc_s'])}"
+        arc = f"{each['directions']} in {span(each['arc_s'], 'line')}"
         head = f"track {each['track']}: {each['verdict']}"
         if each["verdict"] == "identified":
             best = each["candidates"][0]

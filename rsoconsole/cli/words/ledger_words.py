@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rsoconsole.cli.words import output
 from rsoconsole.session.ledgers import LedgerObject
-from rsoconsole.words import clock, direction
+from rsoconsole.words import clock, direction, plus_minus
 
 HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
 _NAME_WIDTH = 20
@@ -14,7 +14,7 @@ _NAME_WIDTH = 20
 def object_line(known: LedgerObject) -> str:
     """One of the list."""
     orbit = known.last.orbit
-    size = "no orbit" if orbit is None else f"{orbit.a_km:.0f} ± {orbit.sigma_a_km:.0f}"
+    size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
     return (
         f"{known.number:>4}  {known.called[:_NAME_WIDTH]:20} {len(known.tracks):>6} "

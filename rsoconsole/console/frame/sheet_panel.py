@@ -12,7 +12,7 @@ from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.words import clipped, rule, short
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import name_of, pulse_of
+from rsoconsole.words import parts_of
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared
@@ -134,7 +134,10 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
         (f"{first}  at {place.x_px:.0f},{place.y_px:.0f}", "title"),
     ]
     lines: list[Line] = [line]
-    lines += [[(f"   {part}", "")] for part in textwrap.wrap(_size(place), max(width - 4, 1))]
+    lines += [
+        [(f"   {part}", "")]
+        for part in textwrap.wrap(", ".join(parts_of(place)), max(width - 4, 1))
+    ]
     for text, ink in _outcomes(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]
     return lines
@@ -143,14 +146,6 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
 def _confidence(pair: "Compared", when: str) -> str:
     judged = pair.was if when == "was" else pair.now
     return "-" if judged is None else short(judged.detection.confidence)
-
-
-def _size(streak: Detection) -> str:
-    words = [f"{streak.length_px:.0f}×{streak.width_px:.1f} px"]
-    if streak.snr:
-        words.append(f"SNR {streak.snr:.0f}")
-    words += [each for each in (name_of(streak), pulse_of(streak)) if each]
-    return ", ".join(words)
 
 
 def _outcomes(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:

@@ -12,7 +12,6 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.orbit.orbit_view import OrbitShown
 from rsoconsole.console.tuning import TrackQuality
 from rsoconsole.console.words import (
-    BY_PRIOR,
     Item,
     clipped,
     packed,
@@ -27,12 +26,15 @@ from rsoconsole.words import (
     angle,
     called,
     clock,
+    eclipse_words,
     format_dec,
     format_ra,
     identity,
     match_words,
+    plus_minus,
+    size_words,
     span,
-    with_sigma,
+    turn_words,
 )
 
 if TYPE_CHECKING:
@@ -78,22 +80,21 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     return [clipped(lines[n][1], width) for n in sorted(kept)]
 
 
-def target_words(shown: OrbitShown) -> tuple[str, str]:
-    """The name of what is followed and its orbit's size, for the first line; empty: not known."""
+def target_words(shown: OrbitShown) -> tuple[str, str, str]:
+    """The name of what is followed, its orbit's size and whether that was assumed; empty: not."""
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
-        return "", ""
-    has_size = estimate is not None and estimate.label != "not observable"
-    return "" if found is None else _one_wide(identity(found)), (
-        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}"
-        if has_size and estimate is not None
-        else ""
-    )
+        return "", "", ""
+    name = "" if found is None else _one_wide(identity(found))
+    if estimate is None or estimate.label == "not observable":
+        return name, "", ""
+    size = f"a = {plus_minus(estimate.a_km, estimate.sigma_a_km)} km"
+    return name, size, _by_prior(estimate).strip()
 
 
 def _by_prior(estimate: OrbitEstimate) -> str:
     """Behind a size that was assumed rather than measured, its sigma too."""
-    return "" if estimate.prior == "none" else BY_PRIOR
+    return "" if estimate.prior == "none" else " by prior"
 
 
 def _title(shown: OrbitShown, width: int) -> Line:
@@ -156,15 +157,15 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
     ink = LABEL_INKS.get(estimate.label, "")
     ink = "" if ink == "good" else ink
     items: list[Item] = [
-        (f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}", ink),
-        (f"e {_with_sigma(estimate.e, sigmas.get('e'))}", ""),
-        (f"i {_with_sigma(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
+        (size_words(estimate.a_km, estimate.sigma_a_km) + _by_prior(estimate), ink),
+        (f"e {plus_minus(estimate.e, sigmas.get('e'))}", ""),
+        (f"i {plus_minus(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
     ]
     for key, name in (("raan_deg", "node"), ("argp_deg", "argument")):
         value, sigma = (ahead.elements.get(key) if ahead is not None else None), sigmas.get(key)
         if value is not None and sigma is not None and sigma < KNOWN_DEG:
             turned = 0.0 if value > 359.95 else value
-            items.append((f"{name} {_with_sigma(turned, sigma)}°", ""))
+            items.append((f"{name} {plus_minus(turned, sigma)}°", ""))
     return _ranked(packed(items, width, MOST_ROWS), 1, 7)
 
 
@@ -207,28 +208,18 @@ def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
 
 def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> list[Item]:
     now = now or from_utc_ns
-    items: list[Item] = []
-    if outlook.is_up:
-        items.append(_at("sets", outlook.sets_utc_ns, now, "does not set within a day"))
-    else:
-        items.append(("is down", "warn"))
-        items.append(_at("rises", outlook.rises_utc_ns, now, "does not rise within a day"))
-    if outlook.eclipse_utc_ns is None:
-        return [*items, ("no eclipse within a day", "")]
-    begins, ends = outlook.eclipse_utc_ns
-    until = f" to {clock(ends, 'minute')}" if ends else ""
-    if begins <= from_utc_ns:
-        return [*items, (f"in eclipse{until}", "warn")]
-    text, ink = _at("eclipse", begins, now, "")
-    return [*items, (text + until, ink)]
+    is_up, eclipse = outlook.is_up, outlook.eclipse_utc_ns
+    turns = outlook.sets_utc_ns if is_up else outlook.rises_utc_ns
+    coming = [
+        (turn_words(turns, now, is_up=is_up), turns),
+        (eclipse_words(eclipse, from_utc_ns, now), None if eclipse is None else eclipse[0]),
+    ]
+    items: list[Item] = [] if is_up else [("is down", "warn")]
+    return [*items, *((words, _ink_of(t_utc_ns, now)) for words, t_utc_ns in coming)]
 
 
-def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
-    if t_utc_ns is None:
-        return never, ""
-    left_s = (t_utc_ns - now) / NS_PER_S
-    text = f"{what} {clock(t_utc_ns, 'minute')} ({span(left_s)})"
-    return text, "warn" if left_s < SOON_S else ""
+def _ink_of(t_utc_ns: int | None, now: int) -> Ink:
+    return "" if t_utc_ns is None or t_utc_ns - now >= SOON_S * NS_PER_S else "warn"
 
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
@@ -272,12 +263,6 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
 
 def _fine(arcsec: float) -> str:
     return angle(arcsec).removeprefix("0")
-
-
-def _with_sigma(value: float, sigma: float | None) -> str:
-    """As many decimals as the sigma has any say in."""
-    texts = with_sigma(value, sigma)
-    return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
 
 
 def _said(text: str, ink: Ink, width: int) -> list[Line]:

@@ -42,7 +42,7 @@ def review_top_lines(
     width: int,
     rows: int,
     *,
-    found: tuple[str, str] = ("", ""),
+    found: tuple[str, str, str] = ("", "", ""),
 ) -> list[Line]:
     """That this is the past; state and holder then, the night's name, the live state, the clock.
 
@@ -70,7 +70,7 @@ def review_top_lines(
     return [justified(first, at, width), clipped(_with_target(second, found, width), width)]
 
 
-def _with_target(line: Line, found: tuple[str, str], width: int) -> Line:
+def _with_target(line: Line, found: tuple[str, str, str], width: int) -> Line:
     room = width - sum(len(text) for text, _ in line) - 2
     parts = [part for part in found if part]
     return [*line, ("  ", ""), (fitted(parts, room, " "), "")] if parts and room > 0 else line

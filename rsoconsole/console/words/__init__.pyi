@@ -14,7 +14,6 @@ from .plot_window import axis_lines as axis_lines
 from .track_lines import is_chosen as is_chosen
 from .track_lines import name_words as name_words
 from .track_lines import track_list_lines as track_list_lines
-from .words import BY_PRIOR as BY_PRIOR
 from .words import STATE_INKS as STATE_INKS
 from .words import Item as Item
 from .words import clipped as clipped

@@ -30,7 +30,7 @@ from rsoconsole.control.words import (
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import NS_PER_S, separation_deg
-from rsoconsole.words import altaz, angle, clock, direction, format_dec, format_ra, span
+from rsoconsole.words import altaz, angle, clock, direction, due, format_dec, format_ra
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
@@ -265,7 +265,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     items: list[Item] = []
     for at, what in sorted(coming):
         left_s = (at - now) / NS_PER_S
-        words = what if left_s <= 0 else f"{what} {clock(at, 'minute')} ({span(left_s)})"
+        words = what if left_s <= 0 else due(what, at, now)
         items.append((words, "warn" if left_s < SOON_S else ""))
     height = f"{outlook.moon_altitude_deg:+.0f}°"
     away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"

@@ -10,10 +10,10 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.control.words import fault_words, held_words, holder_words
-from rsoconsole.night import NightView
+from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import clock, direction, span
+from rsoconsole.words import clock, direction, size_of, span
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
@@ -34,10 +34,6 @@ def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
 
 
-BY_PRIOR = " by prior"
-"""Behind what was assumed of an orbit rather than measured."""
-
-
 def top_lines(
     night: NightView,
     engine: EngineView,
@@ -45,16 +41,16 @@ def top_lines(
     width: int,
     rows: int,
     *,
-    found: tuple[str, str] = ("", ""),
+    found: tuple[str, str, str] = ("", "", ""),
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
-    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
-    orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
-    what is kept of a track that was ended, the longest way to say it first; ``is_stopping``: STOP
-    was given, and what the engine said last is from before it.
+    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name, its orbit's
+    size and whether that was assumed, each where it is known; as much of it is said as there is
+    room for. ``kept``: what is kept of a track that was ended, the longest way to say it first;
+    ``is_stopping``: STOP was given, and what the engine said last is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -81,9 +77,7 @@ def top_lines(
             return [*line, (said, "warn")]
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
-        size, by_prior, _ = found[1].partition(BY_PRIOR)
-        known = (found[0] or target_words[0], size, by_prior.strip())
-        parts = [part for part in known if part]
+        parts = [part for part in (found[0] or target_words[0], *found[1:]) if part]
         return [*line, (fitted(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
@@ -214,7 +208,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
     found = _followed_detection(picture)
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
-        parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+        parts.append(size_of(found))
     elif picture.detail.followed is None and picture.detail.predicted is not None:
         parts.append("predicted place")
     return parts
@@ -237,14 +231,7 @@ def _followed_detection(picture: Picture) -> Detection | None:
     found, followed = picture.detail.detections, picture.detail.followed
     if found is None or followed is None:
         return None
-    return next(
-        (
-            d
-            for d in found.detections
-            if abs(d.x_px - followed.x_px) < 1.0 and abs(d.y_px - followed.y_px) < 1.0
-        ),
-        None,
-    )
+    return next((each for each in found.detections if is_of_streak(each, followed)), None)
 
 
 def frame_caption(picture: Picture | None) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.records import PairMotion
-from rsoconsole.words import clock, tracks_words
+from rsoconsole.words import apart_words, clock, closest_words, tracks_words
 
 Word = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
@@ -80,27 +80,15 @@ def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
 
 
 def _warning(pair: PairMotion) -> str:
-    now = f'{pair.separation_arcsec:.1f}" apart'
-    if pair.closest == "now":
-        return f"{now}, moving apart"
-    when = clock(pair.closest_utc_ns, "minute", "")
-    within = (
-        f'{pair.closest_arcsec:.0f}" ({pair.closest_low_arcsec:.0f} to'
-        f' {pair.closest_high_arcsec:.0f}")'
-    )
-    how = f"by a {pair.path} path"
-    return (
-        f"{now}, closest approach {within} at {when} UTC"
-        f" ± {max(pair.sigma_closest_s / 60.0, 0.5):.0f} min, {how}"
-    )
+    return f"{apart_words(pair)} apart, {closest_words(pair)}"
 
 
 def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
-    when = clock(approach.nearest_utc_ns, "minute", "")
+    when = clock(approach.nearest_utc_ns, "minute")
     if limit_arcsec == 0.0:
         return "warning over, alert.separation_arcsec is 0"
     if approach.nearest_arcsec < limit_arcsec:
-        return f'passed, nearest {approach.nearest_arcsec:.1f}" at {when} UTC'
+        return f"passed, nearest {approach.nearest_arcsec:.1f}″ at {when}"
     if pair.closest == "now":
-        return f'warning over, they part: nearest {approach.nearest_arcsec:.1f}" at {when} UTC'
-    return f'warning over, closest approach now {pair.closest_arcsec:.0f}"'
+        return f"warning over, they part: nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"
