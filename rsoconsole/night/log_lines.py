@@ -40,7 +40,14 @@ from rsoconsole.records import (
     StateChange,
     Topic,
 )
-from rsoconsole.words import called, match_words, remarkable, ruled_text, text, tracks_words
+from rsoconsole.words import (
+    called,
+    off_words,
+    remarkable,
+    ruled_text,
+    text,
+    tracks_words,
+)
 
 Level = Literal["info", "good", "warning", "alarm"]
 
@@ -263,9 +270,9 @@ def _of_identified(record: Identified) -> tuple[Level, str]:
     said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
-        said = f"identified: {called(best.name, best.norad_id)}, {match_words(best)[1]}"
+        said = f"identified: {called(best.name, best.norad_id)}, {off_words(best)} off"
         if others:
-            said += f"; then {others[0].name or others[0].norad_id}, {match_words(others[0])[1]}"
+            said += f"; then {others[0].name or others[0].norad_id} at {off_words(others[0])}"
     if record.hint:
         return "warning", f"{said}; {record.hint}"
     return "good" if record.verdict == "identified" else "info", said

@@ -12,6 +12,7 @@ from .names import chance as chance
 from .names import identity as identity
 from .names import ledger_words as ledger_words
 from .names import match_words as match_words
+from .names import off_words as off_words
 from .names import tracks_words as tracks_words
 from .orbits import due as due
 from .orbits import eclipse_words as eclipse_words

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName
-from rsoconsole.words.angles import angle
 from rsoconsole.words.times import age, clock
 
 
@@ -25,11 +24,19 @@ def identity(found: Identified | None) -> str:
     return (best.name or str(best.norad_id)) + ("" if found.verdict == "identified" else "?")
 
 
+def off_words(match: CatalogueMatch) -> str:
+    """How far beside its elements what was seen is: 3.1″, 12″, 2′, 1.7°."""
+    off = match.separation_arcsec
+    if off < 100.0:
+        return f"{off:.{0 if off >= 10.0 else 1}f}″"
+    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"
+
+
 def match_words(match: CatalogueMatch) -> list[str]:
     """98%, 3.1″ off, elements 0.4 d old."""
     return [
         chance(match.probability),
-        f"{angle(match.separation_arcsec, 'cell')} off",
+        f"{off_words(match)} off",
         f"elements {age(match.tle_age_days)}",
     ]
 
