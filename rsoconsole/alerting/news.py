@@ -15,7 +15,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.words import text
+from rsoconsole.words import called, match_words, text
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""
@@ -87,14 +87,11 @@ class News:
         if found.verdict != "identified" or not found.matches:
             return
         best = found.matches[0]
-        name = f"{best.name} ({best.norad_id})" if best.name else str(best.norad_id)
+        name = called(best.name, best.norad_id)
         if self.names.get(found.track_id) != name:
             self.names[found.track_id] = name
-            yield (
-                "identification",
-                f"track {found.track_id} is {name}, {best.separation_arcsec:.0f} arcsec from its"
-                f" elements of {best.tle_age_days:.1f} days",
-            )
+            off = ", ".join(match_words(best)[1:])
+            yield "identification", f"track {found.track_id} is {name}, {off}"
 
     def _of_miss(self, miss: Miss) -> Iterator[tuple[AlertKind, str]]:
         cloud = [each for each in miss.reason.hidden_by if each.kind in _CLOUD]

@@ -40,9 +40,6 @@ from .frame_commands import MarkByHand as MarkByHand
 from .frame_commands import Reject as Reject
 from .frame_commands import TakeBack as TakeBack
 from .mount_lock import MountLock as MountLock
-from .mount_text import is_silent as is_silent
-from .mount_text import motion_words as motion_words
-from .mount_text import mount_words as mount_words
 from .place import EngineLock as EngineLock
 from .place import default_socket_path as default_socket_path
 from .place import engine_pid as engine_pid
@@ -68,8 +65,6 @@ from .stop import Stopping as Stopping
 from .stop import counted as counted
 from .text import one_line as one_line
 from .text import printable as printable
-from .track_text import next_aim_words as next_aim_words
-from .track_text import track_table as track_table
 from .wire import ON_RECORD as ON_RECORD
 from .wire import Later as Later
 from .wire import Outcome as Outcome

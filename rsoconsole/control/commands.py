@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.control.command import Command, argument, register, with_overrides
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.words import direction
 
 LARGEST_NUDGE_ARCMIN = 600.0
 MOST_FRAMES = 1000
@@ -186,7 +186,7 @@ class Goto(Command):
 
     def words(self) -> str:
         """What is wanted."""
-        place = f"α {format_ra(self.ra_icrs_deg, 1)} δ {format_dec(self.dec_icrs_deg, 0)}"
+        place = direction(self.ra_icrs_deg, self.dec_icrs_deg)
         return with_overrides(f"go to {place}", self.override)
 
 

@@ -4,7 +4,14 @@ from collections.abc import Iterable, Sequence
 
 from rsoconsole.control.text import one_line
 from rsoconsole.records import PairMotion, UnseenMember
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import (
+    apart_words,
+    called,
+    closest_words,
+    nearing_words,
+    tracks_words,
+    unseen_words,
+)
 
 MOST_LINES = 12
 """Of pairs and of missing objects in plain lines: JSON has all."""
@@ -21,13 +28,10 @@ def field_words(
     """Each track's nearest neighbour and who is missing, in lines of at most 80 columns."""
     lines = [_pair_words(each) for each in _nearest(pairs)[:MOST_LINES]]
     if uncatalogued:
-        lines.append(f"not in the catalogue: track {', '.join(map(str, uncatalogued))}")
+        lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
     for each in unseen[:MOST_LINES]:
-        why = "" if each.is_lit else ", in shadow"
-        why += "" if each.is_usable else ", at the edge"
-        name = one_line(each.name)[:24]
-        place = f"x {each.x_px:.0f} y {each.y_px:.0f}{why}"
-        lines.append(f"expected, not seen: {name} ({each.norad_id}) {place}")
+        name = called(one_line(each.name)[:24], each.norad_id)
+        lines.append(f"expected, not seen: {unseen_words(name, each)}")
     return lines
 
 
@@ -43,15 +47,8 @@ def _nearest(pairs: Sequence[PairMotion]) -> list[PairMotion]:
 
 
 def _pair_words(pair: PairMotion) -> str:
-    least = {"now": "they part", "beyond": "still nearing"}.get(pair.closest)
-    if least is None:
-        when = utc_ns_to_iso(pair.closest_utc_ns, 0)[11:16]
-        low, high = pair.closest_low_arcsec, pair.closest_high_arcsec
-        least = f'least {low:.0f} to {high:.0f}" {when}Z'
     mark = " !" if pair.is_close else ""
     return (
-        f"{pair.track_id}-{pair.other_track_id}: {pair.separation_arcsec:.1f} ±"
-        f' {pair.sigma_separation_arcsec:.1f}"'
-        f" {pair.separation_rate_arcsec_min:+.2f} ±"
-        f' {pair.sigma_separation_rate_arcsec_min:.2f}"/min, {least}{mark}'
+        f"{pair.track_id}-{pair.other_track_id}: {apart_words(pair)} {nearing_words(pair)},"
+        f" {closest_words(pair)}{mark}"
     )

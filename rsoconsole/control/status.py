@@ -13,7 +13,7 @@ from typing import Any
 from rsoconsole.control.fields import as_json, read_record
 from rsoconsole.reasons import StopOutcome
 from rsoconsole.records import PairMotion, UnseenMember
-from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
+from rsoconsole.words import measured_text, ordered_text
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
@@ -105,21 +105,14 @@ class LastStop:
     @property
     def text(self) -> str:
         """In a few words."""
-        ordered = (
-            "not ordered" if self.ordered_ms is None else f"ordered in {self.ordered_ms:.0f} ms"
-        )
+        ordered = ordered_text(self.ordered_ms, "{}", unknown="not ordered")
         answered = (
             "NOT ANSWERED" if self.answered_ms is None else f"answered in {self.answered_ms:.0f} ms"
         )
-        return f"{ordered}, {answered}: {self._measured_text}"
-
-    @property
-    def _measured_text(self) -> str:
-        if self.motion is None:
-            return "measuring"
-        if self.motion == "unknown":
-            return unmeasured_text(self.detail, f"{CUT_POWER} if it does")
-        return measured_text(self.motion, self.rate_deg_s, (self.measured_ms or 0.0) / 1e3)
+        came_of, seconds = "measuring", (self.measured_ms or 0.0) / 1e3
+        if self.motion is not None:
+            came_of = measured_text(self.motion, self.rate_deg_s, seconds, why=self.detail)
+        return f"{ordered}, {answered}: {came_of}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +229,8 @@ class Status:
     uncatalogued: tuple[int, ...] = ()
     """Tracks that no catalogued object explains."""
     next_limit: str | None = None
-    """What sidereal tracking runs into within hours, and when."""
+    """Which one sidereal tracking runs into within hours."""
+    next_limit_utc_ns: int | None = None
     lifted: tuple[str, ...] = ()
     """Checks and limits that the operator has overridden, by name."""
     faults: tuple[str, ...] = ()

@@ -16,12 +16,7 @@ from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.reasons import StopOutcome
-from rsoconsole.words import (
-    STOP_PATHS,
-    answered_text,
-    measured_text,
-    unmeasured_text,
-)
+from rsoconsole.words import STOP_PATHS, answered_text, measured_text, ordered_text, unmeasured_text
 
 log = logging.getLogger(__name__)
 
@@ -240,10 +235,7 @@ class Stopping:
             return False
         rate_deg_s = float(rate) if isinstance(rate, int | float) else None
         detail = str(found.get("detail") or "")
-        if motion == "unknown":
-            text = unmeasured_text(detail, REMEDY)
-        else:
-            text = measured_text(motion, rate_deg_s, self._ms() / 1e3)
+        text = measured_text(motion, rate_deg_s, self._ms() / 1e3, why=detail, remedy=REMEDY)
         phase: Phase = "stopped" if motion in ("stands", "tracks") else "failed"
         news = self._news(phase, text, path)
         reason = "" if phase == "stopped" else detail or text
@@ -266,7 +258,7 @@ class Stopping:
             reasons = "; ".join(dict.fromkeys(self._reasons))
         if is_last:
             path = "engine" if self._directly is None else "indi"
-            ordered = "" if self._ordered_ms is None else f"ordered in {self._ordered_ms:.0f} ms, "
+            ordered = ordered_text(self._ordered_ms, "{}, ")
             state = "answered, but " if self._is_answered else "NOT ANSWERED: "
             news = self._news("failed", f"{ordered}{state}{unmeasured_text(reasons, REMEDY)}", path)
             self._say(replace(news, motion="unknown", reason=reasons))

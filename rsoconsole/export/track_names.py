@@ -1,7 +1,7 @@
 """What a track's name on record is, as a line of an exported file."""
 
 from rsoconsole.records import CatalogueMatch, Identified
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import called, clock
 
 _LIKELY = 0.05
 
@@ -17,16 +17,13 @@ def name_words(name: Identified) -> str:
     if name.verdict == "ambiguous":
         likely = [_called(each) for each in name.matches if each.probability >= _LIKELY]
         return f"ambiguous: {' or '.join(likely) or 'no object is likely'}{with_others}"
-    if name.ledger is None:
+    past = name.ledger
+    if past is None:
         return "uncorrelated: no catalogued object"
-    doubt = "" if name.ledger.is_sure else "perhaps "
-    seen = utc_ns_to_iso(name.ledger.t_last_utc_ns, 0)[:10]
-    return (
-        f"uncorrelated: {doubt}{name.ledger.name}, seen {seen}, probability"
-        f" {name.ledger.probability:.3f}"
-    )
+    doubt = "" if past.is_sure else "perhaps "
+    seen = clock(past.t_last_utc_ns, "day", "")
+    return f"uncorrelated: {doubt}{past.name}, seen {seen}, probability {past.probability:.3f}"
 
 
 def _called(match: CatalogueMatch) -> str:
-    name = f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
-    return f"{name}, probability {match.probability:.3f}"
+    return f"{called(match.name, match.norad_id)}, probability {match.probability:.3f}"

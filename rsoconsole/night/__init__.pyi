@@ -22,8 +22,6 @@ from .frames import is_from_outside as is_from_outside
 from .frames import is_instruments as is_instruments
 from .last_measured import LastMeasured as LastMeasured
 from .log_lines import LogLine as LogLine
-from .log_lines import named as named
-from .log_lines import off_text as off_text
 from .night import Night as Night
 from .night_view import KeptNight as KeptNight
 from .night_view import NightView as NightView

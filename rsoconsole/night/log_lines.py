@@ -28,7 +28,6 @@ from rsoconsole.reasons import (
     Missed,
 )
 from rsoconsole.records import (
-    CatalogueMatch,
     Detections,
     Event,
     Identified,
@@ -41,7 +40,14 @@ from rsoconsole.records import (
     StateChange,
     Topic,
 )
-from rsoconsole.words import remarkable, ruled_text, text
+from rsoconsole.words import (
+    called,
+    off_words,
+    remarkable,
+    ruled_text,
+    text,
+    tracks_words,
+)
 
 Level = Literal["info", "good", "warning", "alarm"]
 
@@ -111,12 +117,7 @@ class LogLine:
 
     def of(self, tracks: tuple[int, ...]) -> "LogLine":
         """The same of these tracks, by their numbers."""
-        return replace(self, tracks=tracks, text=f"{tracks_text(tracks)}: {self.words}")
-
-
-def tracks_text(tracks: tuple[int, ...]) -> str:
-    """Tracks by their numbers: "track 3", "tracks 1 3 4"."""
-    return f"track{'s' if len(tracks) > 1 else ''} {' '.join(map(str, tracks))}"
+        return replace(self, tracks=tracks, text=f"{tracks_words(tracks)}: {self.words}")
 
 
 def without_console(text: str) -> str:
@@ -269,9 +270,9 @@ def _of_identified(record: Identified) -> tuple[Level, str]:
     said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
-        said = f"identified: {named(best)}, {off_text(best)} off"
+        said = f"identified: {called(best.name, best.norad_id)}, {off_words(best)} off"
         if others:
-            said += f"; then {others[0].name or others[0].norad_id} at {off_text(others[0])}"
+            said += f"; then {others[0].name or others[0].norad_id} at {off_words(others[0])}"
     if record.hint:
         return "warning", f"{said}; {record.hint}"
     return "good" if record.verdict == "identified" else "info", said
@@ -298,16 +299,3 @@ def _came_of(record: OperatorAction) -> str:
     if result.kind == "ruled" and result.frame_id == record.arguments.get("frame"):
         return f": {ruled_text(result)}"
     return f": {text(result)}"
-
-
-def named(match: CatalogueMatch) -> str:
-    """A catalogued object as one calls it: its name where it has one, its number."""
-    return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
-
-
-def off_text(match: CatalogueMatch) -> str:
-    """How far beside its elements what was seen is."""
-    off = match.separation_arcsec
-    if off < 100.0:
-        return f"{off:.{0 if off >= 10.0 else 1}f}″"
-    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"

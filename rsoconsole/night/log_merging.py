@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rsoconsole.night.log_lines import LogLine
 from rsoconsole.reasons import Missed
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import clock
 
 LOOK_BACK_LINES = 6
 FOLLOWED_AGAIN_LINES = 100
@@ -84,7 +84,7 @@ def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
             before = log.pop(index)
             turns = before.turns + 1
             since = before.since_utc_ns or before.t_utc_ns
-            said = f"{line.words} ({turns} turns since {utc_ns_to_iso(since, 0)[11:16]})"
+            said = f"{line.words} ({turns} turns since {clock(since, 'minute', '')})"
             return replace(line, text=said, turns=turns, since_utc_ns=since)
     return line
 

@@ -1,10 +1,9 @@
 """What the record says of each track: its state, what it took last, the rows of its plots. Pure."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rsoconsole.night.frame import SAME_PLACE_PX, numbered, predicted_sigma_arcsec
+from rsoconsole.night.frame import is_of_streak, numbered, predicted_sigma_arcsec
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -241,7 +240,7 @@ def _snr_of(taken: Measurement, found: Detections | None) -> float | None:
     """Of the streak that was measured; None where its light was not."""
     streaks = () if found is None else (*found.detections, *(r.detection for r in found.rejected))
     for each in streaks:
-        if math.hypot(each.x_px - taken.x_px, each.y_px - taken.y_px) < SAME_PLACE_PX:
+        if is_of_streak(each, taken):
             return each.snr or None
     return None
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
-from rsoconsole.words import text
+from rsoconsole.words import identity, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,23 +36,13 @@ class NightTrack:
     def name(self) -> str | None:
         """In the catalogue; None where that is not known, or more than one may be it."""
         found = self.identified
-        if found is None or found.verdict != "identified" or not found.matches:
-            return None
-        best = found.matches[0]
-        return one_line(best.name or str(best.norad_id))
+        is_known = found is not None and found.verdict == "identified" and bool(found.matches)
+        return self.object_words if is_known else None
 
     @property
     def object_words(self) -> str:
         """What catalogue or ledger say of it: a name, a name in doubt, or that none fits."""
-        found = self.identified
-        if found is None:
-            return "not asked"
-        if found.verdict == "unknown" and found.ledger is not None:
-            return one_line(found.ledger.name) + ("" if found.ledger.is_sure else "?")
-        if self.name is not None or not found.matches:
-            return self.name or found.verdict
-        best = found.matches[0]
-        return f"{found.verdict}: {one_line(best.name or str(best.norad_id))}?"
+        return one_line(identity(self.identified))
 
     @property
     def has_led(self) -> bool:

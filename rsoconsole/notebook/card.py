@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rsoconsole.night import Spell, Summary
 from rsoconsole.notebook.night import GREEN, GREY, RED, text
 from rsoconsole.notebook.pictures import Picture, layered
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import span
 
 STATE_COLOURS = {
     "IDLE": "#9aa0a6",
@@ -123,7 +123,7 @@ def strip_svg(spells: Sequence[Spell], misses: Iterable[int] = ()) -> str:
         x = (spell.t_from_utc_ns - t_0) * scale
         width = max((spell.t_to_utc_ns - spell.t_from_utc_ns) * scale, _NARROWEST)
         colour = STATE_COLOURS.get(spell.state, GREY)
-        title = f"{spell.state}, {duration_words(spell.seconds)}"
+        title = f"{spell.state}, {span(spell.seconds, 'line')}"
         parts.append(
             f'<rect x="{x:.1f}" y="0" width="{width:.1f}" height="{_STRIP_HEIGHT:.0f}" '
             f'fill="{colour}"><title>{text(title)}</title></rect>'
@@ -151,27 +151,7 @@ def _strip_words(spells: Iterable[Spell]) -> str:
     total: dict[str, float] = {}
     for spell in spells:
         total[spell.state] = total.get(spell.state, 0.0) + spell.seconds
-    return " · ".join(f"{state} {duration_words(s)}" for state, s in total.items() if s > 0.0)
-
-
-def duration_words(seconds: float) -> str:
-    """A length of time as people say it."""
-    whole = round(seconds)
-    if whole < 120:
-        return f"{whole} s"
-    hours, minutes = divmod(whole // 60, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {whole % 60:02d} s"
-
-
-def when_words(t_first_utc_ns: int | None, t_last_utc_ns: int | None) -> str:
-    """From when to when, UTC."""
-    if t_first_utc_ns is None or t_last_utc_ns is None:
-        return "nothing on record yet"
-    first, last = (utc_ns_to_iso(t, decimals=0) for t in (t_first_utc_ns, t_last_utc_ns))
-    day, _, begin = first.removesuffix("Z").partition("T")
-    end_day, _, end = last.removesuffix("Z").partition("T")
-    until = end if end_day == day else f"{end_day} {end}"
-    return f"{day} {begin} to {until} UTC"
+    return " · ".join(f"{state} {span(s, 'line')}" for state, s in total.items() if s > 0.0)
 
 
 def _figure(value: float | None, form: str, unit: str) -> str:

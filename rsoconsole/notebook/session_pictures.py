@@ -10,6 +10,7 @@ from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw
 from rsoconsole.records import PixelArray
 from rsoconsole.session.files import pruned_on, read_notes
 from rsoconsole.session.reading import SessionReader
+from rsoconsole.words import parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,10 +69,8 @@ class SessionPictures:
         if not found:
             raise SessionError(f"nothing was detected in frame {frame_id}")
         pixels, detection = self.pixels(frame_id), found[0]
-        title = (
-            f"Frame {frame_id}: confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}, "
-            f"{detection.length_px:.1f} × {detection.width_px:.1f} px"
-        )
+        parts = (f"confidence {detection.confidence:.2f}", *parts_of(detection))
+        title = f"Frame {frame_id}: {', '.join(parts)}"
         figure = NightFigure(6.6, 5.0) if figure is None else figure
         with styled():
             draw_streak(figure, pixels, detection, title)

@@ -1,8 +1,6 @@
 from .angles import deg_to_hours as deg_to_hours
 from .angles import direction_to_unit as direction_to_unit
 from .angles import east_and_north as east_and_north
-from .angles import format_dec as format_dec
-from .angles import format_ra as format_ra
 from .angles import hours_to_deg as hours_to_deg
 from .angles import largest_sigma as largest_sigma
 from .angles import parse_dec_deg as parse_dec_deg

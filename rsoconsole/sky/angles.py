@@ -181,29 +181,6 @@ def parse_dec_deg(text: str) -> float:
     return dec_deg
 
 
-def _format_sexagesimal(value: float, decimals: int) -> str:
-    """'aa:bb:cc.cc' of a value that is not negative, rounded as a whole so that 60 never shows."""
-    scale = 10**decimals
-    total = round(value * 3600.0 * scale)
-    whole, fraction = divmod(total, scale)
-    minutes, seconds = divmod(whole, 60)
-    first, minutes = divmod(minutes, 60)
-    tail = f".{fraction:0{decimals}d}" if decimals else ""
-    return f"{first:02d}:{minutes:02d}:{seconds:02d}{tail}"
-
-
-def format_ra(ra_deg: float, decimals: int = 2) -> str:
-    """'hh:mm:ss.ss' of a right ascension in degrees."""
-    text = _format_sexagesimal(deg_to_hours(wrap_360(ra_deg)), decimals)
-    return text.replace("24:", "00:", 1) if text.startswith("24:") else text
-
-
-def format_dec(dec_deg: float, decimals: int = 1) -> str:
-    """'+dd:mm:ss.s' of a declination in degrees."""
-    text = _format_sexagesimal(abs(dec_deg), decimals)
-    return ("-" if dec_deg < 0 and text.strip("0:.") else "+") + text
-
-
 def largest_sigma(east_east: float, east_north: float, north_north: float) -> float:
     """One sigma along the longest axis of a 2x2 covariance, in the root of its unit."""
     half = math.hypot(0.5 * (east_east - north_north), east_north)

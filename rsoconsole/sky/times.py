@@ -18,12 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
+from rsoconsole.words import NS_PER_DAY as NS_PER_DAY  # noqa: PLC0414 -- handed on
+from rsoconsole.words import NS_PER_S as NS_PER_S  # noqa: PLC0414
+from rsoconsole.words import utc_ns_to_iso as utc_ns_to_iso  # noqa: PLC0414
 
 IntArray = npt.NDArray[np.int64]
 TimeLike = int | IntArray
 
-NS_PER_S = 1_000_000_000
-NS_PER_DAY = 86_400 * NS_PER_S
 JD_UNIX = 2_440_587.5
 MJD_UNIX = 40_587
 TT_MINUS_TAI_S = 32.184
@@ -34,18 +35,6 @@ _ISO = re.compile(
     r"(Z|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
-
-
-def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
-    """ISO 8601 with Z, e.g. '2023-06-22T03:04:05.678Z'; rounded to ``decimals`` (0 to 9)."""
-    step = 10 ** (9 - decimals)
-    rounded = (int(t_utc_ns) + step // 2) // step * step
-    days, in_day = divmod(rounded, NS_PER_DAY)
-    seconds, nanoseconds = divmod(in_day, NS_PER_S)
-    day = date.fromordinal(date(1970, 1, 1).toordinal() + days)
-    tail = f".{nanoseconds:09d}"[: decimals + 1] if decimals else ""
-    hms = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
-    return f"{day.isoformat()}T{hms}{tail}Z"
 
 
 def iso_to_utc_ns(text: str) -> int:

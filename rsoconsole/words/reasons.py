@@ -21,6 +21,7 @@ from rsoconsole.reasons import (
     StopOutcome,
     TrackLost,
 )
+from rsoconsole.words.angles import error_figure
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "fit broke": "the line fit broke on it: see the log",
@@ -168,16 +169,14 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "answered":
             return answered_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
         case "measured":
-            if result.stop_outcome is None or result.stop_outcome == "unknown":
-                return unmeasured_text(result.detail, f"{CUT_POWER} if it does")
             seconds = (result.stop_ms or 0.0) / 1e3
-            return measured_text(result.stop_outcome, result.rate_deg_s, seconds)
+            return measured_text(result.stop_outcome, result.rate_deg_s, seconds, why=result.detail)
         case "refused":
             return f"refused: {result.detail}"
         case "dropped":
             return _DROPPED[result.dropped_by or "STOP"]
         case "failed":
-            return f"NOT answered: {result.detail}{_ordered(result.stop_ordered_ms)}"
+            return f"NOT answered: {result.detail}{ordered_text(result.stop_ordered_ms)}"
         case _:
             assert_never(result.kind)
 
@@ -185,13 +184,20 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
 def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
     """A STOP that the mount's driver has taken, in the same words everywhere."""
     way = STOP_PATHS.get(path, path)
-    return f"ABORT answered in {ms:.0f} ms by {way}{_ordered(ordered_ms)}"
+    return f"ABORT answered in {ms:.0f} ms by {way}{ordered_text(ordered_ms)}"
 
 
 def measured_text(
-    motion: StopOutcome, rate_deg_s: float | None = None, seconds: float | None = None
+    motion: StopOutcome | None,
+    rate_deg_s: float | None = None,
+    seconds: float | None = None,
+    *,
+    why: str = "",
+    remedy: str = f"{CUT_POWER} if it does",
 ) -> str:
-    """What a STOP has come to, where that is known, and after how long it was."""
+    """What a STOP has come to, and after how long; or that nobody knows, and what to do then."""
+    if motion is None or motion == "unknown":
+        return unmeasured_text(why, remedy)
     if motion == "moves":
         return f"the mount STILL MOVES at {rate_text(rate_deg_s or 0.0)}: {CUT_POWER}"
     return f"the mount {motion}, measured" + ("" if seconds is None else f" in {seconds:.1f} s")
@@ -209,9 +215,9 @@ def rate_text(rate_deg_s: float) -> str:
     return f"{rate_deg_s * 3600.0:.0f} arcsec/s"
 
 
-def _ordered(ordered_ms: float | None) -> str:
+def ordered_text(ordered_ms: float | None, within: str = "; {}", unknown: str = "") -> str:
     """When a STOP was ordered; what came of it is another thing."""
-    return "" if ordered_ms is None else f"; ordered in {ordered_ms:.0f} ms"
+    return unknown if ordered_ms is None else within.format(f"ordered in {ordered_ms:.0f} ms")
 
 
 def ruled_text(result: CommandResult) -> str:
@@ -224,21 +230,16 @@ def ruled_text(result: CommandResult) -> str:
 
 def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
     """How good a mark by hand is, what it takes the place of, and what it makes."""
-    east, north = (_figure(each) for each in sigma_arcsec)
+    east, north = (error_figure(each) for each in sigma_arcsec)
     words = f"used: ±{east}″ RA ±{north}″ Dec"
     others = result.left_alone
     if result.off_arcsec is not None:
-        off = _figure(result.off_arcsec)
+        off = error_figure(result.off_arcsec)
         words += f", {off}″ from the automatic measurement, which is set aside"
         others -= 1
     if result.ruled in {"first of a track", "second of a track", "leads"}:
         words += f"; {_RULED[result.ruled]}"
     return words + (f"; {others} more not taken" if others > 0 else "")
-
-
-def _figure(value: float) -> str:
-    """As exactly as an error is worth."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind

@@ -35,6 +35,18 @@ def short_name_of(streak: Detection) -> str:
     return "" if streak.kind == "streak" else streak.kind
 
 
+def size_of(streak: Detection) -> str:
+    """120×3.1 px."""
+    return f"{streak.length_px:.0f}×{streak.width_px:.1f} px"
+
+
+def parts_of(streak: Detection) -> list[str]:
+    """All that is said of one beside its confidence: size, SNR, name, pulse."""
+    snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
+    parts = (size_of(streak), snr, name_of(streak), pulse_of(streak))
+    return [each for each in parts if each]
+
+
 def pulse_of(streak: Detection) -> str:
     """Period and depth of light that comes and goes; empty where it does not."""
     return pulse_words(

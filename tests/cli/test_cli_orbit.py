@@ -183,7 +183,7 @@ def test_the_page_for_people_tells_the_same(night: Path) -> None:
         "semi-major axis",
         "±",
         "in 24 h",
-        "stays above",
+        "does not set within a day",
         "eclipse",
     ):
         assert part in page

@@ -94,7 +94,7 @@ def test_what_was_understood_is_said_before_it_is_sent(words, ra_deg, engine: En
     assert engine.moves[0].ra_icrs_deg == pytest.approx(ra_deg, abs=0.01)
     said = run.output.splitlines()
     assert said[0].startswith("understood: ")
-    assert "alt 50.0 az 180.0" in said[1]
+    assert "alt 50.0 az 180.0" in said[2]
     assert said[-1] == "on its way"
 
 

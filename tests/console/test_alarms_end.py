@@ -15,7 +15,7 @@ from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import alert_text
 from rsoconsole.control import ON_RECORD, Outcome, read_status
 from rsoconsole.control.commands import Seek
-from rsoconsole.control.mount_text import mount_words
+from rsoconsole.control.words import mount_words
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.motion import Motion

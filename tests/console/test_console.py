@@ -353,9 +353,14 @@ def altaz_by_astropy(site: Site, ra: float, dec: float, t_utc_ns: int) -> tuple[
 
 
 def test_a_limit_is_named_when_it_is_near_and_as_what_it_is() -> None:
-    assert "limit if tracking: pier in 52 min" in facts(NightView(), next_limit="pier in 52 min")
-    assert "limit" not in facts(NightView(), next_limit="pier in 203 min")
-    assert "limit if tracking: wall" in facts(NightView(), next_limit="wall in -1 min")
+    def said(limit: str, minutes: int) -> str:
+        at_ns = night.t_of(1) + minutes * 60 * NS
+        now = {"now_utc_ns": night.t_of(1)}
+        return facts(NightView(), next_limit=limit, next_limit_utc_ns=at_ns, **now)
+
+    assert "limit if tracking: pier in 52 min" in said("pier", 52)
+    assert "limit" not in said("pier", 203)
+    assert "limit if tracking: wall" in said("wall", -1)
 
 
 def test_panes_never_overlap_and_the_last_to_go_are_state_and_stop() -> None:

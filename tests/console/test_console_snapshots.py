@@ -141,6 +141,7 @@ def test_the_screen_looks_as_it_was_agreed(
     wire = FakeWire(night_of(state))
     wire.status |= {**status, "frame": frames, "now_utc_ns": night.t_of(frames) + 7 * 10**9}
     wire.status["exposing_until_utc_ns"] = night.t_of(frames) + 9 * 10**9
+    wire.status["next_limit_utc_ns"] = wire.status["now_utc_ns"] + 52 * 60 * 10**9
     wire.outcomes["arm"] = Outcome(ok=False, message="not yet", data={"checks": [FAILED]})
     seen = ""
 

@@ -26,7 +26,7 @@ from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
-from rsoconsole.console.words.words import duration_text, top_lines
+from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import TrackFigures, as_recorded
 from rsoconsole.night.frame import FrameRow
 from rsoconsole.night.log_lines import LogLine, line_of
@@ -36,6 +36,7 @@ from rsoconsole.night.night_view import NightView, Pointing
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.words import span
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.nights.orbit_night import estimate_of, folded, state, to
@@ -202,7 +203,7 @@ def test_a_size_that_the_prior_gives_says_so():
             EngineView(reach="recorded"),
             None,
         )
-        return plain(orbit_lines(shown, 90, 20)) + " | " + target_words(shown)[1]
+        return plain(orbit_lines(shown, 90, 20)) + " | " + " ".join(target_words(shown)[1:])
 
     assert words("geo").count("km by prior") == 2
     assert "by prior" not in words("none").replace("constrained by prior", "")
@@ -414,7 +415,7 @@ def test_changes_of_state_that_come_out_the_same_are_told_once_and_a_coast_goes_
     now = night.t_of(8)
     engine = engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
     # Since frame 5, in which it was measured last, however often it came to a coast since.
-    since = duration_text((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
+    since = span((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
     assert f"COAST {since}" in plain(top_lines(view, engine, False, 120, 1))
 
 
@@ -477,7 +478,7 @@ def test_turns_from_orbit_to_filter_and_back_are_one_line():
 
 def test_the_aim_shown_is_the_next_one_in_the_log_s_words():
     view = NightView(track=night.state_of(4, 10.0, 0.0, "updated"), state="TRACK")
-    for reason, words in (("prediction", "aim: filter"), ("orbit", "aim: orbit")):
+    for reason, words in (("filter", "aim: filter"), ("orbit", "aim: orbit")):
         engine = engine_view(
             {"state": "TRACK", "ra": 10.0, "dec": 0.0, "next_aim": {"reason": reason}}
         )

@@ -174,11 +174,11 @@ def test_doubt_is_a_sign_and_a_word_never_a_colour_alone() -> None:
     )
     assert "INTELSAT 14 (36097)?" in said(doubtful)
     assert "ambiguous: A and B fit alike" in said(doubtful)
-    assert target_words(doubtful) == ("INTELSAT 14?", "a = 42165±9 km by prior")
+    assert target_words(doubtful) == ("INTELSAT 14?", "a = 42165±9 km", "by prior")
     reason = "no catalogued object within 0.2 deg moves like this; the nearest is 3 deg off"
     unknown = replace(KNOWN, identified=identified_of(20, verdict="unknown", reason=reason))
     assert "unknown: no catalogued object within 0.2 deg" in said(unknown, 47, 15)
-    assert target_words(unknown)[0] == "target unknown"
+    assert target_words(unknown)[0] == "not in catalogue"
 
 
 def test_a_manoeuvre_is_hinted_at_before_the_places_ahead_are_left_out() -> None:
@@ -191,7 +191,7 @@ def test_without_a_name_it_says_why() -> None:
     assert "not identified yet" in said(replace(KNOWN, identified=None))
     unnamed = replace(KNOWN, identified=None, has_catalogue=False)
     assert "no name: the setting catalogue.tle_files is empty" in said(unnamed)
-    assert target_words(unnamed) == ("", "a = 42165±9 km by prior")
+    assert target_words(unnamed) == ("", "a = 42165±9 km", "by prior")
 
 
 def test_an_orbit_that_is_not_observable_has_no_size_in_the_first_line() -> None:
@@ -199,7 +199,7 @@ def test_an_orbit_that_is_not_observable_has_no_size_in_the_first_line() -> None
     shown = replace(KNOWN, estimate=vague)
     assert "orbit · not observable ─" in said(shown)
     assert inks(shown)["not observable"] == "warn"
-    assert target_words(shown) == ("INTELSAT 14", "")
+    assert target_words(shown) == ("INTELSAT 14", "", "")
     lost = place(86_400, ra_icrs_deg=float("nan"), sigma_arcsec=float("nan"))
     falling = replace(AHEAD, outlook=replace(OUTLOOK, ahead=(*OUTLOOK.ahead[:2], lost)))
     assert "24 h: it has come down" in said(replace(shown, ahead=falling))
@@ -269,7 +269,7 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
     assert shown.is_past
     assert said(shown).startswith("─ last orbit 02:15:50 · ")
     assert "aims by" not in said(shown)
-    assert target_words(shown) == ("", "")
+    assert target_words(shown) == ("", "", "")
 
 
 def test_where_it_leads_agrees_with_the_orbit_itself() -> None:
@@ -347,9 +347,9 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     engine = EngineView(
         reach="attached", state="TRACK", holder="autonomy", now_utc_ns=NOW + 724 * NS
     )
-    found = ("INTELSAT 14?", "a = 42165±9 km by prior")
+    found = ("INTELSAT 14?", "a = 42165±9 km", "by prior")
 
-    def line(width: int, found: tuple[str, str] = found) -> str:
+    def line(width: int, found: tuple[str, str, str] = found) -> str:
         top = top_lines(view, engine, False, width, 1, found=found)[0]
         text = "".join(text for text, _ in top)
         assert len(text) == width
@@ -361,7 +361,7 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     assert line(50).endswith("Z ")
     # However little room there is, the time stands apart.
     assert all(line(width)[-11] == " " for width in range(45, 100))
-    assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km by prior"))
+    assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km", "by prior"))
     past = review_top_lines(view, EngineView(reach="recorded"), None, 80, 1, found=found)[0]
     assert "INTELSAT 14? a = 42165±9 km" in "".join(text for text, _ in past)
     for rows, width in ((1, 40), (2, 60)):

@@ -21,7 +21,7 @@ from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.kept import kept_words
-from rsoconsole.console.words.words import clock_text, top_lines
+from rsoconsole.console.words.words import top_lines
 from rsoconsole.control import Outcome
 from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.aim.states import Taken
@@ -31,6 +31,7 @@ from rsoconsole.night.night_view import NightView
 from rsoconsole.night.track_fold import FollowedTrack
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import Frame
+from rsoconsole.words import clock
 from tests.makers import NS
 from tests.nights.made_up_night import state_of, t_of
 from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
@@ -364,7 +365,7 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
         if view.state != "COAST":
             break
         seen, coasted, end = coast_words(view, now).split(" · ")
-        assert seen.startswith(f"last seen {clock_text(seen_ns)}, ")
+        assert seen.startswith(f"last seen {clock(seen_ns)}, ")
         # The rig's plates say the pole: no frame of theirs has it in its field.
         assert coasted.startswith(f"coasted {frame - 5}, {frame - 5} not pointed at it")
         found = re.fullmatch(r"given up after (\d+) more", end)
@@ -382,13 +383,13 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
 def test_a_coast_that_ends_by_time_says_so():
     view = dataclasses.replace(COASTING, config=with_coast_s(120.0))
     assert coast_words(view, NOW) == (
-        f"last seen {clock_text(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
+        f"last seen {clock(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
     )
     long = coast_words(dataclasses.replace(COASTING, config=CONFIG), NOW + 600 * NS)
-    end = clock_text(SEEN + round(CONFIG.filter.max_coast_s * NS))
-    assert long.endswith(f"11m00 ago · coasted 2 · given up by {end}")
+    end = clock(SEEN + round(CONFIG.filter.max_coast_s * NS))
+    assert long.endswith(f"11 min ago · coasted 2 · given up by {end}")
     assert coast_words(dataclasses.replace(COASTING, config=None), None) == (
-        f"last seen {clock_text(SEEN)} · coasted 2"
+        f"last seen {clock(SEEN)} · coasted 2"
     )
 
 
@@ -396,7 +397,7 @@ def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
     engine = tracking(state="COAST", ra=150.0, dec=-5.0)
     for size in ((80, 3), (120, 5)):
         rows = plain(fact_lines(COASTING, engine, None, *size))
-        assert rows[1].startswith(f" last seen {clock_text(SEEN)}, 60 s ago · coasted 2 · given up")
+        assert rows[1].startswith(f" last seen {clock(SEEN)}, 60 s ago · coasted 2 · given up")
 
 
 def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork():
@@ -412,8 +413,8 @@ def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork(
     assert "predicted α 10:01:00.2" in said(60.0)  # as the stars go by in a minute
     assert "as of" not in said(60.0)
     old = said(400.0)
-    assert f"last α 10:00:00.0 δ -05:00:00  as of {clock_text(NOW)[:8]}" in old
-    assert f"as of {clock_text(NOW)[:8]}" in old.partition("3σ")[2]
+    assert f"last α 10:00:00.0 δ -05:00:00  as of {clock(NOW, zone='')}" in old
+    assert "as of " + clock(NOW, zone="") in old.partition("3σ")[2]
     assert "prediction 3σ" in said(60.0)
 
 

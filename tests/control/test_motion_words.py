@@ -2,7 +2,8 @@
 
 import pytest
 
-from rsoconsole.control import Status, motion_words
+from rsoconsole.control import Status
+from rsoconsole.control.words import motion_words
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,7 @@ from rsoconsole.control import Status, motion_words
         ),
         (
             Status(mount_motion="moves", mount_rate_deg_s=0.25, is_slewing=False),
-            "moves at 0.25 deg/s, measured",
+            "moves at 0.2 deg/s, measured",
         ),
         (
             Status(mount_motion="moves", mount_rate_deg_s=0.01),

@@ -39,7 +39,7 @@ def test_each_of_eight_tracks_has_its_nearest_neighbour_in_the_narrowest_column(
     assert said[1].split() == ["#", "by", "apart", "/min", "least", "at", "UT"]
     rows = [line[1:].split() for line in said[2:10]]
     assert [row[0] for row in rows] == ["1", "2*", "3", "4", "5", "6", "7", "8"]
-    assert rows[0][1:4] == ["2", "253″", "-1.44"]
+    assert rows[0][1:4] == ["2", "4.2′", "-1.44"]
     assert rows[0][4] == "61.0″"
     assert rows[7][1] == "7"  # the way from 7 to 8 is the way from 8 to 7
     below = " ".join(said[10:])
@@ -99,9 +99,9 @@ def test_status_has_pairs_and_the_missing_over_the_wire_and_in_plain_lines():
     assert there.uncatalogued == (3,)
     said = field_words(there.pairs, there.unseen, there.uncatalogued)
     assert all(len(each) <= 80 for each in said)
-    assert said[0].startswith('2-3: 253.2 ± 0.5" -1.44 ± 0.03"/min, least 52 to 73"')
+    assert said[0].startswith("2-3: 253.2 ± 0.5″ -1.44 ± 0.03″/min, least 52 to 73″")
     assert any(each.startswith("1-2:") and each.endswith("!") for each in said)
     assert not any(each.startswith("1-3:") for each in said)  # neither is the other's nearest
     assert "not in the catalogue: track 3" in said
-    assert said[-1] == "expected, not seen: ASTRA 2C (25785) x 3120 y 912, in shadow"
+    assert said[-1] == "expected, not seen: ASTRA 2C (25785) x 3120 y 912 in shadow"
     assert field_words((), (), ()) == []

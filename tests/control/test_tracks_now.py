@@ -7,7 +7,7 @@ import pytest
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.control import NextAim, Outcome, TrackNow, read_status, status_json
 from rsoconsole.control.status import Status
-from rsoconsole.control.track_text import next_aim_words, track_table
+from rsoconsole.control.words import aim_parts, track_table
 from rsoconsole.records import SlewCommand
 from tests.cli.test_cli_telescope import engine_that, home, rsoconsole
 from tests.nights import eight_tracks as eight
@@ -43,7 +43,7 @@ AIM = NextAim(
     dec_icrs_deg=-5.0,
     t_utc_ns=1_687_406_400_000_000_000,
     policy="most",
-    reason="prediction, 3 of 4 in the field",
+    reason="filter, 3 of 4 in the field",
     moves_arcmin=4.21,
 )
 HEADS = ("state", "age", "residual/arcsec", "NIS", "SNR", "next")
@@ -58,12 +58,12 @@ def test_the_shell_lists_every_track_and_the_next_aim():
     assert lines[0] == "TRACK · autonomy has the mount · frame 24"
     assert lines[1].split() == ["track", "name", *HEADS]
     assert lines[2].split() == ["2*", "ASTRA", "1KR", *ROW]
-    assert lines[3].split()[-7:] == ["COAST", "12+", "11.1h", "-", "-", "-", "out"]
+    assert lines[3].split()[-7:] == ["COAST", "12+", "11h06", "-", "-", "-", "out"]
     assert "A NAME THAT IS LONGER…" in lines[3]
     assert all(len(line) <= 80 for line in lines[1:4])
     assert lines[4] == (
-        "next aim by policy most: prediction, 3 of 4 in the field · 10:00:00.0 -05:00:00"
-        " at 04:00:00Z · a slew of 4.2 arcmin"
+        "next aim, most: filter, 3 of 4 in the field · α 10:00:00.0 δ -05:00:00"
+        " · 04:00:00 · slew 4.2′"
     )
     told_of = json.loads(as_json.stdout)
     assert [each["track_id"] for each in told_of["tracks"]] == [2, 11]
@@ -138,10 +138,10 @@ def test_the_list_shows_the_next_aim_where_every_track_has_its_row():
         assert len(said) <= size[1]
         assert all(len(line) <= size[0] for line in said)
         words = " ".join(" ".join(said).split())
-        assert ("next aim, most: prediction" in words) == is_there
+        assert ("next aim, most: filter" in words) == is_there
         assert all(any(line[1:4].strip(" *") == f"{n}" for line in said) for n in range(1, 9))
 
 
 def test_nothing_followed_has_no_table():
     assert track_table(Status()) == []
-    assert "no slew" in next_aim_words(NextAim(policy="lead"))
+    assert "no slew" in aim_parts(NextAim(policy="lead"))

@@ -98,7 +98,7 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
     assert all(check.detail and not check.remedy for check in checks)
     assert refusal_text(checks, ()) is None
     told = {check.name: check.detail for check in checks}
-    assert "+2.0 ms" in told["clock"]
+    assert "+2.000 ms" in told["clock"]
     assert "-0.8 s" in told["time"]
     assert "until 2023-06-22T09:2" in told["sun"]
     assert "500.0 GB free, 3.9 h" in told["disk"]
@@ -112,12 +112,15 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
         (
             with_(clock=ClockReading(is_synchronised=True, offset_s=-0.4)),
             "clock",
-            "-400.0 ms",
+            "-400.000 ms",
         ),
         (
             with_(
                 site=SiteCheck(
-                    is_consistent=False, distance_km=42.4, reported=HERE.reported, detail="far"
+                    is_consistent=False,
+                    distance_km=42.4,
+                    reported=HERE.reported,
+                    detail="42 km off",
                 )
             ),
             "site",

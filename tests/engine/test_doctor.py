@@ -309,7 +309,7 @@ def test_a_disk_too_small_for_the_night_is_told(
     monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 5e9)
     check = doctor.check_disk(config)
     assert check.ok is False
-    assert check.detail.startswith("5 GB free; the coming night of ")
+    assert check.detail.startswith("5.0 GB free, ")
     assert "room for 0." in check.detail
     assert "session.root" in check.remedy
 

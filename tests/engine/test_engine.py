@@ -56,7 +56,7 @@ def test_the_slew_meets_the_satellite_at_the_middle_of_the_exposure():
     r = rig(set(range(1, 10)), config)
     r.engine.arm()
     r.engine.run(frames=9)
-    aims = [slew for slew in r.memory.of(SlewCommand) if slew.reason == "prediction"]
+    aims = [slew for slew in r.memory.of(SlewCommand) if slew.reason == "filter"]
     assert len(aims) >= 5
     for aim in aims:
         since_s = (aim.t_aim_utc_ns - T0_UTC_NS) / NS

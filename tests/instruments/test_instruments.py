@@ -224,7 +224,7 @@ def test_the_site_is_compared_and_a_wrong_one_is_named(instruments):
     assert not check.is_consistent
     # Spherical law of cosines, by hand.
     assert check.distance_km == pytest.approx(7754, rel=0.01)
-    assert "site.latitude_deg" in check.detail
+    assert "km from the configured site" in check.detail
 
 
 # ---- stop ----------------------------------------------------------------------------------

@@ -303,7 +303,7 @@ def test_go_to_is_understood_previewed_and_only_then_sent(
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        (Outcome(ok=True, data=PREVIEW | {"refused": "altitude 3 deg"}), "REFUSED: altitude 3 deg"),
+        (Outcome(ok=True, data=PREVIEW | {"refused": "altitude 3 deg"}), "REFUSED  altitude 3 deg"),
         (Outcome(ok=True, data={}), "cannot be read"),
         (Outcome(ok=False, message="the mount is silent"), "the mount is silent"),
     ],

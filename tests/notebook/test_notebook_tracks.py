@@ -42,8 +42,8 @@ def test_every_track_has_its_orbit_its_name_and_its_end(folder: Path):
     assert tracks[3].orbit.label == "constrained by prior"
     assert tracks[2].name == "ASTRA 1L"
     assert tracks[5].name is None  # two of the catalogue may be it
-    assert tracks[5].object_words == "ambiguous: ASTRA 19.2E SPARE?"
-    assert tracks[6].object_words == "not asked"
+    assert tracks[5].object_words == "ASTRA 19.2E SPARE?"
+    assert tracks[6].object_words == "-"
     assert [number for number, each in tracks.items() if each.has_led] == [2]
     assert tracks[2].residual_rms_arcsec == pytest.approx(1.0)
     assert tracks[4].nis_mean == pytest.approx(1.4)
@@ -68,7 +68,7 @@ def test_a_word_that_is_taken_back_ends_nothing():
 
 def test_the_report_has_a_line_for_each_member_and_says_whose_misses_they_are(folder: Path):
     html = render_report(folder).html
-    for name in ("ASTRA 1KR", "ASTRA 1M", "ambiguous: ASTRA 19.2E SPARE?", "EUTELSAT 25B"):
+    for name in ("ASTRA 1KR", "ASTRA 1M", "ASTRA 19.2E SPARE?", "EUTELSAT 25B"):
         assert f"<td>{name}</td>" in html
     assert html.count("a 42164 km") == len(eight.NAMES)
     assert "<td>dropped by the operator</td>" in html

@@ -288,7 +288,7 @@ def test_the_card_has_the_nights_figures(night):
         "after 4 frames",
         "6 of 32 frames",
         "36, 2 kept in full",
-        "TRACK 12 min 00 s",
+        "TRACK 12 min",
     ):
         assert words in html
     assert "data:image/png;base64," in html

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from rsoconsole.errors import OrbitError
 from rsoconsole.pipeline.words.directions import Names, understand
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import format_dec, format_ra, separation_deg
+from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.bodies.named_stars import NAMED_STARS
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, icrs_to_jnow
 from rsoconsole.sky.stars.star_catalogue import StarCatalogue
 from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.words import format_dec, format_ra
 
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 NOW = iso_to_utc_ns("2023-03-10T02:00:00Z")
@@ -256,13 +257,13 @@ def test_a_satellite_is_found_by_name_number_and_beginning(tmp_path):
     }
     assert places == {"SES-10 (42432)"}
     found = understand("Intelsat", SITE, NOW, names)
-    assert found.words.startswith("INTELSAT 14 (36097), elements 0.6 days")
+    assert found.words.startswith("INTELSAT 14 (36097), elements 0.6 d old")
     assert found.caution == ""
     # On the belt it stands some degrees south of the equator as seen from the north.
     assert -8.0 < found.dec_icrs_deg < -3.0
     assert math.isfinite(found.ra_icrs_deg)
     later = understand("42432", SITE, NOW + 30 * 86400 * 10**9, names)
-    assert later.caution == "elements 31 days old"
+    assert later.caution == "elements 30.6 d old"
 
 
 def test_a_name_is_found_in_a_catalogue_of_messages_too(tmp_path):

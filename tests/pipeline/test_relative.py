@@ -193,8 +193,8 @@ def test_an_approach_is_warned_of_once_and_ends_when_it_has_passed():
     assert [each.level for _, each in words] == ["warning", "info"]
     (first, warning), (last, end) = words
     assert first < 36
-    assert "closest approach" in warning.text
-    assert "tracks 1 and 2" in warning.text
+    assert "apart, least " in warning.text
+    assert "tracks 1 2" in warning.text
     assert warning.topic == end.topic == "approach"
     assert last > 44
     assert "passed, nearest 1" in end.text
@@ -217,7 +217,7 @@ def test_a_warning_ends_with_its_track():
         pairs.receive(record)
     [end] = pairs.refine()
     assert isinstance(end, Event)
-    assert end.text == "tracks 1 and 2: warning over, track 2 ended"
+    assert end.text == "tracks 1 2: warning over, track 2 ended"
     assert pairs.last == ()
 
 

@@ -123,5 +123,5 @@ def test_an_order_names_the_track_that_it_leads_to() -> None:
     r = night(set(range(1, 9)))
     r.engine.run(frames=8)
     orders = r.memory.of(SlewCommand)
-    assert {o.track_id for o in orders if o.reason == "prediction"} == {1}
-    assert {o.track_id for o in orders if o.reason != "prediction"} == {None}
+    assert {o.track_id for o in orders if o.reason == "filter"} == {1}
+    assert {o.track_id for o in orders if o.reason != "filter"} == {None}

@@ -62,7 +62,8 @@ class FakeWire:
             "target": None,
             "faults": [],
             "lifted": [],
-            "next_limit": "pier in 52 min",
+            "next_limit": "pier",
+            "next_limit_utc_ns": night.t_of(FRAMES) + (7 + 52 * 60) * NS,
             "exposing_until_utc_ns": night.t_of(FRAMES) + 9 * NS,
             "health": [
                 {"name": "mount", "ok": True, "text": "tracking"},

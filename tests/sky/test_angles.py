@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole import words
 from rsoconsole.sky import angles
 
 ANGLE = st.floats(-1e4, 1e4)
@@ -67,9 +68,9 @@ def test_unit_vectors_come_back_as_the_direction(ra, dec):
 
 @given(ra=RA, dec=DEC)
 def test_written_angles_are_read_back_to_their_last_digit(ra, dec):
-    ra_back = angles.parse_ra_deg(angles.format_ra(ra, decimals=3))
+    ra_back = angles.parse_ra_deg(words.format_ra(ra, decimals=3))
     assert angles.wrap_180(ra_back - ra) == pytest.approx(0, abs=0.51 * 0.001 * 15 / 3600)
-    dec_back = angles.parse_dec_deg(angles.format_dec(dec, decimals=2))
+    dec_back = angles.parse_dec_deg(words.format_dec(dec, decimals=2))
     assert dec_back == pytest.approx(dec, abs=0.51 * 0.01 / 3600)
 
 
@@ -114,9 +115,9 @@ def test_a_declination_beyond_the_pole_is_refused():
 
 
 def test_rounding_never_shows_sixty_seconds():
-    assert angles.format_ra(359.99999999) == "00:00:00.00"
-    assert angles.format_dec(-5.99999999) == "-06:00:00.0"
-    assert angles.format_dec(-1e-9) == "+00:00:00.0"
+    assert words.format_ra(359.99999999) == "00:00:00.00"
+    assert words.format_dec(-5.99999999) == "-06:00:00.0"
+    assert words.format_dec(-1e-9) == "+00:00:00.0"
 
 
 @given(one=ANGLE, turn=st.floats(0, 90), halves=st.integers(-3, 3))

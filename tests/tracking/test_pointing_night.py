@@ -228,7 +228,7 @@ def test_a_satellite_that_need_not_be_recentred_drifts_in_the_middle_of_the_fiel
     with night(tmp_path, 2, STANDING, {"search": search}) as it:
         it.engine.run(frames=12)
         off = it.off_arcmin(STANDING)
-        met = [aim for aim in it.aims() if aim.reason in {"prediction", "orbit"}]
+        met = [aim for aim in it.aims() if aim.reason in {"filter", "orbit"}]
         assert 2 <= len(met) <= 5
         centred = [arcmin for arcmin in off[2:] if arcmin < TWO_ARCMIN]
         assert len(centred) == len(met)

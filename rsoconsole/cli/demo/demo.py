@@ -16,6 +16,7 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
 from rsoconsole.records import Site
 from rsoconsole.waits import waits_reported_to
+from rsoconsole.words import size_words
 
 if TYPE_CHECKING:
     from rsoconsole.simulator.world import World
@@ -313,7 +314,7 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
     orbit = track["orbit"]
     words = "no orbit"
     if orbit is not None:
-        words = f"{orbit['label']}, a {orbit['a_km']:.0f} ± {orbit['sigma_a_km']:.0f} km"
+        words = f"{orbit['label']}, {size_words(orbit['a_km'], orbit['sigma_a_km'])}"
     return f"{name}: measured in {track['frames']} frames, {ending}", f"  {words}"
 
 

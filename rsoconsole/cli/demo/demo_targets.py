@@ -6,7 +6,8 @@ from pathlib import Path
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError
 from rsoconsole.simulator.nights import NightPlan
-from rsoconsole.sky import iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import clock, left
 
 
 def plan_targets(
@@ -72,12 +73,9 @@ def planned_config(config: Config, plan: NightPlan) -> Config:
 
 def plan_words(plan: NightPlan) -> str:
     """What is going to be seen, for a person."""
-    lasts = (
-        f"{plan.visible_s / 60.0:.0f} min" if plan.visible_s >= 120 else f"{plan.visible_s:.0f} s"
-    )
     return (
         f"{plan.title} from {plan.latitude_deg:+.2f} {plan.longitude_deg:+.2f},"
-        f" {utc_ns_to_iso(plan.t_start_utc_ns, 0)}, to be seen for {lasts};"
+        f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {left(plan.visible_s)};"
         f" {plan.exposure_s:g} s every {plan.cadence_s:g} s"
     )
 

@@ -28,7 +28,7 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
-from rsoconsole.words import name_words, pulse_words
+from rsoconsole.words import direction, name_words, pulse_words
 
 FramesArgument = Annotated[
     list[Path] | None,
@@ -325,7 +325,7 @@ def _process_words(found: dict[str, Any]) -> str:
         reason = "nothing detected" if not found["detections"] else "not measured"
         words.append(reason if solution is None or solution["solved"] else solution["reason"])
     else:
-        words.append(output.direction_text(measurement["ra"], measurement["dec"]))
+        words.append(direction(measurement["ra"], measurement["dec"], "bare"))
         words.append(
             f'±{measurement["sigma_ra_arcsec"]:.1f}" ±{measurement["sigma_dec_arcsec"]:.1f}"'
         )
@@ -366,7 +366,7 @@ def _solve_lines(found: dict[str, Any]) -> list[str]:
     if not found["solved"]:
         return [f"{_name(found)}: not solved: {found['reason']}"]
     solved = (
-        f"{_name(found)}: {output.direction_text(found['ra'], found['dec'])}"
+        f"{_name(found)}: {direction(found['ra'], found['dec'], 'bare')}"
         f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
         f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
     )

@@ -10,7 +10,7 @@ from rsoconsole.control import AskStatus, Goto, Outcome, Preview
 from rsoconsole.errors import ControlError
 
 if TYPE_CHECKING:
-    from rsoconsole.control import ControlClient, MovePreview, Status
+    from rsoconsole.control import ControlClient, Status
     from rsoconsole.pipeline.words import Understood
 
 TargetArgument = Annotated[
@@ -47,6 +47,7 @@ def goto(
     Example: rsoconsole goto "alt 50 az 180"
     """
     from rsoconsole.control import ControlClient, MovePreview, Sender, read_record, read_status
+    from rsoconsole.control.words import preview_lines
 
     client = ControlClient(socket, sender=Sender(name="command"))
     status = read_status(_answer(client, AskStatus()))
@@ -58,7 +59,8 @@ def goto(
     )
     preview = read_record(MovePreview, _answer(client, Preview(move=move)))
     if not json_:
-        output.say(*understood_lines(found, preview))
+        careful = [f"careful  {found.caution}"] if found.caution else []
+        output.say(f"understood: {found.words}", *careful, *preview_lines(preview))
     follower = Follower(client) if wait else None
     outcome = client.send(move)
     if follower is not None and outcome.ok:
@@ -95,21 +97,6 @@ def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") ->
     dec_icrs_deg = float(taken.data.get("command_dec_icrs_deg", move.dec_icrs_deg))
     near_arcmin = config_of(status.session).mount.arrival_arcmin
     return follower.outcome(arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin))
-
-
-def understood_lines(found: "Understood", preview: "MovePreview | None") -> list[str]:
-    """What was understood, the way there and the limits, for a person."""
-    place = output.direction_text(found.ra_icrs_deg, found.dec_icrs_deg)
-    lines = [f"understood: {found.words}", f"RA, Dec     {place} (ICRS)"]
-    if found.caution:
-        lines.append(f"careful     {found.caution}")
-    if preview is not None:
-        margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
-        lines[1] += f", alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}"
-        lines.append(f"way         {preview.way_deg:.1f}°, {preview.slew_s:.0f} s")
-        if margins:
-            lines.append(f"limits      {margins}")
-    return lines
 
 
 def _understood(text: str, status: "Status") -> "Understood":

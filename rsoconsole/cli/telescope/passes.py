@@ -10,6 +10,7 @@ import typer
 from rsoconsole.cli.words import ConfigOption, JsonOption, catalogue_of, output, piped, progress
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
+from rsoconsole.words import clock
 
 if TYPE_CHECKING:
     from rsoconsole.orbits.elements import CatalogueEntry
@@ -102,7 +103,7 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
     """Raises OrbitError where the night has no dark time."""
     import time
 
-    from rsoconsole.sky import NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+    from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
     from rsoconsole.sky.bodies import night_span
 
     try:
@@ -123,7 +124,7 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
             f"the Sun does not sink to {twilight_deg:g} deg within a day here: say how long with"
             " --hours"
         )
-    words = f"from {utc_ns_to_iso(first_ns)[:16]} to {utc_ns_to_iso(last_ns)[:16]}Z"
+    words = f"from {clock(first_ns, 'dated minute', '')} to {clock(last_ns, 'dated minute')}"
     return _Span(first_utc_ns=first_ns, last_utc_ns=last_ns, words=words)
 
 

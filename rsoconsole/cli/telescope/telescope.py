@@ -20,6 +20,7 @@ from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
 from rsoconsole.errors import ControlError
 from rsoconsole.waits import waits_reported_to
+from rsoconsole.words import direction
 
 log = logging.getLogger(__name__)
 
@@ -133,7 +134,8 @@ def status(
         return
     if out is not None:
         raise typer.BadParameter("--out belongs to --prometheus")
-    from rsoconsole.control import ControlClient, Machine, Sender, mount_words, read_status
+    from rsoconsole.control import ControlClient, Machine, Sender, read_status
+    from rsoconsole.control.words import fault_words, held_words, holder_words, mount_words
 
     outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
@@ -142,15 +144,15 @@ def status(
         output.emit_json(dict(outcome.data))
         return
     status = read_status(outcome.data)
-    held = " HELD" if status.is_held else ""
-    words = [f"{status.state}{held}", f"{status.holder} has the mount", f"frame {status.frame_id}"]
+    state = f"{status.state} {held_words(status)}".rstrip()
+    words = [state, holder_words(status.holder, "plain"), f"frame {status.frame_id}"]
     if status.target:
         words.append(f"follows {status.target}")
     if status.kept:
         way = "" if status.is_resumable else "'rsoconsole arm', then "
         words.append(f"{status.kept} kept: {way}'rsoconsole resume' follows it again")
     if status.ra_icrs_deg is not None and status.dec_icrs_deg is not None:
-        words.append(output.direction_text(status.ra_icrs_deg, status.dec_icrs_deg))
+        words.append(direction(status.ra_icrs_deg, status.dec_icrs_deg, "bare"))
     if status.alt_deg is not None and status.az_deg is not None:
         words.append(f"alt {status.alt_deg:.1f} az {status.az_deg:.1f}")
     words.extend(mount_words(status))
@@ -161,9 +163,7 @@ def status(
     last = status.last_stop
     if last is not None and not (last.is_at_rest or last.is_over):
         words.append(f"STOP {last.text}")
-    words.extend(f"FAULT {fault}" for fault in status.faults)
-    if status.state == "FAULT" and not status.faults:
-        words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
+    words.extend(fault_words(status))
     output.say(" · ".join(words), *status.mount_lacks)
     _say_field(status)
 
@@ -190,12 +190,13 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
 def _say_field(status: Status) -> None:
     """Its tracks, the next aim, how they move to each other, and who is missing."""
-    from rsoconsole.control import field_words, next_aim_words, track_table
+    from rsoconsole.control import field_words
+    from rsoconsole.control.words import aim_parts, track_table
 
     lines: list[str] = []
     if len(status.tracks) > 1:
         lines += track_table(status)
-        lines += [] if status.next_aim is None else [next_aim_words(status.next_aim)]
+        lines += [] if status.next_aim is None else [" · ".join(aim_parts(status.next_aim))]
     lines += field_words(status.pairs, status.unseen, status.uncatalogued)
     output.say(*lines)
 

@@ -15,7 +15,8 @@ import typer
 
 from rsoconsole.cli.words import bars_of
 from rsoconsole.config import Config, load_config
-from rsoconsole.control import AskStatus, Outcome, Status, motion_words
+from rsoconsole.control import AskStatus, Outcome, Status
+from rsoconsole.control.words import motion_words
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.sky import separation_deg
 

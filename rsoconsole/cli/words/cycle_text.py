@@ -1,8 +1,8 @@
 """One exposure in one line of at most 80 columns, in the operator's words."""
 
-from rsoconsole.cli.words.output import direction_text
 from rsoconsole.engine.loop import Engine
 from rsoconsole.pipeline.frame import Reduction
+from rsoconsole.words import direction
 
 HEADING = 'frame state    RA          Dec         confidence  residual ± 3 sigma (")'
 
@@ -13,7 +13,7 @@ def cycle_line(engine: Engine, reduction: Reduction) -> str:
     start = f"{engine.frame_id:5d} {following.state:8}"
     track, taken = following.track, following.taken
     if following.state == "TRACK" and track is not None and taken is not None:
-        place = direction_text(taken.ra_icrs_deg, taken.dec_icrs_deg)
+        place = direction(taken.ra_icrs_deg, taken.dec_icrs_deg, "bare")
         line = f"{start} {place} {taken.confidence:9.2f}"
         if track.innovation_arcsec is None or track.sigma_innovation_arcsec is None:
             return f"{line}   two frames agree: locked"
@@ -22,6 +22,6 @@ def cycle_line(engine: Engine, reduction: Reduction) -> str:
         return f"{line}   {east:+5.1f} ± {bounds[0]:.1f}  {north:+5.1f} ± {bounds[1]:.1f}"
     if reduction.measurements:
         best = reduction.measurements[0]
-        place = direction_text(best.ra_icrs_deg, best.dec_icrs_deg)
+        place = direction(best.ra_icrs_deg, best.dec_icrs_deg, "bare")
         return f"{start} {place} {best.confidence:9.2f}   measured, not followed yet"
     return f"{start} {reduction.absence}, {reduction.star_count} stars"

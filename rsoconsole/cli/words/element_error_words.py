@@ -9,6 +9,7 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.orbits.identification import ElementRow, FittedFactors
+from rsoconsole.words import angle
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)
 KINDS = {
@@ -100,7 +101,7 @@ def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
         high = one["to_days"]
         age = f"{one['from_days']:.0f}+" if high is None else f"{one['from_days']:.0f}-{high:.0f}"
         along = f"{_short(one['along_rms_km'])} km {_short(one['along_rms_s'])} s"
-        across = f"{_short(one['across_rms_km'])} km {_angle(one['across_rms_arcsec'])}"
+        across = f"{_short(one['across_rms_km'])} km {angle(one['across_rms_arcsec'], 'cell')}"
         yield f"  {age:>9} {one['tracks']:>7} {one['objects']:>8} {along:>20} {across:>20}"
     used = each["in_use"]
     yield f"  times the assumed errors{'':14} measured{'':6} in use"
@@ -119,7 +120,3 @@ _FACTORS = {
 
 def _short(value: float) -> str:
     return f"{value:.2f}" if value < 10.0 else f"{value:.0f}"
-
-
-def _angle(arcsec: float) -> str:
-    return f'{arcsec:.1f}"' if arcsec < 600.0 else f"{arcsec / 60.0:.0f}'"

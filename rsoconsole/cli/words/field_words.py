@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from rsoconsole.cli.words.output import direction_text
-from rsoconsole.words import name_words
+from rsoconsole.words import age, called, chance, direction, name_words, signed_angle
 
 _NAME_WIDTH = 28
 
@@ -16,7 +15,7 @@ def frame_lines(found: dict[str, Any]) -> Iterator[str]:
         f"{found['frame']}: {len(streaks)} streak(s), {len(crossed)} of"
         f" {found['compared']:,} catalogued objects can have crossed"
     )
-    where = direction_text(found["ra"], found["dec"])
+    where = direction(found["ra"], found["dec"], "bare")
     plate = "plate solved" if found["plate"] == "solved" else "plate of the header"
     at = found["t_mid_utc"][:23].replace("T", " ")
     yield f"  {at} UTC, {found['exposure_s']:g} s, {where}, {plate}"
@@ -45,7 +44,7 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
         yield from _matches(each)
         for place in each["places"]:
             clock = place["t_utc"][11:23]
-            where = direction_text(place["ra"], place["dec"])
+            where = direction(place["ra"], place["dec"], "bare")
             yield f'    {clock}  {where}  ±{place["sigma_arcsec"]:.1f}"  {place["frame"]}'
 
 
@@ -62,7 +61,7 @@ def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
 
 def _identified_as(each: dict[str, Any]) -> str:
     if each["verdict"] == "unknown":
-        return "in no catalogue"
+        return "not in catalogue"
     if each["verdict"] == "ambiguous":
         return "ambiguous"
     return _called(each["matches"][0])
@@ -72,43 +71,31 @@ def _matches(each: dict[str, Any]) -> Iterator[str]:
     """Each candidate's errors along and across."""
     is_open = each["verdict"] == "ambiguous"
     for one in each["matches"]:
-        name = f"{_percent(one['probability']):>5}  {_called(one)}: " if is_open else ""
+        name = f"{chance(one['probability']):>5}  {_called(one)}: " if is_open else ""
         yield f"    {name}{_errors(one)}"
     if is_open and each["not_catalogued"] >= 0.005:
-        yield f"    {_percent(each['not_catalogued']):>5}  in no catalogue"
+        yield f"    {chance(each['not_catalogued']):>5}  not in catalogue"
 
 
 def _errors(one: dict[str, Any]) -> str:
     along = one["along_track_s"]
     sense = "ahead of" if along > 0 else "behind"
     digits = 1 if abs(along) >= 10.0 else 2
-    across = _angle(one["cross_track_arcsec"])
+    across = signed_angle(one["cross_track_arcsec"])
     words = f"{abs(along):.{digits}f} s {sense} its elements, {across} across"
-    return f"{words}; elements {abs(one['tle_age_days']):.1f} d old"
+    return f"{words}; elements {age(one['tle_age_days'])}"
 
 
 def _unseen_lines(each: dict[str, Any]) -> Iterator[str]:
     yield (
-        f"    {_called(each)}: {each['unseen_because']}; {_percent(each['chance'])} to have crossed"
+        f"    {_called(each)}: {each['unseen_because']}; {chance(each['chance'])} to have crossed"
     )
     yield (
         f'      {each["rate_arcsec_s"]:.1f}"/s, {each["range_km"]:,.0f} km, sought'
         f" ±{each['gate_along_s']:.0f} s along and ±{each['gate_across_arcmin']:.1f}' across;"
-        f" elements {abs(each['tle_age_days']):.1f} d old"
+        f" elements {age(each['tle_age_days'])}"
     )
 
 
 def _called(one: dict[str, Any]) -> str:
-    name, number = one["name"][:_NAME_WIDTH], one["norad_id"]
-    return f"{name} ({number})" if name else str(number)
-
-
-def _angle(arcsec: float) -> str:
-    return f'{arcsec:+.1f}"' if abs(arcsec) < 60.0 else f"{arcsec / 60.0:+.1f}'"
-
-
-def _percent(probability: float) -> str:
-    """Never more certain than it is."""
-    if probability >= 0.995:
-        return ">99 %"
-    return "<1 %" if probability < 0.005 else f"{100.0 * probability:.0f} %"
+    return called(one["name"][:_NAME_WIDTH], one["norad_id"])

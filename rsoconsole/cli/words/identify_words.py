@@ -3,18 +3,19 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rsoconsole.cli.words.orbit_words import span_words
 from rsoconsole.orbits.identification import SURE_SAME
+from rsoconsole.words import called, chance, span
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
     """One line a track, in order of time, with the candidates below where they are several."""
     for each in tracks:
-        arc = f"{each['directions']} in {span_words(each['arc_s'])}"
+        arc = f"{each['directions']} in {span(each['arc_s'], 'line')}"
         head = f"track {each['track']}: {each['verdict']}"
         if each["verdict"] == "identified":
             best = each["candidates"][0]
-            yield f"{head}: {_called(best)}, {_percent(best['probability'])}; {arc}"
+            name = called(best["name"], best["norad_id"])
+            yield f"{head}: {name}, {chance(best['probability'])}; {arc}"
             continue
         past = each["ledger"]
         if each["verdict"] == "unknown" and past is not None:
@@ -22,8 +23,8 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"{head}; {arc}"
         if each["verdict"] == "ambiguous":
             for one in each["candidates"]:
-                yield f"  {_percent(one['probability']):>5}  {_called(one)}"
-            yield f"  {_percent(each['not_catalogued']):>5}  not catalogued"
+                yield f"  {chance(one['probability']):>5}  {called(one['name'], one['norad_id'])}"
+            yield f"  {chance(each['not_catalogued']):>5}  not in catalogue"
 
 
 def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
@@ -41,16 +42,4 @@ def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
 def _past_words(past: dict[str, Any]) -> str:
     seen = past["t_last_utc"][:10]
     doubt = "" if past["probability"] >= SURE_SAME else "perhaps "
-    return f"{doubt}{past['name']}, seen {seen} ({_percent(past['probability'])})"
-
-
-def _called(candidate: dict[str, Any]) -> str:
-    name, number = candidate["name"], candidate["norad_id"]
-    return f"{name} ({number})" if name else str(number)
-
-
-def _percent(probability: float) -> str:
-    """Never more certain than it is."""
-    if probability >= 0.995:
-        return ">99 %"
-    return "<1 %" if probability < 0.005 else f"{100.0 * probability:.0f} %"
+    return f"{doubt}{past['name']}, seen {seen} ({chance(past['probability'])})"

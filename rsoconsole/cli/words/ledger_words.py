@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rsoconsole.cli.words import output
 from rsoconsole.session.ledgers import LedgerObject
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import clock, direction, plus_minus
 
 HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
 _NAME_WIDTH = 20
@@ -14,11 +14,11 @@ _NAME_WIDTH = 20
 def object_line(known: LedgerObject) -> str:
     """One of the list."""
     orbit = known.last.orbit
-    size = "no orbit" if orbit is None else f"{orbit.a_km:.0f} ± {orbit.sigma_a_km:.0f}"
+    size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
     return (
         f"{known.number:>4}  {known.called[:_NAME_WIDTH]:20} {len(known.tracks):>6} "
-        f" {_clock(known.last.t_last_utc_ns)}  {size:>16}  {tilt:>6}"
+        f" {clock(known.last.t_last_utc_ns, 'dated minute', '')}  {size:>16}  {tilt:>6}"
     ).rstrip()
 
 
@@ -26,7 +26,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
     """All that is known of one."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
-    yield f"  last direction   {output.direction_text(last.ra_icrs_deg, last.dec_icrs_deg)}"
+    yield f"  last direction   {direction(last.ra_icrs_deg, last.dec_icrs_deg, 'bare')}"
     yield (
         f"  motion           {last.rate_east_arcsec_s:+.3f} arcsec/s east,"
         f" {last.rate_north_arcsec_s:+.3f} north"
@@ -43,7 +43,8 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
     yield "  tracks:"
     for each in known.tracks:
         yield (
-            f"    {_clock(each.t_first_utc_ns)} to {_clock(each.t_last_utc_ns)[11:]}"
+            f"    {clock(each.t_first_utc_ns, 'dated minute', '')}"
+            f" to {clock(each.t_last_utc_ns, 'minute', '')}"
             f"  {each.observations:4d} directions  {each.session}, track {each.track_id}"
         )
 
@@ -55,7 +56,3 @@ def say_moved_aside(aside: Path | None) -> None:
             f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
             " lines that can be read"
         )
-
-
-def _clock(t_utc_ns: int) -> str:
-    return utc_ns_to_iso(t_utc_ns, 0)[:16].replace("T", " ")

@@ -5,8 +5,16 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rsoconsole.cli.words.output import direction_text
 from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import (
+    angle,
+    direction,
+    eclipse_words,
+    signed_angle,
+    span,
+    turn_words,
+    with_sigma,
+)
 
 _ELEMENT_WORDS = (
     ("a_km", "semi-major axis", "km"),
@@ -16,7 +24,6 @@ _ELEMENT_WORDS = (
     ("argp_deg", "perigee from node", "deg"),
     ("m_deg", "mean anomaly", "deg"),
 )
-_MOST_DECIMALS = 7
 _WIDTH = 78
 _HALF_SKY_ARCSEC = 648_000.0
 _NAME_WIDTH = 28
@@ -67,7 +74,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _data_words(report: dict[str, Any]) -> str:
-    words = [f"{report['observations']} directions over {span_words(report['arc_s'])}"]
+    words = [f"{report['observations']} directions over {span(report['arc_s'], 'line')}"]
     if report["rms_arcsec"] is not None:
         words.append(f'rms {report["rms_arcsec"]:.2f}"')
     if report["outliers"]:
@@ -99,55 +106,38 @@ def _element_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'frame':18} {report['frame']}, osculating"
     for key, name, unit in _ELEMENT_WORDS:
         sigma = report["sigma_a_km"] if key == "a_km" else report["sigmas"][key]
-        value, spread = _with_sigma(report[key], sigma)
+        value, spread = with_sigma(report[key], sigma, digits=2)
+        spread = f"± {spread or '?'}"
         yield f"  {name:18} {value:>14} {spread:>14} {unit}".rstrip()
     if report["period_s"] is not None and math.isfinite(report["period_s"]):
         yield f"  {'period':18} {report['period_s'] / 60.0:14.2f} {'':14} min"
-
-
-def _with_sigma(value: float, sigma: float | None) -> tuple[str, str]:
-    """Digits up to the second that is uncertain."""
-    if sigma is None or not math.isfinite(sigma):
-        return f"{value:.4g}", "± ?"
-    decimals = 0
-    if sigma < 10.0:
-        decimals = min(_MOST_DECIMALS, 1 - math.floor(math.log10(max(sigma, 1e-12))))
-    return f"{value:.{decimals}f}", f"± {sigma:.{decimals}f}"
 
 
 def _ahead_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'UTC':11} {'RA':13} {'Dec':13} {'±':>8} {'alt':>6} {'az':>6}"
     first = report["t_last_utc"]
     for each in report["predicted"]:
-        name = span_words((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9)
+        name = span((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9, "line")
         shade = "" if each["lit"] >= 1.0 else "  in shadow" if each["lit"] <= 0.0 else "  penumbra"
-        clock, place = _clock(each["t_utc"], seconds=True), direction_text(each["ra"], each["dec"])
-        sigma = _angle(min(each["sigma_arcsec"], _HALF_SKY_ARCSEC))
+        clock, place = (
+            _clock(each["t_utc"], seconds=True),
+            direction(each["ra"], each["dec"], "bare"),
+        )
+        sigma = angle(min(each["sigma_arcsec"], _HALF_SKY_ARCSEC))
         altaz = f"{each['alt']:6.1f} {each['az']:6.1f}"
         yield f"  {clock:11} {place:27} {sigma:>8} {altaz}  in {name}{shade}"
 
 
 def _event_lines(report: dict[str, Any]) -> Iterator[str]:
-    if report["is_up"]:
-        sets = report["sets_utc"]
-        yield "  " + (
-            "stays above the telescope's limit for a day"
-            if sets is None
-            else f"sinks below the telescope's limit {_clock(sets, with_date=True)} UTC"
-        )
-    else:
-        rises = report["rises_utc"]
-        yield "  is below the telescope's limit" + (
-            ", and stays there for a day"
-            if rises is None
-            else f"; rises above it {_clock(rises, with_date=True)} UTC"
-        )
-    begins, ends = report["eclipse_begins_utc"], report["eclipse_ends_utc"]
-    if begins is None:
-        yield "  no eclipse within a day"
-    else:
-        until = "" if ends is None else f" to {_clock(ends)}"
-        yield f"  in the Earth's shadow {_clock(begins, with_date=True)}{until} UTC"
+    sets, rises, begins, ends, last = (
+        None if report[key] is None else iso_to_utc_ns(report[key])
+        for key in ("sets_utc", "rises_utc", "eclipse_begins_utc", "eclipse_ends_utc", "t_last_utc")
+    )
+    is_up, now = bool(report["is_up"]), last or 0
+    down = "" if is_up else "is down; "
+    turn = turn_words(sets if is_up else rises, now, "dated minute", is_up=is_up)
+    yield f"  by the telescope's limit it {down}{turn}"
+    yield f"  {eclipse_words(None if begins is None else (begins, ends), now, now, 'dated minute')}"
 
 
 def _match_lines(matches: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -156,8 +146,8 @@ def _match_lines(matches: Sequence[dict[str, Any]]) -> Iterator[str]:
         name = f"{each['norad_id']} {each['name']}"[:_NAME_WIDTH]
         rate = each["rate_difference_percent"]
         yield (
-            f"  {name:28} {_angle(each['separation_arcsec']):>7} {each['along_track_s']:+8.1f}s"
-            f" {_angle(each['cross_track_arcsec'], signed=True):>7}"
+            f"  {name:28} {angle(each['separation_arcsec']):>7} {each['along_track_s']:+8.1f}s"
+            f" {signed_angle(each['cross_track_arcsec']):>7}"
             f" {_rate(rate):>7}"
             f" {each['tle_age_days']:+5.1f}d {_score(each['score']):>6}"
         )
@@ -171,20 +161,6 @@ def _rate(percent: float | None) -> str:
 
 def _score(value: float) -> str:
     return f"{value:.1f}" if value < 1000.0 else ">1000"
-
-
-def _angle(arcsec: float, *, signed: bool = False) -> str:
-    sign = "+" if signed else ""
-    size = abs(arcsec)
-    if size < 600.0:
-        return f'{arcsec:{sign}.{1 if size < 100.0 else 0}f}"'
-    return f"{arcsec / 3600.0:{sign}.{2 if size < 36_000.0 else 1}f}°"
-
-
-def span_words(seconds: float) -> str:
-    if seconds < 5400.0:
-        return f"{seconds / 60.0:.3g} min"
-    return f"{seconds / 3600.0:.3g} h" if seconds < 2 * 86_400.0 else f"{seconds / 86_400.0:.3g} d"
 
 
 def _clock(iso: str, *, with_date: bool = False, seconds: bool = False) -> str:

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import typer
 
 from rsoconsole.control import SCHEMA, one_line, printable
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.sky import utc_ns_to_iso
 
 Answer = TypeVar("Answer")
 WITH_UNITS: Mapping[str, str] = MappingProxyType(
@@ -82,11 +82,6 @@ def complain(*lines: str) -> None:
 def hand_over(text: str) -> None:
     """A document on stdout, to the last character where that is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
-
-
-def direction_text(ra_deg: float, dec_deg: float) -> str:
-    """Sexagesimal RA and Dec."""
-    return f"{format_ra(ra_deg)} {format_dec(dec_deg)}"
 
 
 def keyed(value: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.control import SCHEMA
+from rsoconsole.words import span
 
 if TYPE_CHECKING:
     from rsoconsole.session.files import Finding, Verification
@@ -39,8 +40,9 @@ def summary_words(each: "SessionSummary") -> str:
         + (", KEEP" if each.is_kept else "")
         + "".join(f", branch {b}" for b in each.branches)
     )
+    length = "-" if each.duration_s is None else span(each.duration_s)
     return (
-        f"{begin:16} {_duration_words(each.duration_s):>8} {each.frames:7d} {share:>9} "
+        f"{begin:16} {length:>8} {each.frames:7d} {share:>9} "
         f"{size_words(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
     )
 
@@ -138,13 +140,6 @@ def _iso(t_utc_ns: int | None) -> str | None:
     from rsoconsole.sky import utc_ns_to_iso
 
     return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns)
-
-
-def _duration_words(duration_s: float | None) -> str:
-    if duration_s is None:
-        return "-"
-    minutes = round(duration_s / 60)
-    return f"{minutes // 60} h {minutes % 60:02d}" if minutes >= 60 else f"{minutes} min"
 
 
 def size_words(size: float) -> str:

@@ -11,11 +11,11 @@ from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Mark, Marking, Picture
 from rsoconsole.console.watches import MarkHeld, Pointed
-from rsoconsole.console.words import unsigned_text
 from rsoconsole.control import BeginMark, MarkByHand, Outcome, Sender
 from rsoconsole.night import NightFrame, NightView
 from rsoconsole.pipeline.frame import HELD
 from rsoconsole.records import NotSolved
+from rsoconsole.words import angle
 
 REFUSAL_S = 10.0
 MARK_SAID_S = 30.0
@@ -209,7 +209,7 @@ class MarkActions:
 
         seat.say("the mark waits for your word", "warn")
         own, better = (
-            unsigned_text(float(outcome.data.get(name) or 0.0))
+            angle(float(outcome.data.get(name) or 0.0))
             for name in ("sigma_arcsec", "better_arcsec")
         )
         text = (

@@ -19,8 +19,8 @@ from rsoconsole.control import (
     Command,
     Outcome,
     StopNews,
-    mount_words,
 )
+from rsoconsole.control.words import mount_words
 from rsoconsole.night import NightView
 
 if TYPE_CHECKING:

@@ -6,7 +6,9 @@ from typing import Literal, Protocol
 from rsoconsole.console.actions.seat_uses import ActingSeat
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.words import NS_PER_S, present_utc_ns
+from rsoconsole.console.words import present_utc_ns
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import span
 
 WITHIN_S = 2.0
 REPEAT_S = 0.08
@@ -112,4 +114,4 @@ class TwicePressed:
         since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
         if since is None or now is None:
             return name
-        return f"{name} ({max(now - since, 0) / NS_PER_S / 60:.0f} min)"
+        return f"{name} ({span((now - since) / NS_PER_S)})"

@@ -13,17 +13,15 @@ from rsoconsole.config import Config
 from rsoconsole.console.commands import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.watches import Previewed
-from rsoconsole.console.words import duration_text
 from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_record
+from rsoconsole.control.words import preview_lines
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.sky import format_dec, format_ra
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.words import Understood
 
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
-UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
 UNREAD = "the night's settings are being read: a moment"
 UNREAD_CHECK_S = 0.2
 GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
@@ -133,7 +131,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             return
         self._preview = preview = read_record(MovePreview, message.outcome.data)
         caution = [self._caution] if self._caution and preview and not preview.refused else []
-        self._say("\n".join([message.words, *preview_lines(preview), *caution]))
+        self._say("\n".join([message.words, *preview_lines(preview, GOES), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""
@@ -153,24 +151,6 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def _say(self, text: str) -> None:
         self.query_one("#understood", Static).update(text)
-
-
-def preview_lines(preview: MovePreview | None, ending: str = GOES) -> list[str]:
-    """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
-    if preview is None:
-        return [UNREADABLE]
-    date = format_ra(preview.ra_date_deg, 1), format_dec(preview.dec_date_deg, 0)
-    icrs = format_ra(preview.ra_icrs_deg, 1), format_dec(preview.dec_icrs_deg, 0)
-    after = preview.pier_side_after
-    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
-    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
-    return [
-        f"ICRS     α {icrs[0]} δ {icrs[1]}",
-        f"of date  α {date[0]} δ {date[1]}   alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
-        f"way      {preview.way_deg:.1f}°, {duration_text(preview.slew_s)}{side}",
-        f"limits   {margins}",
-        f"REFUSED  {preview.refused}" if preview.refused else ending,
-    ]
 
 
 class MoveDialog(Dialog[bool | None]):
@@ -209,7 +189,7 @@ class MoveDialog(Dialog[bool | None]):
         """What the engine says."""
         outcome = message.outcome
         preview = read_record(MovePreview, outcome.data) if outcome.ok else None
-        lines = preview_lines(preview) if outcome.ok else [outcome.message]
+        lines = preview_lines(preview, GOES) if outcome.ok else [outcome.message]
         self._may_go = preview is not None and not preview.refused
         rows = [*lines, *([self._caution] if self._caution else [])]
         self.query_one("#told", Static).update("\n".join(rows))

@@ -13,9 +13,9 @@ from textual.widgets import Static
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.words import short
-from rsoconsole.night import NightFrame
+from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, is_mark_id
-from rsoconsole.words import name_of, pulse_of, text
+from rsoconsole.words import name_of, pulse_of, size_of, text
 
 COLUMNS = 70
 MARKED = "the frame you marked"
@@ -114,13 +114,13 @@ def fate(streak: Detection, detail: NightFrame) -> tuple[str, str]:
     if followed is not None and is_mark_id(followed.measurement_id):
         if _is_same(streak, followed, detail):
             return "set aside", "your mark in its place is followed"
-    elif followed is not None and _is_at(streak, followed.x_px, followed.y_px):
+    elif is_of_streak(streak, followed):
         nis = detail.updated.nis if detail.updated is not None else None
         return "followed", "" if nis is None else f"NIS {nis:.1f}"
     for refused in detail.not_followed:
-        if _is_at(streak, refused.measurement.x_px, refused.measurement.y_px):
+        if is_of_streak(streak, refused.measurement):
             return "not taken", text(refused.reason)
-    if any(_is_at(streak, m.x_px, m.y_px) for m in detail.measurements):
+    if any(is_of_streak(streak, m) for m in detail.measurements):
         return "measured", ""
     return "not measured", "the frame has no place on the sky"
 
@@ -136,12 +136,8 @@ def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
     return is_nearest and away(streak) < max(SAME_STREAK_PX, 0.5 * streak.length_px)
 
 
-def _is_at(streak: Detection, x_px: float, y_px: float) -> bool:
-    return abs(streak.x_px - x_px) < 1.0 and abs(streak.y_px - y_px) < 1.0
-
-
 def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
-    size = f"{streak.length_px:.0f}×{streak.width_px:.1f} px" if streak.length_px else ""
+    size = size_of(streak) if streak.length_px else ""
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     head = f"  {short(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()

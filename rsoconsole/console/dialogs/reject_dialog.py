@@ -10,18 +10,18 @@ from textual.events import Key
 from textual.widgets import Button, Static
 
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.words import clock_text, unsigned_text
 from rsoconsole.night import LastMeasured
+from rsoconsole.words import angle, clock
 
 SOURCES = {"network": "detector", "operator": "by hand"}
 
 
 def measured_words(each: LastMeasured) -> str:
     """Frame, time, source, sigma, NIS."""
-    sigma = f"±{unsigned_text(each.sigma_arcsec)}"
+    sigma = f"±{angle(each.sigma_arcsec)}"
     nis = "" if each.nis is None else f"NIS {each.nis:.1f}"
     source = SOURCES.get(each.source, each.source)
-    time = clock_text(each.t_utc_ns)
+    time = clock(each.t_utc_ns)
     return f"frame {each.frame_id:04d}  {time}  {source:<8}  {sigma:>7}  {nis}".rstrip()
 
 

@@ -18,12 +18,13 @@ from rsoconsole.config import home_path
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.words import NS_PER_S, clipped, duration_text, first_shown
+from rsoconsole.console.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.upkeep import SessionSummary, summarise
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock, span
 
 BRANCHES = "branches"
 LEAST_NAME_COLUMNS = 20
@@ -145,8 +146,8 @@ def _facts(entry: Entry) -> tuple[str, ...]:
     if summary.fault is not None:
         return ("", "", "", _size_text(summary.size_bytes), entry.state)
     first, last = summary.t_first_utc_ns, summary.t_last_utc_ns
-    when = "" if not first else utc_ns_to_iso(first, 0)[:16].replace("T", " ")
-    length = "" if not first or not last else duration_text((last - first) / NS_PER_S)
+    when = "" if not first else clock(first, "dated minute", "")
+    length = "" if not first or not last else span((last - first) / NS_PER_S)
     return (when, length, f"{summary.frames}", _size_text(summary.size_bytes), entry.state)
 
 

@@ -19,8 +19,9 @@ from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.dialogs.session_list import poster
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.words import clipped, clock_text, duration_text, first_shown
+from rsoconsole.console.words import clipped, first_shown
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Up
@@ -177,7 +178,7 @@ class UpListDialog(Dialog[str | None]):
             shown = self.shown
             head = (
                 f"{len(shown)} of {len(self._found)} above {self._limit_deg:g}°"
-                f" at {clock_text(self._t_utc_ns)}, by {self._order}"
+                f" at {clock(self._t_utc_ns)}, by {self._order}"
             )
         at = self._at
         self.query_one("#rows", LinesPane).show(
@@ -191,7 +192,7 @@ def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int)
     room = max(height - 1, 1)
     first = first_shown(chosen, len(shown), room)
     for number, up in enumerate(shown[first : first + room], first):
-        left = "12 h +" if up.minutes_left is None else duration_text(up.minutes_left * 60.0)
+        left = "12 h +" if up.minutes_left is None else span(up.minutes_left * 60.0)
         is_soon = up.minutes_left is not None and up.minutes_left < SOON_MIN
         ink: Ink = "warn" if is_soon else "" if up.is_lit else "dim"
         text = (

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.dialogs import fate
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.frame.sheet import Sheet
-from rsoconsole.console.words import clipped, short
+from rsoconsole.console.words import clipped, rule, short
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import name_of, pulse_of
+from rsoconsole.words import parts_of
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared
@@ -36,7 +36,7 @@ def panel_lines(sheet: Sheet) -> Callable[[int, int], list[Line]]:
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
             return [clipped(line, width) for line in _summary(sheet)][:height]
-        head = [_rule("processed once more", width), *_settings(sheet, width)]
+        head = [rule("processed once more", "", width), *_settings(sheet, width)]
         lines = _candidates(sheet, width, height - len(head))
         return [clipped(line, width) for line in (*head, *lines)][:height]
 
@@ -106,9 +106,9 @@ def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
     if sheet.opened is None:
         return []
     if sheet.opened.recorded.seen.detections is None and sheet.done is None:
-        return [_rule("no candidates", width), [(" the frame was never reduced", "dim")]]
+        return [rule("no candidates", "", width), [(" the frame was never reduced", "dim")]]
     count = f"{len(pairs)} candidate{'' if len(pairs) == 1 else 's'}"
-    head = _rule(f"{count}, then → now" if sheet.done is not None else f"{count}, then", width)
+    head = rule(f"{count}, then{'' if sheet.done is None else ' → now'}", "", width)
     if not pairs:
         return [head, [(" nothing was held possible", "dim")]]
     blocks = [_block(sheet, number, pair, width) for number, pair in enumerate(pairs)]
@@ -134,7 +134,10 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
         (f"{first}  at {place.x_px:.0f},{place.y_px:.0f}", "title"),
     ]
     lines: list[Line] = [line]
-    lines += [[(f"   {part}", "")] for part in textwrap.wrap(_size(place), max(width - 4, 1))]
+    lines += [
+        [(f"   {part}", "")]
+        for part in textwrap.wrap(", ".join(parts_of(place)), max(width - 4, 1))
+    ]
     for text, ink in _outcomes(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]
     return lines
@@ -143,14 +146,6 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
 def _confidence(pair: "Compared", when: str) -> str:
     judged = pair.was if when == "was" else pair.now
     return "-" if judged is None else short(judged.detection.confidence)
-
-
-def _size(streak: Detection) -> str:
-    words = [f"{streak.length_px:.0f}×{streak.width_px:.1f} px"]
-    if streak.snr:
-        words.append(f"SNR {streak.snr:.0f}")
-    words += [each for each in (name_of(streak), pulse_of(streak)) if each]
-    return ", ".join(words)
 
 
 def _outcomes(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:
@@ -216,7 +211,3 @@ def _summary(sheet: Sheet) -> list[Line]:
     ink: Ink = "" if is_same else "warn"
     words = "as recorded" if is_same else "not as recorded"
     return [head, [(f" then {then}, now {now}: {words} · L lists", ink)]]
-
-
-def _rule(words: str, width: int) -> Line:
-    return [("─ ", "dim"), (words, "title"), (" " + "─" * max(width - len(words) - 3, 0), "dim")]

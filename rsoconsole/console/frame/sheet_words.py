@@ -6,7 +6,7 @@ import time
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.picture import STEPS, View
 from rsoconsole.pipeline.frame import HELD
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.words import direction
 
 
 def title_parts(sheet: Sheet) -> list[str]:
@@ -79,5 +79,5 @@ def readout_parts(sheet: Sheet) -> list[str]:
         from rsoconsole.sky import pixel_to_sky
 
         ra, dec = (float(angle) for angle in pixel_to_sky(solution.wcs, x, y))
-        parts.append(f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}")
+        parts.append(direction(ra, dec))
     return parts

@@ -12,22 +12,30 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.orbit.orbit_view import OrbitShown
 from rsoconsole.console.tuning import TrackQuality
 from rsoconsole.console.words import (
-    BY_PRIOR,
-    NS_PER_S,
     Item,
     clipped,
-    clock_text,
-    duration_text,
     packed,
-    short,
-    unsigned_text,
+    rule,
     wrapped,
 )
 from rsoconsole.control import one_line
-from rsoconsole.night import named, off_text
-from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.records import CatalogueMatch, OrbitEstimate
+from rsoconsole.sky import NS_PER_S
 from rsoconsole.tracking.filters import NIS_BAND
+from rsoconsole.words import (
+    angle,
+    called,
+    clock,
+    eclipse_words,
+    format_dec,
+    format_ra,
+    identity,
+    match_words,
+    plus_minus,
+    size_words,
+    span,
+    turn_words,
+)
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.orbits import Ahead, OrbitOutlook
@@ -43,7 +51,7 @@ MOST_ROWS = 4
 """Of one group."""
 KNOWN_DEG = 60.0
 """A direction in the orbit's plane less sure than that is not told."""
-MOST_DECIMALS = 7
+HALF_SKY_ARCSEC = 648_000.0
 LABEL_INKS: dict[str, Ink] = {
     "free": "good",
     "weak geometry": "warn",
@@ -62,7 +70,7 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     if estimate is not None or shown.identified is not None:
         lines += _name_lines(shown, width)
     if shown.since_word_s is not None:
-        age = f"from {duration_text(shown.since_word_s)} ago"
+        age = f"from {span(shown.since_word_s)} ago"
         lines += _ranked(_said(f"{age}: being fitted again after your word", "warn", width), 1)
     if estimate is not None:
         lines += _element_lines(shown, estimate, width)
@@ -72,64 +80,41 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     return [clipped(lines[n][1], width) for n in sorted(kept)]
 
 
-def target_words(shown: OrbitShown) -> tuple[str, str]:
-    """The name of what is followed and its orbit's size, for the first line; empty: not known."""
+def target_words(shown: OrbitShown) -> tuple[str, str, str]:
+    """The name of what is followed, its orbit's size and whether that was assumed; empty: not."""
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
-        return "", ""
-    has_size = estimate is not None and estimate.label != "not observable"
-    return "" if found is None else _name_of(found), (
-        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}"
-        if has_size and estimate is not None
-        else ""
-    )
+        return "", "", ""
+    name = "" if found is None else _one_wide(identity(found))
+    if estimate is None or estimate.label == "not observable":
+        return name, "", ""
+    size = f"a = {plus_minus(estimate.a_km, estimate.sigma_a_km)} km"
+    return name, size, _by_prior(estimate).strip()
 
 
 def _by_prior(estimate: OrbitEstimate) -> str:
     """Behind a size that was assumed rather than measured, its sigma too."""
-    return "" if estimate.prior == "none" else BY_PRIOR
-
-
-def _name_of(identified: Identified) -> str:
-    """As short as can be: a sign stands for doubt."""
-    if identified.verdict == "unknown" or not identified.matches:
-        past = identified.ledger
-        if past is None:
-            return "target unknown"
-        return _one_wide(past.name) + ("" if past.is_sure else "?")
-    best = identified.matches[0]
-    doubt = "?" if identified.verdict == "ambiguous" else ""
-    return _one_wide(best.name or f"{best.norad_id}") + doubt
+    return "" if estimate.prior == "none" else " by prior"
 
 
 def _title(shown: OrbitShown, width: int) -> Line:
     estimate = shown.estimate
     head = "orbit"
     if shown.is_past:
-        at = f" {clock_text(shown.last_utc_ns)[:8]}" if shown.last_utc_ns else ""
+        at = f" {clock(shown.last_utc_ns, zone='')}" if shown.last_utc_ns else ""
         head = f"last orbit{at}"
     if estimate is None:
-        return _rule([(head, "title")], "", width)
+        return rule(head, "", width)
     label = estimate.label
     with_prior = f"{label} ({estimate.prior})" if estimate.prior != "none" else label
     if len(f"─ {head} · {with_prior} ") <= width:
         label = with_prior
     ink = LABEL_INKS.get(estimate.label, "")
-    return _rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
+    return rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
 
 
 def _arc_words(estimate: OrbitEstimate) -> str:
-    return f"{estimate.observations} in {duration_text(estimate.arc_s)}"
-
-
-def _rule(items: Line, right: str, width: int) -> Line:
-    """A title in a line; what is right is dropped first."""
-    used = 2 + sum(len(text) for text, _ in items) + 1
-    tail = f" {right} ─" if right else ""
-    if used + len(tail) > width:
-        tail = ""
-    fill = "─" * max(width - used - len(tail), 0)
-    return clipped([("─ ", "dim"), *items, (f" {fill}{tail}", "dim")], width)
+    return f"{estimate.observations} in {span(estimate.arc_s)}"
 
 
 def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
@@ -147,10 +132,10 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
         best, *others = found.matches
         is_sure = found.verdict == "identified"
         items: list[Item] = [(_called(best, is_sure=is_sure), "good" if is_sure else "warn")]
-        items += [(word, "") for word in _match_words(best)]
+        items += [(word, "") for word in match_words(best)]
         lines += _ranked(packed(items, width, MOST_ROWS), 1, 5)
         if others:
-            then = (f"then {_called(others[0])}", *_match_words(others[0])[:2])
+            then = (f"then {_called(others[0])}", *match_words(others[0])[:2])
             lines += _ranked(packed([(word, "") for word in then], width, 2), 4, 8)
         if not is_sure:
             lines += _ranked(_said(f"ambiguous: {found.reason}", "warn", width), 6)
@@ -163,24 +148,7 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
 
 
 def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
-    name = _one_wide(named(match))
-    return name if is_sure else f"{name}?"
-
-
-def _match_words(match: CatalogueMatch) -> list[str]:
-    age = match.tle_age_days
-    return [
-        _percent(match.probability),
-        f"{off_text(match)} off",
-        f"elements {abs(age):.1f} d {'old' if age >= 0.0 else 'younger'}",
-    ]
-
-
-def _percent(probability: float) -> str:
-    """Never more certain than it is."""
-    if probability >= 0.995:
-        return ">99%"
-    return "<1%" if probability < 0.005 else f"{probability:.0%}"
+    return _one_wide(called(match.name, match.norad_id)) + ("" if is_sure else "?")
 
 
 def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
@@ -189,15 +157,15 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
     ink = LABEL_INKS.get(estimate.label, "")
     ink = "" if ink == "good" else ink
     items: list[Item] = [
-        (f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}", ink),
-        (f"e {_with_sigma(estimate.e, sigmas.get('e'))}", ""),
-        (f"i {_with_sigma(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
+        (size_words(estimate.a_km, estimate.sigma_a_km) + _by_prior(estimate), ink),
+        (f"e {plus_minus(estimate.e, sigmas.get('e'))}", ""),
+        (f"i {plus_minus(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
     ]
     for key, name in (("raan_deg", "node"), ("argp_deg", "argument")):
         value, sigma = (ahead.elements.get(key) if ahead is not None else None), sigmas.get(key)
         if value is not None and sigma is not None and sigma < KNOWN_DEG:
             turned = 0.0 if value > 359.95 else value
-            items.append((f"{name} {_with_sigma(turned, sigma)}°", ""))
+            items.append((f"{name} {plus_minus(turned, sigma)}°", ""))
     return _ranked(packed(items, width, MOST_ROWS), 1, 7)
 
 
@@ -226,7 +194,7 @@ def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
     if not math.isfinite(place.ra_icrs_deg + place.dec_icrs_deg + place.altitude_deg):
         return [(f" {value:.0f} {unit}: it has come down", "warn")]
     ra, dec = format_ra(place.ra_icrs_deg, 0), format_dec(place.dec_icrs_deg, 0)
-    sigma = f"±{_sigma_text(place.sigma_arcsec)}"
+    sigma = f"±{angle(place.sigma_arcsec, 'cell') if place.sigma_arcsec < HALF_SKY_ARCSEC else '?'}"
     alt, az = f"{place.altitude_deg:.0f}", f"{place.azimuth_deg:.0f}"
     if width < WIDE_COLUMNS:
         when = f"{value:.0f}min" if unit == "min" else f"{value:.0f} h"
@@ -238,41 +206,20 @@ def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
     return [(text, "dim" if place.altitude_deg < 0.0 else ""), light]
 
 
-def _sigma_text(arcsec: float) -> str:
-    """In at most five columns."""
-    if not arcsec < 600.0 * 3600.0:
-        return "?"
-    if arcsec < 100.0:
-        return f"{arcsec:.{1 if arcsec >= 0.95 else 2}f}″"
-    if arcsec < 5940.0:
-        return f"{arcsec / 60.0:.1f}′"
-    return f"{arcsec / 3600.0:.1f}°"
-
-
 def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> list[Item]:
     now = now or from_utc_ns
-    items: list[Item] = []
-    if outlook.is_up:
-        items.append(_at("sets", outlook.sets_utc_ns, now, "does not set within a day"))
-    else:
-        items.append(("is down", "warn"))
-        items.append(_at("rises", outlook.rises_utc_ns, now, "does not rise within a day"))
-    if outlook.eclipse_utc_ns is None:
-        return [*items, ("no eclipse within a day", "")]
-    begins, ends = outlook.eclipse_utc_ns
-    until = f" to {clock_text(ends)[:5]}Z" if ends else ""
-    if begins <= from_utc_ns:
-        return [*items, (f"in eclipse{until}", "warn")]
-    text, ink = _at("eclipse", begins, now, "")
-    return [*items, (text + until, ink)]
+    is_up, eclipse = outlook.is_up, outlook.eclipse_utc_ns
+    turns = outlook.sets_utc_ns if is_up else outlook.rises_utc_ns
+    coming = [
+        (turn_words(turns, now, is_up=is_up), turns),
+        (eclipse_words(eclipse, from_utc_ns, now), None if eclipse is None else eclipse[0]),
+    ]
+    items: list[Item] = [] if is_up else [("is down", "warn")]
+    return [*items, *((words, _ink_of(t_utc_ns, now)) for words, t_utc_ns in coming)]
 
 
-def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
-    if t_utc_ns is None:
-        return never, ""
-    left_s = (t_utc_ns - now) / NS_PER_S
-    text = f"{what} {clock_text(t_utc_ns)[:5]}Z ({duration_text(left_s)})"
-    return text, "warn" if left_s < SOON_S else ""
+def _ink_of(t_utc_ns: int | None, now: int) -> Ink:
+    return "" if t_utc_ns is None or t_utc_ns - now >= SOON_S * NS_PER_S else "warn"
 
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
@@ -304,7 +251,7 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
         is_far = estimate.nis > NIS_BAND[1]
         items.append((f"orbit's NIS {estimate.nis:.1f} /1 (ideal 2)", "warn" if is_far else ""))
     items.append((f"rms {_fine(estimate.rms_arcsec)}", ""))
-    items.append((f"{estimate.observations} directions in {duration_text(estimate.arc_s)}", ""))
+    items.append((f"{estimate.observations} directions in {span(estimate.arc_s)}", ""))
     if estimate.outliers:
         items.append((f"{estimate.outliers} left out", "warn"))
     why = wrapped(_one_wide(estimate.reason), max(width - 2, 1), 3)
@@ -315,18 +262,7 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
 
 
 def _fine(arcsec: float) -> str:
-    return f"{short(arcsec)}″" if arcsec < 1.0 else unsigned_text(arcsec)
-
-
-def _with_sigma(value: float, sigma: float | None) -> str:
-    """As many decimals as the sigma has any say in."""
-    if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
-        return f"{value:.5g}".removeprefix("0") or "0"
-    decimals = min(max(-math.floor(math.log10(sigma)), 0), MOST_DECIMALS)
-    texts = [
-        f"{each:.{decimals}f}" for each in (value, sigma) if each is value or round(each, decimals)
-    ]
-    return "±".join(text.removeprefix("0") if "." in text else text for text in texts)
+    return angle(arcsec).removeprefix("0")
 
 
 def _said(text: str, ink: Ink, width: int) -> list[Line]:

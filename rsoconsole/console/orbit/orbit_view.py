@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 from rsoconsole.console.night import EngineView, OrbitAhead
 from rsoconsole.console.tuning import TrackQuality, track_quality
-from rsoconsole.console.words import NS_PER_S, present_utc_ns
+from rsoconsole.console.words import present_utc_ns
 from rsoconsole.night import NightView
 from rsoconsole.records import Identified, OrbitEstimate
+from rsoconsole.sky import NS_PER_S
 
 LEAST_MEASUREMENTS = 3
 AHEAD_GOOD_S = 300.0

@@ -11,8 +11,8 @@ from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from rsoconsole.console.words import clock_text
 from rsoconsole.night import LogLine
+from rsoconsole.words import clock
 
 WITH_FRAME_COLUMNS = 60
 """A narrower log leaves the frame's number out."""
@@ -149,7 +149,7 @@ class LogPane(ScrollView):
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
     """One line of the log over as many rows as it takes, at most ``MOST_ROWS``."""
-    head = f" {clock_text(line.t_utc_ns)[:8]} "
+    head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
     times = f" ({line.times} times)" if line.times > 1 else ""

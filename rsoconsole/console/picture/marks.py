@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.console.drawing import Numbered, placed_numbers
-from rsoconsole.night import FrameTrack, NightFrame
+from rsoconsole.night import FrameTrack, NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import short_name_of
@@ -160,7 +160,7 @@ def _numbered(
 ) -> Mark:
     """With the number of the track that took it; as it is where none did."""
     for measured, track in members:
-        if _is_at(measured, detection):
+        if is_of_streak(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
             return replace(mark, kind=kind, label=track.number, is_numbered=True)
     return mark
@@ -180,7 +180,7 @@ def mark_of(detection: Detection, kind: MarkKind) -> Mark:
 
 
 def _mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None) -> Mark:
-    is_followed = followed is not None and _is_at(followed, detection)
+    is_followed = is_of_streak(detection, followed)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
     return Mark(
         x_px=detection.x_px,
@@ -189,10 +189,6 @@ def _mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None)
         kind="followed" if is_followed else kind,
         label=f"{detection.confidence:.2f} {short_name_of(detection)}".removeprefix("0").rstrip(),
     )
-
-
-def _is_at(measured: Measurement, detection: Detection) -> bool:
-    return abs(measured.x_px - detection.x_px) < 1.0 and abs(measured.y_px - detection.y_px) < 1.0
 
 
 def _predicted_mark(detail: NightFrame) -> Mark | None:

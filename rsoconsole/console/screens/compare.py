@@ -20,18 +20,14 @@ from rsoconsole.console.timeline import (
     holder_then,
 )
 from rsoconsole.console.words import (
-    NS_PER_S,
-    arcsec_text,
     clipped,
-    clock_text,
     cos_deg,
-    duration_text,
     short,
-    unsigned_text,
 )
 from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
-from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import angle, clock, format_dec, format_ra, signed_angle, span
 
 ABSENT = "-"
 LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
@@ -69,11 +65,11 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
     since = ""
     if t_a and t_b:
         sign = "-" if t_b < t_a else "+"
-        since = sign + duration_text(abs(t_b - t_a) / NS_PER_S)
+        since = sign + span(abs(t_b - t_a) / NS_PER_S)
     ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
     frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
     return [
-        Compared(label="time", a=clock_text(t_a), b=clock_text(t_b), difference=since),
+        Compared(label="time", a=clock(t_a), b=clock(t_b), difference=since),
         Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
         _both("mount", a, b, lambda m: holder_then(m.view)),
@@ -96,8 +92,8 @@ def _sky(a: Moment, b: Moment) -> list[Compared]:
         _numbers("rate δ", [r and r[1] for r in rates], lambda v: f"{v:+.3f}″/s"),
         Compared(
             label="3σ",
-            a=ABSENT if sigmas[0] is None else unsigned_text(sigmas[0]),
-            b=ABSENT if sigmas[1] is None else unsigned_text(sigmas[1]),
+            a=ABSENT if sigmas[0] is None else angle(sigmas[0]),
+            b=ABSENT if sigmas[1] is None else angle(sigmas[1]),
             difference=grown,
         ),
     ]
@@ -107,8 +103,8 @@ def _measured(a: Moment, b: Moment) -> list[Compared]:
     rows = [_row(m) for m in (a, b)]
     residuals = [None if row is None else row.residual_arcsec for row in rows]
     return [
-        _numbers("residual α", [r and r[0] for r in residuals], arcsec_text),
-        _numbers("residual δ", [r and r[1] for r in residuals], arcsec_text),
+        _numbers("residual α", [r and r[0] for r in residuals], signed_angle),
+        _numbers("residual δ", [r and r[1] for r in residuals], signed_angle),
         _numbers(
             "NIS", [row.nis if row else None for row in rows], lambda v: f"{v:.2f}", is_signed=False
         ),
@@ -243,16 +239,13 @@ def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Com
     if a is not None and b is not None:
         dra_deg = (b[0] - a[0] + 180.0) % 360.0 - 180.0
         middle_deg = (a[1] + b[1]) / 2.0
-        east, north = _away(dra_deg * cos_deg(middle_deg)), _away(b[1] - a[1])
+        east, north = (
+            signed_angle(3600.0 * deg) for deg in (dra_deg * cos_deg(middle_deg), b[1] - a[1])
+        )
     return [
         Compared(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
         Compared(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
     ]
-
-
-def _away(deg: float) -> str:
-    """A way on the sky: in degrees where it is long."""
-    return f"{deg:+.2f}°" if abs(deg) >= 1.0 else arcsec_text(deg * 3600.0)
 
 
 def _number(frame_id: int | None) -> str:

@@ -43,8 +43,8 @@ from rsoconsole.control import (
     Outcome,
     Shutdown,
     StopNews,
-    motion_words,
 )
+from rsoconsole.control.words import holder_words, motion_words
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session.reading import SessionReader
 
@@ -257,7 +257,7 @@ class LiveScreen(NightScreen):
             elif choice == "stop engine":
                 self.send(Shutdown())
 
-        holder = words.HOLDERS.get(self.engine.holder or "", "who has the mount is not known")
+        holder = holder_words(self.engine.holder, "seat")
         text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
         is_moving = bool(self.engine.is_slewing)
         if is_moving:

@@ -13,9 +13,9 @@ from textual.widgets.option_list import Option
 from rsoconsole.console.actions import LookingSeat
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.words import clock_text
 from rsoconsole.control import StopNews
 from rsoconsole.night import LogLine
+from rsoconsole.words import clock
 
 MOST_LOG_LINES = 60
 SAID_COLUMNS = 40
@@ -25,7 +25,7 @@ def line_text(line: LogLine) -> str:
     """One line of the log, whole."""
     times = f" ({line.times} times)" if line.times > 1 else ""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
-    return f"{clock_text(line.t_utc_ns)}{frame} {line.text}{times}"
+    return f"{clock(line.t_utc_ns)}{frame} {line.text}{times}"
 
 
 class ReadingDialog(Dialog[str | None]):

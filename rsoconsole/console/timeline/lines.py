@@ -12,8 +12,9 @@ from itertools import groupby
 
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.timeline.night_line import Timeline, TimelineEventKind
-from rsoconsole.console.words import clipped, clock_text, fitted
+from rsoconsole.console.words import clipped, fitted
 from rsoconsole.records import LoopState
+from rsoconsole.words import clock
 
 SIGNS: dict[TimelineEventKind, str] = {
     "loss": "▼",
@@ -86,7 +87,7 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
     ends = ("", "")
     if x:
         first, last = timeline.first_utc_ns, timeline.last_utc_ns
-        ends = (f"{clock_text(first)[:5]:>{x - 1}} ", f" {clock_text(last)[:5]}Z")
+        ends = (f"{clock(first, 'minute', ''):>{x - 1}} ", f" {clock(last, 'minute')}")
     line: Line = [(ends[0], "dim"), *strip, (ends[1], "dim")]
     rows = [clipped(line, width), clipped([(words, "title")], width)]
     return rows if height == 2 else [clipped([(" " * x, ""), *events], width), *rows]

@@ -4,21 +4,16 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.timeline.night_line import Timeline
 from rsoconsole.console.words import (
-    NS_PER_S,
     STATE_INKS,
     clipped,
-    clock_text,
-    duration_text,
     fitted,
     justified,
 )
+from rsoconsole.control.words import holder_words
 from rsoconsole.night import NightView
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock, span
 
-HOLDERS = {
-    "autonomy": "AUTO had the mount",
-    "operator": "the operator had it",
-    "nobody": "nobody had the mount",
-}
 UNHELD = frozenset(("IDLE", "FAULT"))
 
 
@@ -47,7 +42,7 @@ def review_top_lines(
     width: int,
     rows: int,
     *,
-    found: tuple[str, str] = ("", ""),
+    found: tuple[str, str, str] = ("", "", ""),
 ) -> list[Line]:
     """That this is the past; state and holder then, the night's name, the live state, the clock.
 
@@ -57,10 +52,10 @@ def review_top_lines(
     state = f"{night.state or 'no state yet'}"
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
         since_s = (night.last_utc_ns - night.state_since_utc_ns) / NS_PER_S
-        state = f"{state} {duration_text(since_s)}"
-    holder = HOLDERS.get(engine.holder or "", "")
+        state = f"{state} {span(since_s)}"
+    holder = holder_words(engine.holder, "past")
     name = night.folder.name if night.folder is not None else ""
-    clock = f"{clock_text(night.last_utc_ns)} "
+    at = f"{clock(night.last_utc_ns)} "
     first: Line = [
         (" REVIEW ", "here"),
         ("  ", ""),
@@ -70,12 +65,12 @@ def review_top_lines(
     present = _live_words(live)
     if rows <= 1:
         line: Line = [*first, *([("  ", ""), present] if present else []), ("  ", ""), *then]
-        return [justified(_with_target(line, found, width - len(clock)), clock, width)]
+        return [justified(_with_target(line, found, width - len(at)), at, width)]
     second: Line = [(" ", ""), *([present, ("  ", "")] if present else []), *then]
-    return [justified(first, clock, width), clipped(_with_target(second, found, width), width)]
+    return [justified(first, at, width), clipped(_with_target(second, found, width), width)]
 
 
-def _with_target(line: Line, found: tuple[str, str], width: int) -> Line:
+def _with_target(line: Line, found: tuple[str, str, str], width: int) -> Line:
     room = width - sum(len(text) for text, _ in line) - 2
     parts = [part for part in found if part]
     return [*line, ("  ", ""), (fitted(parts, room, " "), "")] if parts and room > 0 else line
@@ -95,17 +90,17 @@ def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]
     """Which frame of how many, and when."""
     count = len(timeline.frames)
     if not count:
-        return ["no frames", clock_text(t_utc_ns)]
+        return ["no frames", clock(t_utc_ns)]
     index = timeline.index_of(seq)
     if index is None:
-        return [f"before the first of {count} frames", clock_text(t_utc_ns)]
+        return [f"before the first of {count} frames", clock(t_utc_ns)]
     frame_id = timeline.frames[index].frame_id
     which = f"frame {frame_id:04d}" if frame_id != index + 1 else f"frame {frame_id}"
     number = f" ({index + 1} of {count})" if frame_id != index + 1 else f" of {count}"
     pixels = []
     if timeline.with_pixels:
         pixels = ["enter opens it" if frame_id in timeline.with_pixels else "pixels not kept"]
-    return [which + number, clock_text(t_utc_ns), *pixels]
+    return [which + number, clock(t_utc_ns), *pixels]
 
 
 def reading_words(timeline: Timeline) -> str:

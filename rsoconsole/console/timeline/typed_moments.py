@@ -6,11 +6,11 @@ from datetime import UTC, date, datetime, timedelta
 from datetime import time as time_of_day
 
 from rsoconsole.console.timeline.night_line import Timeline
-from rsoconsole.console.words import clock_text
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock
 
 EXAMPLES = "128, 03:14, 03:14:22 or 2024-03-01T03:14"
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", re.IGNORECASE)
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +57,7 @@ def seq_of(typed: Typed, timeline: Timeline) -> int:
     seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
     if seq is None:
         first_utc_ns, last_utc_ns = timeline.first_utc_ns, timeline.last_utc_ns
-        raise ValueError(
-            f"the session goes from {clock_text(first_utc_ns)} to {clock_text(last_utc_ns)}"
-        )
+        raise ValueError(f"the session goes from {clock(first_utc_ns)} to {clock(last_utc_ns)}")
     return seq
 
 

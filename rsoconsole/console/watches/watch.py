@@ -205,5 +205,5 @@ class EngineWatch(Poller):
             detail=str(error),
             faults=(),
             lifted=(),
-            next_limit=None,
+            next_limit_utc_ns=None,
         )

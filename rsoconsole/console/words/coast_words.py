@@ -2,9 +2,10 @@
 
 import math
 
-from rsoconsole.console.words.words import NS_PER_S, clock_text, duration_text
 from rsoconsole.night import ELSEWHERE, NightView
 from rsoconsole.records import TrackState
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock, left
 
 FRAMES_COUNTED = 60
 """Where it is given up later than after this number of frames, the instant is shown instead."""
@@ -18,8 +19,8 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     seen_ns = night.last_seen_utc_ns
     parts = []
     if seen_ns is not None:
-        ago = "" if now_utc_ns is None else f", {_ago((now_utc_ns - seen_ns) / NS_PER_S)} ago"
-        parts.append(f"last seen {clock_text(seen_ns)}{ago}")
+        ago = "" if now_utc_ns is None else f", {left((now_utc_ns - seen_ns) / NS_PER_S)} ago"
+        parts.append(f"last seen {clock(seen_ns)}{ago}")
     elsewhere = _looked_elsewhere(night, track.misses)
     parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
     parts.append(_end_words(night, track, seen_ns))
@@ -32,10 +33,6 @@ def _looked_elsewhere(night: NightView, last: int) -> int:
     return sum(row.miss == ELSEWHERE for row in reduced)
 
 
-def _ago(seconds: float) -> str:
-    return f"{max(seconds, 0.0):.0f} s" if seconds < 120.0 else duration_text(seconds)
-
-
 def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
     """By which frame, or when, it is lost at the latest; empty where the session cannot say."""
     config = night.config
@@ -45,13 +42,13 @@ def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
     since_ns = track.t_utc_ns if seen_ns is None else seen_ns
     last_ns = since_ns + round(float(night.setting("filter.max_coast_s")) * NS_PER_S)
     if cadence_s <= 0.0:
-        return f"given up at {clock_text(last_ns)}"
+        return f"given up at {clock(last_ns)}"
     for more in range(1, FRAMES_COUNTED + 1):
         ahead_s = more * cadence_s
         is_late = track.t_utc_ns + ahead_s * NS_PER_S > last_ns
         if is_late or _is_unsure(night, track, ahead_s):
             return f"given up after {more} more"
-    return f"given up by {clock_text(last_ns)}"
+    return f"given up by {clock(last_ns)}"
 
 
 def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:

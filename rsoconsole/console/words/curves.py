@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 from rsoconsole.console.drawing import Ink, Line, value_plot
-from rsoconsole.console.words.panels import NEWEST, rule
+from rsoconsole.console.words.panels import NEWEST
 from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
-from rsoconsole.console.words.words import clipped, duration_text
+from rsoconsole.console.words.words import clipped, rule
 from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
 from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
 from rsoconsole.tracking import polar_hint as hint_of
+from rsoconsole.words import span
 
 Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
@@ -157,7 +158,7 @@ def _drift_words(drift: Drift) -> list[Line]:
     def rate(value: Rate, form: str) -> str:
         return f"{value.value:{form}} ±{value.sigma:{form.lstrip('+')}}"
 
-    over = f"{drift.frames} frames, {duration_text(drift.hours * 3600.0)}"
+    over = f"{drift.frames} frames, {span(drift.hours * 3600.0)}"
     return [
         [(f" RA  {rate(drift.east_arcsec_h, '+.1f')} ″/h on the sky", "")],
         [(f" Dec {rate(drift.north_arcsec_h, '+.1f')} ″/h   over {over}", "")],

@@ -4,7 +4,6 @@ Each group of facts is made here; how much of it is shown depends on the room: t
 small terminal, a line a group in a larger one, a block a group in a column of its own.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -13,28 +12,32 @@ from rsoconsole.console.night import EngineView
 from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.leaving import leaving_words
 from rsoconsole.console.words.words import (
-    NS_PER_S,
-    clipped,
-    clock_text,
+    Item,
     cos_deg,
-    duration_text,
+    packed,
     present_utc_ns,
     short,
-    unsigned_text,
 )
-from rsoconsole.control import Health, is_silent, motion_words, mount_words
+from rsoconsole.control import Health
+from rsoconsole.control.words import (
+    is_silent,
+    limit_left_s,
+    limit_words,
+    motion_words,
+    mount_words,
+    shutter_words,
+)
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
-from rsoconsole.sky import format_dec, format_ra, separation_deg
+from rsoconsole.sky import NS_PER_S, separation_deg
+from rsoconsole.words import altaz, angle, clock, direction, due, format_dec, format_ra
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
-Item = tuple[str, Ink]
-
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""
-LIMIT_SOON_MIN = 60
+LIMIT_SOON_S = 3600.0
 SOON_S = 900.0
 NEAR_DEG = 5.0
 """A limit so near is said loudly."""
@@ -123,7 +126,7 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
     seen_ns = engine.t_utc_ns
     if ra is None and track is not None:
         ra, dec, seen_ns = track.x[0] % 360.0, track.x[2], track.t_utc_ns
-    limit = _limit_item(engine.next_limit)
+    limit = _limit_item(engine)
     if ra is None and (mount := _mount_items(engine)):
         # Nothing is followed: where the telescope really looks, by the mount's own word.
         return [*mount, *limit]
@@ -134,21 +137,16 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
         alt, az = pointing.alt_deg, pointing.az_deg
         is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
         if is_old:
-            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+            word, age = f"last {word}", f"as of {clock(pointing.t_utc_ns, zone='')}"
     elif ra is not None and dec is not None:
         word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
-    if ra is None or dec is None:
-        items = ["no direction yet"]
-    else:
-        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
-    if alt is not None and az is not None:
-        items.append(f"alt {alt:.1f} az {az:.1f}")
-    if engine.pier_side in {"east", "west"}:
-        items.append(f"{engine.pier_side} of the pier")
-    first, *others = items
+    first = (
+        f"{word}{direction(ra, dec)}" if ra is not None and dec is not None else "no direction yet"
+    )
+    pier = f"{engine.pier_side} of the pier" if engine.pier_side in {"east", "west"} else ""
     # What comes last has no room in a narrow terminal: never its age, nor a limit that is near.
     plain: list[Item] = [(item, "") for item in (first, age) if item]
-    return [*plain, *limit, *((item, "") for item in others)]
+    return [*plain, *limit, *((item, "") for item in (altaz(alt, az), pier) if item)]
 
 
 def _followed(
@@ -162,7 +160,7 @@ def _followed(
         return "predicted ", "", at
     since_s = (now - seen_ns) / NS_PER_S
     if since_s > OLD_S:
-        return "last ", f"as of {clock_text(seen_ns)[:8]}", at
+        return "last ", f"as of {clock(seen_ns, zone='')}", at
     if track is None or track.t_utc_ns != seen_ns:
         return "predicted ", "", at
     ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
@@ -192,14 +190,12 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
     return items
 
 
-def _limit_item(next_limit: str | None) -> list[Item]:
+def _limit_item(engine: EngineView) -> list[Item]:
     """What the mount runs into if it only tracks on, where that is soon."""
-    if not next_limit:
+    left_s = limit_left_s(engine)
+    if left_s is None or left_s >= LIMIT_SOON_S:
         return []
-    minutes = re.search(r"in (\d+) min", next_limit)
-    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
-    is_near = minutes is not None and int(minutes[1]) * 60 < SOON_S
-    return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
+    return [(f"limit if tracking: {limit_words(engine)}", "warn" if left_s < SOON_S else "")]
 
 
 def _motion_items(
@@ -217,10 +213,10 @@ def _motion_items(
     _, ra_rate, dec, dec_rate = track.x
     east, north = predicted_sigma_arcsec(track)
     is_old = now_utc_ns is not None and now_utc_ns - track.t_utc_ns > OLD_S * NS_PER_S
-    age = f" as of {clock_text(track.t_utc_ns)[:8]}" if is_old else ""
+    age = f" as of {clock(track.t_utc_ns, zone='')}" if is_old else ""
     items: list[Item] = [
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
-        (f"prediction 3σ {unsigned_text(3 * max(east, north))}{age}", "warn" if age else ""),
+        (f"prediction 3σ {angle(3 * max(east, north))}{age}", "warn" if age else ""),
     ]
     if coasts := coast_words(night, now_utc_ns):
         items.insert(0, (coasts, "warn"))
@@ -233,30 +229,21 @@ def _motion_items(
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
     """By what the next aim is predicted: what the log calls it, too."""
-    said = ""
     if engine.is_attached and engine.next_aim is not None:
-        said = engine.next_aim.reason
-    elif night.slew is not None and night.slew.track_id is not None:
-        # What led nowhere yet says nothing once something is followed.
-        said = night.slew.reason
-    if said.startswith("prediction"):
-        said = said.replace("prediction", "filter", 1)
-    return f"aim: {said}" if said else ""
+        return f"aim: {engine.next_aim.reason}"
+    # What led nowhere yet says nothing once something is followed.
+    if night.slew is None or night.slew.track_id is None:
+        return ""
+    return f"aim: {night.slew.reason}"
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:
     """What the telescope does at this moment, and until when."""
-    now = engine.now_utc_ns
-    if not engine.is_attached or now is None:
+    if not engine.is_attached:
         return []
-    if engine.exposing_until_utc_ns is not None:
-        left_s = max((engine.exposing_until_utc_ns - now) / NS_PER_S, 0.0)
-        return [(f"exposing, {left_s:.0f} s left", "")]
-    items: list[Item] = [(motion_words(engine), "")] if engine.is_slewing else []
-    if engine.next_start_utc_ns is not None:
-        wait_s = max((engine.next_start_utc_ns - now) / NS_PER_S, 0.0)
-        items.append((f"next exposure in {wait_s:.0f} s", ""))
-    return items
+    is_closed = engine.exposing_until_utc_ns is None
+    moves = motion_words(engine) if engine.is_slewing and is_closed else ""
+    return [(words, "") for words in (moves, shutter_words(engine)) if words]
 
 
 def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
@@ -278,7 +265,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     items: list[Item] = []
     for at, what in sorted(coming):
         left_s = (at - now) / NS_PER_S
-        words = what if left_s <= 0 else f"{what} {clock_text(at)[:5]}Z ({duration_text(left_s)})"
+        words = what if left_s <= 0 else due(what, at, now)
         items.append((words, "warn" if left_s < SOON_S else ""))
     height = f"{outlook.moon_altitude_deg:+.0f}°"
     away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"
@@ -377,26 +364,3 @@ def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
             label = f" {title}" if number == 0 else ""
             lines.append([(label.ljust(label_columns), "dim"), *line])
     return lines[:rows]
-
-
-def packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
-    """Items over as many rows as there are; what has no room is left out."""
-    lines: list[list[Item]] = [[]]
-    for item in items:
-        if lines[-1] and _length([*lines[-1], item]) > width:
-            if len(lines) == rows:
-                break
-            lines.append([])
-        lines[-1].append(item)
-    return [clipped(_joined(line), width) for line in lines if line][:rows]
-
-
-def _length(items: Sequence[Item]) -> int:
-    return 1 + len("  ".join(text for text, _ in items))
-
-
-def _joined(items: Sequence[Item]) -> Line:
-    line: Line = [(" ", "")]
-    for number, (text, ink) in enumerate(items):
-        line.append(("  " + text if number else text, ink))
-    return line

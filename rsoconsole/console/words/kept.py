@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.night import EngineView
-
-NS_PER_S = 1_000_000_000
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import left
 
 
 def kept_words(
@@ -27,12 +27,14 @@ def kept_words(
         return f"{engine.kept} is being followed again", "being followed again"
     if engine.kept is not None:
         kept = f"{engine.kept} kept"
-        left = left_words(engine.kept_until_utc_ns, now_utc_ns)
-        timed = f"{kept} for {left} more" if left else kept
+        timed, brief = kept, kept
+        if engine.kept_until_utc_ns is not None and now_utc_ns is not None:
+            more = left((engine.kept_until_utc_ns - now_utc_ns) / NS_PER_S)
+            timed, brief = f"{kept} for {more} more", f"{kept} {more}"
         return (
             f"{timed}: {undo} follows it again",
-            f"{kept}{f' {left}' if left else ''}: {undo} follows it",
-            f"{kept}{f' {left}' if left else ''}: {undo}",
+            f"{brief}: {undo} follows it",
+            f"{brief}: {undo}",
             f"{kept}: {undo}",
             kept,
         )
@@ -41,11 +43,3 @@ def kept_words(
     resume, arm = (first_key(name, keymap) for name in ("hold_or_resume", "arm_or_disarm"))
     after = f"{resume} searches again" if engine.is_resumable else f"{arm} hands it over"
     return f"nothing kept: {after}", "nothing kept"
-
-
-def left_words(until_utc_ns: int | None, now_utc_ns: int | None) -> str:
-    """What is left until an instant, in whole minutes; under two in seconds; empty: not known."""
-    if until_utc_ns is None or now_utc_ns is None:
-        return ""
-    left_s = max((until_utc_ns - now_utc_ns) / NS_PER_S, 0.0)
-    return f"{left_s / 60:.0f} min" if left_s >= 120.0 else f"{left_s:.0f} s"

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.words.words import NS_PER_S, cos_deg
+from rsoconsole.console.words.words import cos_deg
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.records import TrackState
-from rsoconsole.sky import wrap_180
+from rsoconsole.sky import NS_PER_S, wrap_180
+from rsoconsole.words import left
 
 MOST_S = 3600.0
 """Later than that is not said."""
@@ -41,8 +42,7 @@ def leaving_words(
         return f"{name} is outside the field: {key} follows it again"
     if left_s <= 0.0:
         return f"{name} is out of the field"
-    left = f"{left_s / 60.0:.0f} min" if left_s >= 90.0 else f"{left_s:.0f} s"
-    return f"{name} leaves the field in {left}"
+    return f"{name} leaves the field in {left(left_s)}"
 
 
 def left_in_field_s(

@@ -1,18 +1,24 @@
 """Who stands next to whom in the field, when they come closest, and who is missing. Pure."""
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.words.panels import rule
-from rsoconsole.console.words.track_lines import is_chosen, name_words, packed
-from rsoconsole.console.words.words import clipped, clock_text, first_shown
+from rsoconsole.console.words.track_lines import is_chosen, name_words
+from rsoconsole.console.words.words import clipped, first_shown, packed, rule
 from rsoconsole.control import one_line
 from rsoconsole.night import FollowedTrack, NightView
-from rsoconsole.records import PairMotion, UnseenMember
+from rsoconsole.records import PairMotion
+from rsoconsole.words import (
+    angle,
+    apart_words,
+    clock,
+    closest_words,
+    nearing_words,
+    tracks_words,
+    unseen_words,
+)
 
 _HEADS = f"{'#':>3} {'by':>3} {'apart':>6} {'/min':>6} {'least':>6} {'at UT':>5}"
 _LEAST_TRACK_ROWS = 5
 _MOST_UNSEEN = 4
-_IN_ARCMIN = 1000.0
-"""Arcsec from which on a separation is told in arcmin."""
 
 
 def neighbour_lines(night: NightView, chosen: int | None, width: int, height: int) -> list[Line]:
@@ -68,14 +74,13 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
     name = name_words(night, other)
     parts = [
         f"{track.number} to {other}" + ("" if name == "-" else f" {name}"),
-        f"{pair.separation_arcsec:.1f} ± {pair.sigma_separation_arcsec:.1f}″",
+        apart_words(pair),
         f"PA {angle_deg:.1f} ± {pair.sigma_position_angle_deg:.1f}°",
-        f"{pair.separation_rate_arcsec_min:+.2f} ± "
-        f"{pair.sigma_separation_rate_arcsec_min:.2f}″/min",
-        _closest_words(pair),
+        nearing_words(pair),
+        closest_words(pair) + (f", {pair.path} path" if pair.closest == "ahead" else ""),
     ]
     ink: Ink = "warn" if pair.is_close else ""
-    return [clipped([(f" {line}", ink)], width) for line in packed(parts, width - 1)]
+    return packed([(part, ink) for part in parts], width, gap=" · ")
 
 
 def field_lines(night: NightView, width: int) -> list[Line]:
@@ -83,18 +88,15 @@ def field_lines(night: NightView, width: int) -> list[Line]:
     parts = []
     nameless = [t.number for t in night.tracks if is_uncatalogued(night, t.track_id)]
     if nameless:
-        parts.append(f"not in the catalogue: track {', '.join(nameless)}")
+        parts.append(f"not in the catalogue: {tracks_words(nameless)}")
     unseen = () if night.expected is None else night.expected.unseen
     shown = sorted(unseen, key=lambda each: not (each.is_usable and each.is_lit))
-    parts += [
-        f"{'expected, not seen: ' if n == 0 else ''}{unseen_words(each)}"
-        for n, each in enumerate(shown[:_MOST_UNSEEN])
-    ]
+    for n, each in enumerate(shown[:_MOST_UNSEEN]):
+        name = one_line(each.name or str(each.norad_id))
+        parts.append(f"{'expected, not seen: ' if n == 0 else ''}{unseen_words(name, each)}")
     if len(unseen) > _MOST_UNSEEN:
         parts.append(f"{len(unseen) - _MOST_UNSEEN} more")
-    if not parts:
-        return []
-    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
+    return packed([(part, "dim") for part in parts], width, gap=" · ")
 
 
 def is_uncatalogued(night: NightView, track_id: int) -> bool:
@@ -103,46 +105,20 @@ def is_uncatalogued(night: NightView, track_id: int) -> bool:
     return found is not None and found.verdict == "unknown"
 
 
-def unseen_words(member: UnseenMember) -> str:
-    """Which object, where in the frame, and why it may not be seen."""
-    name = one_line(member.name or str(member.norad_id))
-    why = "" if member.is_lit else " in shadow" if member.is_usable else " in shadow, at the edge"
-    if member.is_lit and not member.is_usable:
-        why = " at the edge"
-    return f"{name} x {member.x_px:.0f} y {member.y_px:.0f}{why}"
-
-
 def other_of(pair: PairMotion, track_id: int) -> int:
     """The other one of a pair."""
     return pair.other_track_id if pair.track_id == track_id else pair.track_id
 
 
-def _closest_words(pair: PairMotion) -> str:
-    hours = pair.horizon_s / 3600.0
-    if pair.closest == "now":
-        return f"they part, looked {hours:.1f} h ahead"
-    within = f"{pair.closest_low_arcsec:.0f} to {pair.closest_high_arcsec:.0f}″"
-    if pair.closest == "beyond":
-        return f"still nearing in {hours:.1f} h: {within}"
-    when = clock_text(pair.closest_utc_ns)[:5]
-    off = max(pair.sigma_closest_s / 60.0, 0.5)
-    how = f"{pair.path} path"
-    return f"least {within} at {when} ± {off:.0f} min, {how}"
-
-
 def _row(pair: PairMotion | None, track_id: int) -> str:
     if pair is None:
         return "  -"
-    at = {"now": "now", "beyond": "later"}.get(pair.closest) or clock_text(pair.closest_utc_ns)[:5]
+    at = {"now": "now", "beyond": "later"}.get(pair.closest) or clock(
+        pair.closest_utc_ns, "minute", ""
+    )
     rate = pair.separation_rate_arcsec_min
     change = f"{rate:+.2f}" if abs(rate) < 99.0 else f"{rate:+.0f}"
     return (
-        f"{other_of(pair, track_id):>3} {_apart(pair.separation_arcsec):>6} {change:>6}"
-        f" {_apart(pair.closest_arcsec):>6} {at:>5}"
+        f"{other_of(pair, track_id):>3} {angle(pair.separation_arcsec, 'cell'):>6} {change:>6}"
+        f" {angle(pair.closest_arcsec, 'cell'):>6} {at:>5}"
     )
-
-
-def _apart(arcsec: float) -> str:
-    if arcsec >= _IN_ARCMIN:
-        return f"{arcsec / 60.0:.1f}′"
-    return f"{arcsec:.0f}″" if arcsec >= 100.0 else f"{arcsec:.1f}″"

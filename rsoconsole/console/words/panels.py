@@ -16,10 +16,11 @@ from rsoconsole.console.drawing import (
 )
 from rsoconsole.console.picture import SHOWN_REJECTED
 from rsoconsole.console.words.plot_window import PlotWindow
-from rsoconsole.console.words.words import arcsec_text, clipped, short, unsigned_text
+from rsoconsole.console.words.words import clipped, rule, short
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.tracking.filters import NIS_BAND, WINDOW, consistency, summary_words
+from rsoconsole.words import angle, signed_angle
 
 NEWEST = PlotWindow()
 MISS = "○"
@@ -61,12 +62,12 @@ def residual_lines(
     name = AXIS_NAMES[axis]
     newest_first = (_column(row, AXES[axis]) for row in reversed(window.visible(night.rows, width)))
     last = next((column for column in newest_first if column.bound is not None), None)
-    value = "" if last is None or last.value is None else arcsec_text(last.value)
+    value = "" if last is None or last.value is None else signed_angle(last.value)
     if last is not None and last.value is None:
         value = f"{MISS} coasted"
     elif value:
         value += _by_orbit(window, night, width)
-    bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
+    bound = "3σ -" if last is None or last.bound is None else f"3σ {angle(last.bound)}"
     if height <= 1:
         name = {"east": "RA", "north": "δ "}[axis]
         label = f" {of.removeprefix('track ')}{':' if of else ''}{name} {value or '-'} {bound}"
@@ -121,16 +122,6 @@ def nis_lines(
     figures = " · ".join(each for each in (judged.words, learnt) if each)
     said = clipped([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
-
-
-def rule(left: str, right: str, width: int) -> Line:
-    """A title in a line; what is right is dropped first."""
-    head = f"─ {left.strip()} "
-    tail = f" {right} ─" if right else ""
-    if len(head) + len(tail) > width:
-        tail = ""
-    fill = "─" * max(width - len(head) - len(tail), 0)
-    return clipped([("─ ", "dim"), (left.strip(), "title"), (f" {fill}{tail}", "dim")], width)
 
 
 def _column(row: FrameRow, axis: int) -> Column:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rsoconsole.console.drawing import AXIS_COLUMNS, Line, cells_a_frame
-from rsoconsole.console.words.words import clipped, clock_text
+from rsoconsole.console.words.words import clipped
 from rsoconsole.night import FrameRow
+from rsoconsole.words import clock
 
 MOST_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
@@ -77,7 +78,7 @@ class PlotWindow:
         if self.back:
             last = rows[len(rows) - 1 - self.back] if len(rows) > self.back else None
             if last is not None:
-                parts.append(f"to frame {last.frame_id:04d}, {clock_text(last.t_utc_ns)[:5]}Z")
+                parts.append(f"to frame {last.frame_id:04d}, {clock(last.t_utc_ns, 'minute')}")
         return " · ".join(parts)
 
 
@@ -93,7 +94,7 @@ def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = 
     free = 0
     for number, row in enumerate(visible):
         at = start + number * cells
-        label = f"╵{clock_text(row.t_utc_ns)[:5]}"
+        label = f"╵{clock(row.t_utc_ns, 'minute', '')}"
         if row.t_utc_ns and at >= free and at + len(label) <= room:
             line[at : at + len(label)] = label
             free = at + LABEL_COLUMNS

@@ -5,18 +5,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.words.panels import rule
 from rsoconsole.console.words.words import (
-    NS_PER_S,
-    arcsec_text,
     clipped,
-    clock_text,
-    duration_text,
     first_shown,
-    unsigned_text,
+    packed,
+    rule,
 )
 from rsoconsole.control import NextAim, one_line
+from rsoconsole.control.words import aim_parts, state_words
 from rsoconsole.night import FollowedTrack, NightView
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import angle, identity, signed_angle, span
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""
@@ -105,26 +104,16 @@ def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
-def state_words(track: FollowedTrack) -> str:
+def _state(track: FollowedTrack) -> str:
     """What became of it in the last frame; "+": the operator keeps it."""
-    kept = "+" if track.state.is_kept else ""
-    if track.state.misses:
-        return f"COAST {track.state.misses}{kept}"
-    return f"{'trial' if track.is_on_trial else 'TRACK'}{kept}"
+    misses = track.state.misses
+    state = "COAST" if misses else "trial" if track.is_on_trial else "TRACK"
+    return state_words(state, misses, is_kept=track.state.is_kept)
 
 
 def name_words(night: NightView, track_id: int) -> str:
     """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
-    found = night.identifications.get(track_id)
-    if found is not None and found.verdict == "unknown":
-        past = found.ledger
-        known = "" if past is None else one_line(past.name) + ("" if past.is_sure else "?")
-        return known or "not in catalogue"
-    if found is None or not found.matches:
-        return "-"
-    best = found.matches[0]
-    doubt = "" if found.verdict == "identified" else "?"
-    return one_line(best.name or str(best.norad_id)) + doubt
+    return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
@@ -134,14 +123,12 @@ def detail_lines(
     orbit = night.orbits.get(track.track_id)
     parts = [
         f"{track.number} {name_words(night, track.track_id)}",
-        {"trial": "on trial: one more measurement confirms it"}.get(
-            state_words(track), state_words(track)
-        ),
+        {"trial": "on trial: one more measurement confirms it"}.get(_state(track), _state(track)),
         "kept: no miss ends it in the field" if track.state.is_kept else "",
     ]
     if track.residual_arcsec is not None:
         east, north = track.residual_arcsec
-        parts.append(f"residual {arcsec_text(east)} {arcsec_text(north)}")
+        parts.append(f"residual {signed_angle(east)} {signed_angle(north)}")
     if track.nis is not None:
         parts.append(f"NIS {track.nis:.1f}")
     if track.snr is not None:
@@ -149,30 +136,13 @@ def detail_lines(
     age = _age(night, track, now_utc_ns)
     parts.append(f"age {age}" if age else "")
     parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
-    return [clipped([(f" {line}", "")], width) for line in packed(parts, width - 1)]
-
-
-def packed(parts: list[str], width: int) -> list[str]:
-    """In as many lines as it takes, broken between parts."""
-    lines = [""]
-    for part in (each for each in parts if each):
-        longer = f"{lines[-1]} · {part}" if lines[-1] else part
-        if len(longer) <= width or not lines[-1]:
-            lines[-1] = longer
-        else:
-            lines.append(part)
-    return lines
+    return packed([(part, "") for part in parts if part], width, gap=" · ")
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
     """Where the telescope looks in the exposure after the next one, and by which policy."""
-    way = aim.moves_arcmin
-    parts = [
-        f"next aim, {aim.policy}: {aim.reason}",
-        clock_text(aim.t_utc_ns)[:8],
-        "no slew" if way is None else f"slew {way:.1f}′",
-    ]
-    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
+    what, _place, *rest = aim_parts(aim)
+    return packed([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
@@ -227,7 +197,7 @@ def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
     if residual is None:
         return "-"
     off = math.hypot(*residual)
-    return f"{off:.1f}″" if 10.0 <= off < 100.0 else unsigned_text(off)
+    return angle(off, "cell" if 10.0 <= off < 100.0 else "line")
 
 
 def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -240,7 +210,7 @@ def _snr(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
     now = now_utc_ns or night.last_utc_ns
-    return "" if now is None else duration_text((now - track.since_utc_ns) / NS_PER_S)
+    return "" if now is None else span((now - track.since_utc_ns) / NS_PER_S)
 
 
 def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -261,7 +231,7 @@ _COLUMNS = (
         head="state",
         width=8,
         rank=2,
-        words=lambda _night, track, _now: state_words(track),
+        words=lambda _night, track, _now: _state(track),
         is_left=True,
     ),
     _Column(head="resid", width=5, rank=3, words=_residual),

@@ -3,24 +3,21 @@
 import bisect
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
-from rsoconsole.night import NightView
+from rsoconsole.control.words import fault_words, held_words, holder_words
+from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import clock, direction, size_of, span
 
-HOLDERS = {
-    "autonomy": "AUTO has the mount",
-    "operator": "YOU have the mount",
-    "nobody": "nobody has the mount",
-}
 HELD = "AUTO watches, moves nothing"
+Item = tuple[str, Ink]
 ARROWS = "→↘↓↙←↖↑↗"
-NS_PER_S = 1_000_000_000
 BADGE_COLUMNS = 100
 STATE_INKS: dict[str, Ink] = {
     "TRACK": "good",
@@ -30,45 +27,11 @@ STATE_INKS: dict[str, Ink] = {
 }
 
 
-def clock_text(t_utc_ns: int | None) -> str:
-    """hh:mm:ssZ of an instant."""
-    return "--:--:--Z" if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0)[11:19] + "Z"
-
-
-def dated_clock_text(t_utc_ns: int | None) -> str:
-    """yyyy-mm-dd hh:mm:ssZ of an instant."""
-    return clock_text(t_utc_ns) if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0).replace("T", " ")
-
-
-def duration_text(seconds: float) -> str:
-    """8s, 12m04, 3h05."""
-    whole = max(int(seconds), 0)
-    if whole < 60:
-        return f"{whole}s"
-    if whole < 3600:
-        return f"{whole // 60}m{whole % 60:02d}"
-    return f"{whole // 3600}h{whole % 3600 // 60:02d}"
-
-
-def arcsec_text(value: float) -> str:
-    """A signed error in arcsec, arcmin when large."""
-    return f"{value:+.2f}″" if abs(value) < 100 else f"{value / 60:+.1f}′"
-
-
-def unsigned_text(value: float) -> str:
-    """The same without a sign."""
-    return arcsec_text(abs(value)).lstrip("+")
-
-
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
     """The frame clock: the engine's word, else the last that was heard of it."""
     if engine.is_attached and engine.now_utc_ns:
         return engine.now_utc_ns
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
-
-
-BY_PRIOR = " by prior"
-"""Behind what was assumed of an orbit rather than measured."""
 
 
 def top_lines(
@@ -78,16 +41,16 @@ def top_lines(
     width: int,
     rows: int,
     *,
-    found: tuple[str, str] = ("", ""),
+    found: tuple[str, str, str] = ("", "", ""),
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
-    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
-    orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
-    what is kept of a track that was ended, the longest way to say it first; ``is_stopping``: STOP
-    was given, and what the engine said last is from before it.
+    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name, its orbit's
+    size and whether that was assumed, each where it is known; as much of it is said as there is
+    room for. ``kept``: what is kept of a track that was ended, the longest way to say it first;
+    ``is_stopping``: STOP was given, and what the engine said last is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -101,7 +64,7 @@ def top_lines(
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
     if engine.reach in {"gone", "silent"}:
         target_words, is_followed = ("", ""), False
-    clock, dated = f"{clock_text(now)} ", f"{dated_clock_text(now)} "
+    brief, dated = f"{clock(now)} ", f"{clock(now, 'dated')} "
     gap = ("  ", "")
     badge = demo_badge(night, width, engine)
     if only_looks and engine.is_attached:
@@ -114,20 +77,18 @@ def top_lines(
             return [*line, (said, "warn")]
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
-        size, by_prior, _ = found[1].partition(BY_PRIOR)
-        known = (found[0] or target_words[0], size, by_prior.strip())
-        parts = [part for part in known if part]
+        parts = [part for part in (found[0] or target_words[0], *found[1:]) if part]
         return [*line, (fitted(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
         left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
         # The date gives way to what is known of the target.
         whole, apart = with_target(left, width), 1
-        shown = dated if _columns(whole) + apart + len(dated) <= width else clock
+        shown = dated if _columns(whole) + apart + len(dated) <= width else brief
         return [justified(with_target(left, width - len(shown) - apart), shown, width)]
     first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
-    shown = dated if _columns(first) + len(dated) <= width else clock
+    shown = dated if _columns(first) + len(dated) <= width else brief
     return [justified(first, shown, width), clipped(with_target(second, width), width)]
 
 
@@ -147,13 +108,13 @@ def _state_words(
     if engine.reach == "unknown":
         return ("waiting for the engine to start", "title"), ("", "")
     if engine.reach == "gone" and night.has_ended:
-        ended = clock_text(engine.since_utc_ns or now)
+        ended = clock(engine.since_utc_ns or now)
         return (f"ENGINE ENDED {ended}", "title"), ("it was asked to", "dim")
     if engine.reach in {"gone", "silent"}:
         word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
         last = engine.state or night.state
         was = f"was {last}" if last else "nothing seen of it"
-        return (f"{word} since {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+        return (f"{word} since {clock(engine.since_utc_ns or now)}", "alarm"), (was, "title")
     if engine.reach == "recorded":
         kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
         return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
@@ -164,13 +125,12 @@ def _state_words(
         # Whatever was followed again since: it coasts from where it was seen last.
         began_ns = night.last_seen_utc_ns or began_ns
     if night.state == state and began_ns and now:
-        since = " " + duration_text((now - began_ns) / NS_PER_S)
-    holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
+        since = " " + span((now - began_ns) / NS_PER_S)
+    holder = holder_words(engine.holder, "seat")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
         watches = HELD if engine.holder == "autonomy" else holder
-        held = "HELD until it clears" if engine.resumes_when_clear else "HELD"
-        return (f"{state}{since} {held}", "warn"), (watches, ink)
+        return (f"{state}{since} {held_words(engine)}", "warn"), (watches, ink)
     return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
 
 
@@ -183,11 +143,8 @@ def alert_text(night: NightView, engine: EngineView) -> str:
         parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
     elif engine.reach == "silent":
         parts.append("the engine does not answer: 'rsoconsole stop' works without it")
-    parts += [f"FAULT {fault}" for fault in dict.fromkeys(engine.faults)]
-    if engine.is_attached and engine.state == "FAULT" and not engine.faults:
-        parts.append("the cause of the FAULT is over: arm it to go on")
-    if engine.lifted:
-        parts.append(f"overridden: {', '.join(engine.lifted)}")
+    if engine.is_attached:
+        parts += fault_words(engine)
     if night.fault is not None:
         parts.append(night.fault)
     if engine.is_attached and engine.session is None:
@@ -251,7 +208,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
     found = _followed_detection(picture)
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
-        parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+        parts.append(size_of(found))
     elif picture.detail.followed is None and picture.detail.predicted is not None:
         parts.append("predicted place")
     return parts
@@ -263,7 +220,7 @@ def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list
     if followed is None:
         return []
     east, _, north = followed.cov_sky_arcsec2
-    place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
+    place = direction(followed.ra_icrs_deg, followed.dec_icrs_deg, "measured")
     close = place.replace("α ", "α").replace("δ ", "δ")
     ways = (f"measured {place}", f"meas {close}", place)
     said = next((each for each in ways if len(each) <= width), close)
@@ -274,14 +231,7 @@ def _followed_detection(picture: Picture) -> Detection | None:
     found, followed = picture.detail.detections, picture.detail.followed
     if found is None or followed is None:
         return None
-    return next(
-        (
-            d
-            for d in found.detections
-            if abs(d.x_px - followed.x_px) < 1.0 and abs(d.y_px - followed.y_px) < 1.0
-        ),
-        None,
-    )
+    return next((each for each in found.detections if is_of_streak(each, followed)), None)
 
 
 def frame_caption(picture: Picture | None) -> list[str]:
@@ -333,6 +283,30 @@ def clipped(line: Line, width: int) -> Line:
         kept.append((text[:left], ink))
         left -= len(text[:left])
     return [*kept, ("…", "dim")] if width > 0 else []
+
+
+def rule(left: str | Line, right: str, width: int) -> Line:
+    """A title in a line; what is right is dropped first."""
+    title: Line = [(left.strip(), "title")] if isinstance(left, str) else left
+    used = 3 + _columns(title)
+    tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
+    fill = "─" * max(width - used - len(tail), 0)
+    return clipped([("─ ", "dim"), *title, (f" {fill}{tail}", "dim")], width)
+
+
+def packed(
+    items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
+) -> list[Line]:
+    """Items over as many rows as there are; what has no room is left out."""
+    lines: list[Line] = []
+    for text, ink in items:
+        if lines and _columns(lines[-1]) + len(gap) + len(text) <= width:
+            lines[-1].append((gap + text, ink))
+        elif len(lines) == rows:
+            break
+        else:
+            lines.append([(" ", ""), (text, ink)])
+    return [clipped(line, width) for line in lines]
 
 
 def _columns(line: Line) -> int:

@@ -325,7 +325,7 @@ class Planner:
         if by_orbit is not None:
             return by_orbit, "orbit"
         config = self._config
-        return follow_direction(track, t_mid_ns, config.filter, config.aim), "prediction"
+        return follow_direction(track, t_mid_ns, config.filter, config.aim), "filter"
 
     def ahead(self, following: Following, planned: Plan | None, now_utc_ns: int) -> Ahead | None:
         """The exposure after ``planned``; None where nothing is followed. Moves nothing."""

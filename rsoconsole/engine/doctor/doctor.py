@@ -3,6 +3,7 @@
 No check raises, none changes anything, and each says what to do when it is not well.
 """
 
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -20,8 +21,9 @@ from rsoconsole.engine.doctor import (
 )
 from rsoconsole.engine.doctor.doctor_check import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
-from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook
+from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook, disk_words
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.observatory import missing_protocol, utc_now_ns
@@ -304,9 +306,9 @@ def _indi_options(indi: IndiConfig) -> str:
     return host + indi_port_option(indi.port)
 
 
-def check_clock() -> Check:
+def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.inf) -> Check:
     """The system's clock is synchronised: a second is 15 arcsec of sky."""
-    clock = doctor_system.read_clock()
+    clock = clock or doctor_system.read_clock()
     if clock.is_synchronised is None:
         return Check(
             check="clock",
@@ -319,13 +321,12 @@ def check_clock() -> Check:
         parts.append(f"offset {clock.offset_s * 1e3:+.3f} ms")
     if clock.max_error_s is not None and clock.is_synchronised:
         parts.append(f"error at most {clock.max_error_s * 1e3:.0f} ms")
-    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
-    return Check(
-        check="clock",
-        ok=clock.is_synchronised,
-        detail=", ".join(parts),
-        remedy="" if clock.is_synchronised else remedy,
-    )
+    remedy = ""
+    if not clock.is_synchronised:
+        remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    elif abs(clock.offset_s or 0.0) > most_offset_s:
+        remedy = "wait until it has settled"
+    return Check(check="clock", ok=not remedy, detail=", ".join(parts), remedy=remedy)
 
 
 def check_disk(config: Config) -> Check:
@@ -333,20 +334,13 @@ def check_disk(config: Config) -> Check:
     now_utc_ns = utc_now_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
     outlook = disk_outlook(config, free_bytes, now_utc_ns)
-    detail = (
-        f"{free_bytes / 1e9:.0f} GB free; the coming night of {outlook.dark_s / 3600:.1f} h takes "
-        f"up to {outlook.bytes_a_night / 1e9:.1f} GB: room for {outlook.nights:.1f} nights"
-    )
-    is_enough = outlook.nights >= 1.0
+    room = disk_words(free_bytes, outlook.dark_s, outlook.bytes_a_night)
+    detail = f"{room}: room for {outlook.nights:.1f} nights"
     if outlook.warning is None:
         return Check(check="disk", ok=True, detail=detail)
-    remedy = DISK_REMEDY
-    return Check(
-        check="disk",
-        ok=is_enough,
-        detail=f"{detail}; soon: {remedy}" if is_enough else detail,
-        remedy=remedy,
-    )
+    is_enough = outlook.nights >= 1.0
+    soon = f"; soon: {DISK_REMEDY}" if is_enough else ""
+    return Check(check="disk", ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
 
 
 def check_sessions_folder(config: Config) -> Check:

@@ -37,9 +37,6 @@ def status_of(
     limit = watch.next_limit
     report = watch.last_report
     motion = None if report is None else report.motion
-    ahead = None
-    if limit is not None:
-        ahead = f"{limit[1].limit} in {(limit[0] - now_utc_ns) / 60e9:.0f} min"
     return Status(
         state=authority.state,
         holder=authority.holder,
@@ -67,7 +64,8 @@ def status_of(
         pairs=nearest_first(last_pairs),
         unseen=() if expected is None or expected.last is None else expected.last.unseen,
         uncatalogued=() if expected is None else expected.uncatalogued,
-        next_limit=ahead,
+        next_limit=None if limit is None else limit[1].limit,
+        next_limit_utc_ns=None if limit is None else limit[0],
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,
         is_slewing=None if report is None else report.is_slewing,

@@ -10,6 +10,7 @@ from .medium import medium_of as medium_of
 from .retention import DISK_REMEDY as DISK_REMEDY
 from .retention import bytes_until_dawn as bytes_until_dawn
 from .retention import disk_outlook as disk_outlook
+from .retention import disk_words as disk_words
 from .retention import session_bytes as session_bytes
 from .systemd import keep_from_children as keep_from_children
 from .systemd import notify as notify

@@ -53,7 +53,7 @@ def disk_outlook(
         dark_s=dark_s,
         free_bytes=free_bytes,
         nights=nights,
-        warning=_warning(need, free_bytes, nights),
+        warning=_warning(disk_words(free_bytes, dark_s, need), nights),
     )
 
 
@@ -86,10 +86,15 @@ def raw_frame_bytes(config: Config) -> int:
     return 2 * config.optics.width_px * config.optics.height_px
 
 
-def _warning(need: float, free_bytes: int, nights: float) -> str | None:
+def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
+    """What is free, and what so much of a night takes."""
+    takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
+    return f"{free_bytes / 1e9:.1f} GB free, {takes}"
+
+
+def _warning(figures: str, nights: float) -> str | None:
     if nights >= WARN_BELOW_NIGHTS:
         return None
-    figures = f"{free_bytes / 1e9:.1f} GB free, a night takes up to {need / 1e9:.1f} GB"
     if nights < 1.0:
         return f"the disk fills before the night is over: {figures}; {DISK_REMEDY}"
     return f"the disk holds {nights:.1f} more nights: {figures}; {DISK_REMEDY}"

@@ -3,6 +3,7 @@ from .arming import arming_checks as arming_checks
 from .arming import gather_facts as gather_facts
 from .arming import pointing_check as pointing_check
 from .arming import refusal_text as refusal_text
+from .arming import unknown_words as unknown_words
 from .by_hand import ByHand as ByHand
 from .by_hand import HandMove as HandMove
 from .by_hand import Parts as Parts

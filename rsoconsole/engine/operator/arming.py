@@ -23,7 +23,7 @@ from rsoconsole.engine.doctor import (
     unsure,
     well,
 )
-from rsoconsole.engine.machine import DISK_REMEDY, bytes_until_dawn
+from rsoconsole.engine.machine import DISK_REMEDY, bytes_until_dawn, disk_words
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import (
     Instruments,
@@ -184,6 +184,12 @@ def _pointing(
     )
 
 
+def unknown_words(names: Collection[str]) -> str:
+    """That some are names of no check; empty where each is one."""
+    unknown = ", ".join(sorted(set(names) - set(CHECKS)))
+    return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
+
+
 def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
     """Why the engine is not armed, in one line; None when every failed check is overridden."""
     failed = [check for check in checks if not check.ok and check.name not in overridden]
@@ -199,29 +205,13 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
 
 def _clock(facts: ArmingFacts, config: Config) -> ArmingCheck:
     """The machine's clock; with it what is known of the shutter, if anything was measured."""
-    found = _machine_clock(facts)
+    found = _of_doctor("clock", doctor.check_clock(facts.clock, CLOCK_OFFSET_S))
+    if facts.is_simulated:
+        found = ArmingCheck(name="clock", ok=True, detail="the simulated observatory's own")
     if not config.exposure.calibrated:
         return found
     shutter = shutter_words(config.exposure, day_of(facts.now_utc_ns))
     return replace(found, detail=f"{found.detail}; {shutter}")
-
-
-def _machine_clock(facts: ArmingFacts) -> ArmingCheck:
-    name, clock = "clock", facts.clock
-    if facts.is_simulated:
-        return ArmingCheck(name=name, ok=True, detail="the simulated observatory's own")
-    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
-    if clock.is_synchronised is None:
-        detail = "this system does not tell whether its clock is synchronised"
-        return ArmingCheck(name=name, ok=False, detail=detail, remedy=remedy)
-    if not clock.is_synchronised:
-        return ArmingCheck(name=name, ok=False, detail="not synchronised", remedy=remedy)
-    if clock.offset_s is None:
-        return ArmingCheck(name=name, ok=True, detail="synchronised")
-    detail = f"synchronised, {clock.offset_s * 1e3:+.1f} ms to be corrected"
-    if abs(clock.offset_s) <= CLOCK_OFFSET_S:
-        return ArmingCheck(name=name, ok=True, detail=detail)
-    return ArmingCheck(name=name, ok=False, detail=detail, remedy="wait until it has settled")
 
 
 def _site(facts: ArmingFacts) -> Check:
@@ -229,14 +219,8 @@ def _site(facts: ArmingFacts) -> Check:
         return _mount_is_dumb(facts)
     if facts.site.is_consistent:
         return well(facts.site.detail)
-    distance_km = facts.site.distance_km
-    detail = (
-        facts.site.detail
-        if distance_km is None
-        else f"the mount believes to stand {distance_km:.0f} km from the configured site"
-    )
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
-    return bad(detail, remedy)
+    return bad(facts.site.detail, remedy)
 
 
 def _time(facts: ArmingFacts) -> Check:
@@ -320,10 +304,7 @@ def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
             remedy="give yourself the right to write there, or set session.root",
         )
     need_bytes, dark_s = bytes_until_dawn(config, facts.now_utc_ns)
-    detail = (
-        f"{facts.free_bytes / 1e9:.1f} GB free, {dark_s / 3600:.1f} h of dark take up to "
-        f"{need_bytes / 1e9:.1f} GB"
-    )
+    detail = disk_words(facts.free_bytes, dark_s, need_bytes)
     if facts.free_bytes >= need_bytes:
         return ArmingCheck(name="disk", ok=True, detail=detail)
     return ArmingCheck(name="disk", ok=False, detail=detail, remedy=DISK_REMEDY)

@@ -28,7 +28,6 @@ from rsoconsole.engine.operator.hand_marks import (
     better_known,
     by_hand_result,
     detection_of,
-    figure,
     marked_decision,
     measured,
     refined_as,
@@ -51,7 +50,7 @@ from rsoconsole.records import (
     measurement_id_of,
 )
 from rsoconsole.tracking.association import Following
-from rsoconsole.words import text
+from rsoconsole.words import error_figure, text
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""
@@ -178,8 +177,8 @@ class Decisions:
         better = better_known(decision.taken, shown, self._frames.taken(decision.frame_id))
         if better is not None and not mark.replaces:
             raise RefusedError(
-                f"yours is good to ±{figure(sigma)}″ ({how}); frame {decision.frame_id} has it to"
-                f" ±{figure(sigma_arcsec(better))}″: mark it as replacing that",
+                f"yours is good to ±{error_figure(sigma)}″ ({how}); frame {decision.frame_id}"
+                f" has it to ±{error_figure(sigma_arcsec(better))}″: mark it as replacing that",
                 {
                     "asks": "replaces",
                     "sigma_arcsec": sigma,
@@ -187,7 +186,7 @@ class Decisions:
                     "how": how,
                 },
             )
-        message = f"taken up with the next frame: ±{figure(sigma)}″, {how}"
+        message = f"taken up with the next frame: ±{error_figure(sigma)}″, {how}"
         return Accepted(message=message, command=pinned)
 
     def _rule(self, command: Decision, by: str) -> CommandResult:

@@ -96,11 +96,6 @@ def sigma_arcsec(measurement: Measurement) -> float:
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
-def figure(value: float) -> str:
-    """As exactly as an error is worth."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
-
-
 def better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
     """What a mark would replace and is known much better; None where there is no such thing."""
     sigma = sigma_arcsec(mark)

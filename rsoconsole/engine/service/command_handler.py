@@ -41,6 +41,7 @@ from rsoconsole.engine.operator import (
     arming_checks,
     gather_facts,
     refusal_text,
+    unknown_words,
 )
 from rsoconsole.engine.service.health import HealthMeter
 from rsoconsole.engine.service.machine_watch import MachineState
@@ -195,10 +196,8 @@ class CommandHandler:
         if facts.abilities is not None:
             self._lacks = lacks_of(facts.abilities, config.mount)
         checks = arming_checks(facts, config)
-        unknown = names - {check.name for check in checks} - {"pointing"}
-        if unknown:
-            known = ", ".join([*(check.name for check in checks), "pointing"])
-            raise ValueError(f"no check is called {', '.join(unknown)}; there are {known}")
+        if unknown := unknown_words(names):
+            raise ValueError(unknown)
         data = {"checks": [dataclasses.asdict(check) for check in checks]}
         refused = refusal_text(checks, names)
         if refused is not None:

@@ -23,7 +23,7 @@ from rsoconsole.engine.aim import InstrumentController, Interrupted
 from rsoconsole.engine.doctor import Lack, lacks_of, read_clock
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
-from rsoconsole.engine.operator import CHECKS, arming_checks, gather_facts, refusal_text
+from rsoconsole.engine.operator import arming_checks, gather_facts, refusal_text, unknown_words
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
@@ -206,11 +206,8 @@ def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
     Raises InstrumentError with what is missing when the run is bounded; else the engine says it
     and waits to be armed.
     """
-    unknown = settings.lifted - set(CHECKS)
-    if unknown:
-        raise ConfigError(
-            f"no check is called {', '.join(sorted(unknown))}; there are {', '.join(CHECKS)}"
-        )
+    if unknown := unknown_words(settings.lifted):
+        raise ConfigError(unknown)
     checks = arming_checks(
         gather_facts(engine.instrument_controller.instruments, engine.config, folder), engine.config
     )

@@ -11,7 +11,7 @@ from rsoconsole.engine.aim import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import OperatorAction
-from rsoconsole.words import text
+from rsoconsole.words import ordered_text, text
 
 OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 
@@ -215,9 +215,7 @@ def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
     if isinstance(trigger, NightEnded):
         return f"the night ends: {trigger.words}; armed again only when asked"
     result = alarm.result
-    times = ""
-    if result is not None and result.ordered_ms is not None:
-        times = f", ordered in {result.ordered_ms:.0f} ms"
+    times = ordered_text(None if result is None else result.ordered_ms, ", {}")
     if isinstance(trigger, Stopped) and not trigger.is_obeyed:
         return f"STOP: {trigger.words}"
     if not (is_answered_again or (result is not None and result.is_answered)):

@@ -32,7 +32,7 @@ from rsoconsole.instruments.indi import (
 from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
-from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
+from rsoconsole.words import measured_text
 
 log = logging.getLogger(__name__)
 
@@ -253,8 +253,7 @@ class IndiMount:
         detail = (
             "the mount stands at the configured site"
             if is_consistent
-            else f"the mount believes to stand {distance_km:.0f} km from the configured site: "
-            "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
+            else f"the mount believes to stand {distance_km:.0f} km from the configured site"
         )
         return SiteCheck(
             is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
@@ -347,6 +346,5 @@ def _to_result(answer: dict[str, Any]) -> StopResult:
 
 
 def _motion_words(motion: Motion) -> str:
-    if motion.kind == "unknown":
-        return unmeasured_text("", f"{CUT_POWER} if it does")
-    return f"since then {measured_text(motion.kind, motion.rate_deg_s)}"
+    since = "" if motion.kind == "unknown" else "since then "
+    return since + measured_text(motion.kind, motion.rate_deg_s)

@@ -12,7 +12,7 @@ from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import Detection, Measurement, NotSolved, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import name_of, pulse_of, short_name_of
+from rsoconsole.words import parts_of, short_name_of
 
 _MARGIN = 0.012
 """Of the frame's width: room between a streak and its box."""
@@ -66,15 +66,14 @@ def _streak(detection: Detection, frame_width: int, *, is_followed: bool) -> str
     width = abs(detection.x_a_px - detection.x_b_px) + 2.0 * room
     height = abs(detection.y_a_px - detection.y_b_px) + 2.0 * room
     what = "followed" if is_followed else "detected"
-    title = f"{what}, confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}"
-    title = ", ".join(each for each in (title, name_of(detection), pulse_of(detection)) if each)
+    parts = (what, f"confidence {detection.confidence:.2f}", *parts_of(detection))
     label = f"{detection.confidence:.2f} {short_name_of(detection)}".rstrip()
     colour, dash = (RED, "") if is_followed else (AMBER, ' stroke-dasharray="5 4"')
     size = 0.034 * frame_width
     return (
         f'<rect x="{x_0:.0f}" y="{y_0:.0f}" width="{width:.0f}" height="{height:.0f}" fill="none" '
         f'stroke="{colour}" stroke-width="1.6" vector-effect="non-scaling-stroke"{dash}>'
-        f"<title>{text(title)}</title></rect>"
+        f"<title>{text(', '.join(parts))}</title></rect>"
         f'<text x="{x_0 + width + 0.6 * room:.0f}" y="{y_0 + height:.0f}" fill="{colour}" '
         f'font-size="{size:.0f}" font-family="sans-serif">{text(label)}</text>'
     )

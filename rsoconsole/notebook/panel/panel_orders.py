@@ -25,10 +25,10 @@ from rsoconsole.control import (
     command_of,
     read_record,
 )
+from rsoconsole.control.words import preview_lines
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.panel.link import Link
 from rsoconsole.notebook.panel.panel_view import TUNED
-from rsoconsole.sky import format_dec, format_ra
 
 log = logging.getLogger(__name__)
 
@@ -253,9 +253,6 @@ class PanelOrders:
         threading.Thread(target=run, name="panel-order", daemon=True).start()
 
 
-_UNREADABLE = "the engine's answer cannot be read: are both of one version?"
-
-
 def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
     """Settings as a page sends them, as numbers or words. Raises ValueError for others."""
     known = {name for name, _, _ in TUNED}
@@ -297,22 +294,6 @@ def effect_rows(
         )
     names = ("residual rms", "NIS mean (2)", "3σ holds", "misses", "state")
     return [list(row) for row in zip(names, *rows, strict=True)]
-
-
-def preview_lines(preview: MovePreview | None) -> list[str]:
-    """The engine's preview of a move, in lines."""
-    if preview is None:
-        return [_UNREADABLE]
-    place = f"ICRS α {format_ra(preview.ra_icrs_deg, 1)} δ {format_dec(preview.dec_icrs_deg, 0)}"
-    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
-    after = preview.pier_side_after
-    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
-    lines = [
-        f"{place}  alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
-        f"way {preview.way_deg:.1f}°, {preview.slew_s:.0f} s{side}",
-        f"limits {margins}",
-    ]
-    return [*lines, f"REFUSED: {preview.refused}"] if preview.refused else lines
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

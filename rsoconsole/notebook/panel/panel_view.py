@@ -6,20 +6,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.control import Status, printable
+from rsoconsole.control.words import (
+    fault_words,
+    holder_words,
+    limit_words,
+    mount_words,
+    shutter_words,
+)
 from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures import NIS_BAND
 from rsoconsole.notebook.night import DrawnNight, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
+from rsoconsole.words import altaz, clock, direction
 
 SHOWN_FRAMES = 60
 NIS_TOP = 14.0
-HOLDERS = {
-    "autonomy": "autonomy has the mount",
-    "operator": "the operator has the mount",
-    "nobody": "nobody has the mount",
-}
 TUNED = (
     ("detector.tau", "τ", ""),
     ("filter.preset", "preset", ""),
@@ -38,20 +40,17 @@ def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str,
     """The engine in words: ``status`` as it last told it; ``seat``: this panel's name."""
     is_attached = reach == "attached"
     holder, is_ours = status.holder, bool(seat) and status.seat == seat
-    faults = [f"FAULT {fault}" for fault in status.faults]
-    if is_attached and status.lifted:
-        faults.append(f"overridden: {', '.join(status.lifted)}")
     return {
         "reach": reach,
         "detail": detail,
         "state": status.state or "-",
         "is_held": status.is_held,
-        "holder": HOLDERS.get(holder or "", f"{holder or 'unknown'} has the mount"),
+        "holder": holder_words(holder, "plain"),
         "is_autonomous": holder == "autonomy",
         "wants_resuming": status.is_held or holder == "operator",
         "frame": status.frame_id,
-        "clock": _clock(status.now_utc_ns),
-        "alerts": faults if is_attached else [],
+        "clock": clock(status.now_utc_ns),
+        "alerts": fault_words(status) if is_attached else [],
         "facts": _facts(status),
         "health": [[each.name, each.ok, each.text] for each in status.health],
         "seat": {
@@ -75,7 +74,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
         "caption": "no picture yet" if frame is None else words_of(frame),
         "slew": _slew_words(live),
         "nis": _nis_words(night),
-        "log": [[_clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
+        "log": [[clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
         "tunables": [
             [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
             for name, label, unit in TUNED
@@ -90,7 +89,7 @@ def plots(night: DrawnNight) -> dict[str, str]:
         return {}
     t_0, t_1 = night.seconds(frames[0]), night.seconds(frames[-1])
     span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
-    ends = _clock(frames[0].t_mid_utc_ns), _clock(frames[-1].t_mid_utc_ns)
+    ends = clock(frames[0].t_mid_utc_ns), clock(frames[-1].t_mid_utc_ns)
     newest = _Newest(night=night, frames=frames, span=span, ends=ends)
     return {
         "confidence": _confidence(newest),
@@ -188,46 +187,24 @@ def _facts(status: Status) -> list[list[str]]:
     rows = []
     ra, dec = status.ra_icrs_deg, status.dec_icrs_deg
     if ra is not None and dec is not None:
-        alt, az = status.alt_deg, status.az_deg
-        high = "" if alt is None or az is None else f"  alt {alt:.1f} az {az:.1f}"
-        rows.append(["track", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}{high}"])
-    ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
-    if ra is not None and dec is not None:
-        does = "slewing" if status.is_slewing else "standing"
-        if status.is_parked:
-            does = "parked"
-        elif status.is_tracking and not status.is_slewing:
-            does = "tracking"
-        pier = f", {status.pier_side} of the pier" if status.pier_side else ""
-        rows.append(["mount", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}, {does}{pier}"])
-    rows.append(["next limit", status.next_limit or "none in sight"])
-    rows.append(["shutter", _shutter(status)])
+        high = altaz(status.alt_deg, status.az_deg)
+        rows.append(["track", f"{direction(ra, dec)}  {high}".rstrip()])
+    if mount := mount_words(status, name=""):
+        pier = (f"{status.pier_side} of the pier",) if status.pier_side else ()
+        rows.append(["mount", " · ".join((*mount, *pier))])
+    rows.append(["next limit", limit_words(status) or "none in sight"])
+    rows.append(["shutter", shutter_words(status) or "closed"])
     return rows
-
-
-def _shutter(status: Status) -> str:
-    now = status.now_utc_ns
-    until, start = status.exposing_until_utc_ns, status.next_start_utc_ns
-    if now is not None and until is not None and until > now:
-        return f"open, {(until - now) / 1e9:.0f} s to go"
-    if now is not None and start is not None and start > now:
-        return f"closed, opens in {(start - now) / 1e9:.0f} s"
-    return "closed"
 
 
 def _slew_words(live: LiveNight) -> str:
     slew = live.slew
     if slew is None:
         return "none ordered yet"
-    place = f"α {format_ra(slew.ra_icrs_deg, 1)} δ {format_dec(slew.dec_icrs_deg, 0)}"
-    return f"{place} for {_clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
+    place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)
+    return f"{place} for {clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
 
 
 def _setting(config: Any, name: str) -> Any:
     section, _, key = name.partition(".")
     return getattr(getattr(config, section), key)
-
-
-def _clock(t_utc_ns: Any) -> str:
-    is_instant = isinstance(t_utc_ns, int) and not isinstance(t_utc_ns, bool)
-    return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19] if is_instant else "--:--:--"

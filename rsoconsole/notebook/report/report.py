@@ -18,7 +18,6 @@ from rsoconsole.notebook.night import DrawnNight, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
     TrackFacts,
-    clock,
     filter_words,
     read_course,
     track_facts,
@@ -29,7 +28,7 @@ from rsoconsole.notebook.report.report_passes import pass_facts
 from rsoconsole.notebook.report.report_pictures import shown_frames
 from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import clock, format_dec, format_ra, when
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000
@@ -66,7 +65,7 @@ def render_report(session: Path) -> Report:
         .get_template(TEMPLATE)
         .render(
             night=night,
-            span=_span(night),
+            span=when(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
             about=_about(exported),
             exported=exported,
             course=course,
@@ -109,7 +108,7 @@ def _environment() -> Any:
     )
     environment.filters["ra"] = lambda deg: format_ra(deg, 3)
     environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
-    environment.filters["clock"] = clock
+    environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
     environment.filters["fixed"] = _fixed
     environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
@@ -125,16 +124,6 @@ def _minus(text: str) -> str:
     if text.startswith(("-", "+")) and not text.strip("+-0:."):
         return text[1:]
     return text.replace("-", "−")
-
-
-def _span(night: DrawnNight) -> str:
-    """The day and between which times exposures lie."""
-    first, last = (
-        utc_ns_to_iso(frame.t_mid_utc_ns, decimals=0)
-        for frame in (night.frames[0], night.frames[-1])
-    )
-    until = last[11:19] if last[:10] == first[:10] else f"{last[:10]} {last[11:19]}"
-    return f"{first[:10]}, {first[11:19]} to {until} UTC"
 
 
 def _about(exported: ExportedNight) -> dict[str, Any]:
@@ -161,7 +150,7 @@ def _conclusion(
     first, last = tracks[0].first.t_mid_utc_ns, tracks[-1].last.t_mid_utc_ns
     count = sum(track.count for track in tracks)
     words = (
-        f"{objects} followed from {clock(first)} to {clock(last)} UTC"
+        f"{objects} followed from {clock(first, zone='')} to {clock(last, zone='')} UTC"
         f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.missed)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
@@ -262,9 +251,9 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     versions = about.get("versions")
     known = versions if isinstance(versions, Mapping) else {}
     offset = about.get("clock_offset_s")
-    clock = "offset not recorded"
+    offset_words = "offset not recorded"
     if isinstance(offset, int | float):
-        clock = f"offset {offset * 1e3:+.1f} ms"
+        offset_words = f"offset {offset * 1e3:+.1f} ms"
     return [
         (
             "Site",
@@ -282,7 +271,7 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
             f"{config.exposure.exposure_s:g} s every {config.exposure.cadence_s:g} s at the"
             f" sidereal rate; {_shutter(exported)}",
         ),
-        ("Clock", "; ".join((clock, *exported.clock_notes))),
+        ("Clock", "; ".join((offset_words, *exported.clock_notes))),
         (
             "Detector",
             f"τ {config.detector.tau:g}, map {config.detector.map_mode}, centroid"

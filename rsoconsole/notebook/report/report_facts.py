@@ -18,9 +18,8 @@ from rsoconsole.records import (
     StateChange,
 )
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import utc_ns_to_iso
 from rsoconsole.tracking.filters import consistency
-from rsoconsole.words import text
+from rsoconsole.words import clock, text
 
 GEO_RATE_ARCSEC_S = 15.041
 GEO_WITHIN_ARCSEC_S = 0.3
@@ -81,11 +80,6 @@ class TrackFacts:
         east, north = self.rate_arcsec_s
         still = GEO_RATE_ARCSEC_S * math.cos(math.radians(self.last.dec_icrs_deg))
         return math.hypot(east - still, north) < GEO_WITHIN_ARCSEC_S
-
-
-def clock(t_utc_ns: int) -> str:
-    """Time of day, to the second."""
-    return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19]
 
 
 def filter_words(night: DrawnNight) -> str:
@@ -209,7 +203,7 @@ def _missed(frame: NightFrame, tracks: Mapping[int, NightTrack]) -> list[str]:
 def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
     is_bad = kind in {"alarm", "warning", "missed"}
     return Entry(
-        t_utc=clock(t_utc_ns),
+        t_utc=clock(t_utc_ns, zone=""),
         frame_id=frame_id or None,
         kind=kind,
         text=text if len(text) <= MOST_TEXT else text[: MOST_TEXT - 1] + "…",

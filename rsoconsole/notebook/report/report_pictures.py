@@ -8,10 +8,10 @@ from pathlib import Path
 from rsoconsole.export import MeasuredRow
 from rsoconsole.night import NightFrame
 from rsoconsole.notebook.night import DrawnNight
-from rsoconsole.notebook.report.report_facts import clock
 from rsoconsole.records import FrameTaken, Solution
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import sky_to_pixel
+from rsoconsole.words import clock
 
 MOST_PICTURES = 40
 """Evenly chosen; those of missed frames come on top."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry
+from rsoconsole.words import called
 
 LISTED = 8
 """How many candidates an error names."""
@@ -43,7 +44,7 @@ def _plain(name: str) -> str:
 
 def _listed(entries: Iterable[CatalogueEntry]) -> str:
     names = {each.norad_id: each.name for each in entries}
-    words = [f"{name} ({number})" for number, name in sorted(names.items())]
+    words = [called(name, number) for number, name in sorted(names.items())]
     more = len(words) - LISTED
     return ", ".join(words[:LISTED]) + (f" and {more} more" if more > 0 else "")
 

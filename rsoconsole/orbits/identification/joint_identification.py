@@ -25,13 +25,13 @@ from rsoconsole.orbits.identification.single import (
     Compared,
     Identification,
     Match,
-    called,
     compared_with,
     identification,
     identification_alone,
     identify,
 )
 from rsoconsole.records import FloatArray, Site
+from rsoconsole.words import called
 
 _CREDIBLE = 36.0
 """Squared Mahalanobis distance up to which an object is one that a track could be of."""
@@ -143,7 +143,8 @@ def _taken_by_others(answer: Identification) -> Identification:
     if answer.verdict == "unknown":
         return answer
     near = min(answer.matches, key=lambda each: each.score)
-    reason = f"no catalogued object is left for it: {called(near)}, the nearest, is another track's"
+    name = called(near.name, near.norad_id)
+    reason = f"no catalogued object is left for it: {name}, the nearest, is another track's"
     return replace(answer, verdict="unknown", reason=reason)
 
 

@@ -24,7 +24,8 @@ from rsoconsole.orbits.identification.element_errors import (
     regime_of,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_DAY, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_DAY
+from rsoconsole.words import angle, called, clock
 
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
@@ -286,12 +287,15 @@ def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:
     best = near[0]
     rivals = [each for each in matches if each is not best and each.probability > 1.0 - SURE]
     if best is matches[0] and best.probability >= SURE:
-        return "identified", f"{called(best)} {_off_words(best)}, {_next_words(matches)}"
+        return (
+            "identified",
+            f"{_name(best)} {_off_words(best)}, {_next_words(matches)}",
+        )
     if best is matches[0] and not rivals:
         return "ambiguous", (
-            f"{called(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
+            f"{_name(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
         )
-    names = " and ".join(called(each) for each in (best, *rivals)[:3])
+    names = " and ".join(_name(each) for each in (best, *rivals)[:3])
     return "ambiguous", f"{names} fit alike: a longer arc or fresher elements may tell"
 
 
@@ -300,24 +304,21 @@ def _unknown_words(matches: Sequence[Match], gate_deg: float) -> str:
     if not matches:
         return words
     nearest = min(matches, key=lambda each: each.separation_arcsec)
-    return f"{words}; the nearest, {called(nearest)}, {_off_words(nearest)}"
+    return f"{words}; the nearest, {_name(nearest)}, {_off_words(nearest)}"
 
 
 def _next_words(matches: Sequence[Match]) -> str:
     if len(matches) < 2:
         return "and the catalogue has no other"
-    return f"the runner-up {called(matches[1])} {_off_words(matches[1])}"
+    return f"the runner-up {_name(matches[1])} {_off_words(matches[1])}"
 
 
-def called(match: Match) -> str:
-    return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
+def _name(match: Match) -> str:
+    return called(match.name, match.norad_id)
 
 
 def _off_words(match: Match) -> str:
-    off = match.separation_arcsec
-    words = (
-        f'is {off:.{0 if off >= 10.0 else 1}f}"' if off < 600.0 else f"is {off / 3600.0:.2f} deg"
-    )
+    words = f"is {angle(match.separation_arcsec, 'cell')}"
     rate = match.rate_difference_percent
     if rate is not None and (abs(rate) >= 1.0 or abs(match.rate_direction_deg or 0.0) >= 1.0):
         return f"{words} off and its motion {_motion_words(match)}"
@@ -346,11 +347,12 @@ def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
 
 
 def _moved_words(match: Match) -> str:
-    epoch = utc_ns_to_iso(match.tle_epoch_utc_ns, 0)[:16].replace("T", " ")
+    epoch = clock(match.tle_epoch_utc_ns, "dated minute", "")
     way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
     between = "since" if match.tle_age_days >= 0.0 else "before"
     return (
-        f'{called(match)} has the right motion, {abs(match.along_track_arcsec):.0f}" '
-        f"({abs(match.along_track_s):.0f} s) {way} its elements and "
-        f'{abs(match.cross_track_arcsec):.0f}" across: manoeuvred {between} their epoch {epoch}'
+        f"{_name(match)} has the right motion,"
+        f" {angle(match.along_track_arcsec, 'cell')} ({abs(match.along_track_s):.0f} s) {way} its"
+        f" elements and {angle(match.cross_track_arcsec, 'cell')} across: manoeuvred {between}"
+        f" their epoch {epoch}"
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.records import PairMotion
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import apart_words, clock, closest_words, tracks_words
 
 Word = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
@@ -46,7 +46,7 @@ class Approaches:
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
             del self._open[pair]
             gone = " and ".join(str(n) for n in pair if n not in alive)
-            words.append(("info", f"{_called(pair)}: warning over, track {gone} ended"))
+            words.append(("info", f"{tracks_words(pair)}: warning over, track {gone} ended"))
         for each in pairs:
             if t_utc_ns is None:
                 break
@@ -57,7 +57,7 @@ class Approaches:
                     self._open[pair] = _Approach(
                         nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
                     )
-                    words.append(("warning", f"{_called(pair)}: {_warning(each)}"))
+                    words.append(("warning", f"{tracks_words(pair)}: {_warning(each)}"))
                 continue
             if each.separation_arcsec < known.nearest_arcsec:
                 known = self._open[pair] = replace(
@@ -65,7 +65,7 @@ class Approaches:
                 )
             if _is_clear(each, limit_arcsec):
                 del self._open[pair]
-                words.append(("info", f"{_called(pair)}: {_end(each, known, limit_arcsec)}"))
+                words.append(("info", f"{tracks_words(pair)}: {_end(each, known, limit_arcsec)}"))
         return frozenset(self._open), words
 
 
@@ -80,31 +80,15 @@ def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
 
 
 def _warning(pair: PairMotion) -> str:
-    now = f'{pair.separation_arcsec:.1f}" apart'
-    if pair.closest == "now":
-        return f"{now}, moving apart"
-    when = utc_ns_to_iso(pair.closest_utc_ns, 0)[11:16]
-    within = (
-        f'{pair.closest_arcsec:.0f}" ({pair.closest_low_arcsec:.0f} to'
-        f' {pair.closest_high_arcsec:.0f}")'
-    )
-    how = f"by a {pair.path} path"
-    return (
-        f"{now}, closest approach {within} at {when} UTC"
-        f" ± {max(pair.sigma_closest_s / 60.0, 0.5):.0f} min, {how}"
-    )
+    return f"{apart_words(pair)} apart, {closest_words(pair)}"
 
 
 def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
-    when = utc_ns_to_iso(approach.nearest_utc_ns, 0)[11:16]
+    when = clock(approach.nearest_utc_ns, "minute")
     if limit_arcsec == 0.0:
         return "warning over, alert.separation_arcsec is 0"
     if approach.nearest_arcsec < limit_arcsec:
-        return f'passed, nearest {approach.nearest_arcsec:.1f}" at {when} UTC'
+        return f"passed, nearest {approach.nearest_arcsec:.1f}″ at {when}"
     if pair.closest == "now":
-        return f'warning over, they part: nearest {approach.nearest_arcsec:.1f}" at {when} UTC'
-    return f'warning over, closest approach now {pair.closest_arcsec:.0f}"'
-
-
-def _called(pair: tuple[int, int]) -> str:
-    return f"tracks {pair[0]} and {pair[1]}"
+        return f"warning over, they part: nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"

@@ -45,6 +45,7 @@ from rsoconsole.sky import (
     sky_to_pixel,
 )
 from rsoconsole.tracking.filters import direction_icrs_deg
+from rsoconsole.words import called, unseen_words
 
 EVERY = 4
 """Frames from one look at the catalogue to the next; of long catalogues more."""
@@ -203,14 +204,10 @@ class Expected:
                 continue
             looks = self._missing[each.norad_id] = self._missing.get(each.norad_id, 0) + 1
             if looks == _SAID_AFTER:
-                text = f"expected, not seen: {called(each)} at x {each.x_px:.0f}, y {each.y_px:.0f}"
+                name = called(each.name, each.norad_id)
+                text = f"expected, not seen: {unseen_words(name, each)}"
                 words.append(Event(level="info", text=text, frame_id=members.frame_id))
         return tuple(words)
-
-
-def called(member: UnseenMember) -> str:
-    """Name and number."""
-    return f"{member.name} ({member.norad_id})" if member.name else str(member.norad_id)
 
 
 def members_in(

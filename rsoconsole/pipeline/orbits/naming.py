@@ -22,8 +22,9 @@ from rsoconsole.orbits.identification import (
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from rsoconsole.pipeline.orbits.element_errors_of import errors_of
 from rsoconsole.pipeline.orbits.sightings_of import longest_arc
-from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past, ledger_words
+from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName, Site
+from rsoconsole.words import ledger_words
 
 FIRST_AT = 3
 _MORE = 1.5

@@ -30,6 +30,7 @@ from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
 from rsoconsole.pipeline.orbits.sightings_of import sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.tracking.filters import adaptive, estimator
+from rsoconsole.words import size_words, span
 
 ASKED_AT = (6, 12, 24, 48, 96)
 """Measurements with which a track is asked whether it is of an object followed before, and its
@@ -418,8 +419,8 @@ def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
         return ()
     target.label = estimate.label
     return (
-        f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
-        f" {estimate.observations} in {estimate.arc_s / 60.0:.0f} min",
+        f"orbit: {estimate.label}, {size_words(estimate.a_km, estimate.sigma_a_km)},"
+        f" {estimate.observations} in {span(estimate.arc_s)}",
     )
 
 

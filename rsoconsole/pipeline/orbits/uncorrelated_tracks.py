@@ -32,7 +32,7 @@ from rsoconsole.session.ledgers import (
     taken_back,
 )
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import NS_PER_S, utc_ns_to_iso
+from rsoconsole.sky import NS_PER_S
 
 FEWEST = 5
 """Directions that a track needs to be kept: fewer are as well a satellite's glints."""
@@ -165,14 +165,6 @@ def keep(
         too_short=_short(tracks),
         moved_aside=aside,
     )
-
-
-def ledger_words(name: LedgerName) -> str:
-    """As it is shown: ``UCT 7, seen 2026-11-20``."""
-    seen = utc_ns_to_iso(name.t_last_utc_ns, 0)[:10]
-    share = math.floor(100.0 * name.probability)
-    doubt = "" if name.is_sure else f"perhaps ({share} %) "
-    return f"{doubt}{name.name}, seen {seen}"
 
 
 def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:

@@ -28,7 +28,6 @@ from rsoconsole.records import Site
 from rsoconsole.sky import (
     NS_PER_DAY,
     altaz_to_icrs,
-    format_ra,
     icrs_of_hour_angle,
     jnow_to_icrs,
     parse_dec_deg,
@@ -37,6 +36,7 @@ from rsoconsole.sky import (
     wrap_180,
 )
 from rsoconsole.sky.bodies import MESSIER, NAMED_STARS, PLANETS, moon_icrs, planet_icrs
+from rsoconsole.words import age, called, format_ra
 
 USAGE = (
     "write it like 05 32 11 -4 52 10, 83.05 -4.87, 05:32:11 -04:52:10 of date, alt 47 az 201, "
@@ -208,16 +208,16 @@ def _hour_angle_deg(text: str) -> float:
 
 def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> Understood:
     places = places_of(elements, site, np.array([t_utc_ns]))
-    age_days = abs(t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
+    age_days = (t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
     ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     if not np.isfinite(ra):
         raise ValueError(f"{elements.name} has no place: its elements are no good at this instant")
-    name = elements.name or "unnamed"
+    name = called(elements.name, elements.norad_id)
     return Understood(
-        words=f"{name} ({elements.norad_id}), elements {age_days:.1f} days from their epoch",
+        words=f"{name}, elements {age(age_days)}",
         ra_icrs_deg=ra,
         dec_icrs_deg=dec,
-        caution=f"elements {age_days:.0f} days old" if age_days > OLD_DAYS else "",
+        caution=f"elements {age(age_days)}" if abs(age_days) > OLD_DAYS else "",
     )
 
 

@@ -4,7 +4,8 @@ from rsoconsole.records import Site
 from rsoconsole.simulator.camera import CameraTraits, Card, header_start_utc_ns
 from rsoconsole.simulator.mount import MountInstant
 from rsoconsole.simulator.world import World
-from rsoconsole.sky import format_dec, format_ra, jnow_to_icrs, utc_ns_to_iso
+from rsoconsole.sky import jnow_to_icrs, utc_ns_to_iso
+from rsoconsole.words import format_dec, format_ra
 
 
 def date_obs(world: World, t_start_utc_ns: int) -> str:

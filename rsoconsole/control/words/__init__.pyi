@@ -1,0 +1,13 @@
+from .preview import preview_lines as preview_lines
+from .status import fault_words as fault_words
+from .status import held_words as held_words
+from .status import holder_words as holder_words
+from .status import is_silent as is_silent
+from .status import limit_left_s as limit_left_s
+from .status import limit_words as limit_words
+from .status import motion_words as motion_words
+from .status import mount_words as mount_words
+from .status import shutter_words as shutter_words
+from .tracks import aim_parts as aim_parts
+from .tracks import state_words as state_words
+from .tracks import track_table as track_table

@@ -1,0 +1,77 @@
+"""Angles, directions and errors in words: ″ ′ ° α δ ±."""
+
+import math
+from typing import Literal
+
+_MOST_DECIMALS = 7
+
+
+def format_ra(ra_deg: float, decimals: int = 2) -> str:
+    """'hh:mm:ss.ss' of a right ascension in degrees."""
+    text = _format_sexagesimal(ra_deg % 360.0 / 15.0, decimals)
+    return text.replace("24:", "00:", 1) if text.startswith("24:") else text
+
+
+def format_dec(dec_deg: float, decimals: int = 1) -> str:
+    """'+dd:mm:ss.s' of a declination in degrees."""
+    text = _format_sexagesimal(abs(dec_deg), decimals)
+    return ("-" if dec_deg < 0 and text.strip("0:.") else "+") + text
+
+
+def _format_sexagesimal(value: float, decimals: int) -> str:
+    """'aa:bb:cc.cc' of a value that is not negative, rounded as a whole so that 60 never shows."""
+    scale = 10**decimals
+    total = round(value * 3600.0 * scale)
+    whole, fraction = divmod(total, scale)
+    minutes, seconds = divmod(whole, 60)
+    first, minutes = divmod(minutes, 60)
+    tail = f".{fraction:0{decimals}d}" if decimals else ""
+    return f"{first:02d}:{minutes:02d}:{seconds:02d}{tail}"
+
+
+def direction(
+    ra_deg: float, dec_deg: float, form: Literal["screen", "measured", "bare"] = "screen"
+) -> str:
+    """α 05:32:11.0 δ -04:52:10; measured a digit more of both, and bare the same without signs."""
+    if form == "screen":
+        return f"α {format_ra(ra_deg, 1)} δ {format_dec(dec_deg, 0)}"
+    ra, dec = format_ra(ra_deg), format_dec(dec_deg)
+    return f"{ra} {dec}" if form == "bare" else f"α {ra} δ {dec}"
+
+
+def altaz(alt_deg: float | None, az_deg: float | None) -> str:
+    """Alt 45.1 az 123.4; empty where it is not known."""
+    return "" if alt_deg is None or az_deg is None else f"alt {alt_deg:.1f} az {az_deg:.1f}"
+
+
+def angle(arcsec: float, form: Literal["line", "cell"] = "line") -> str:
+    """The size of it: 3.12″, 4.2′, 1.72°; in a cell of five columns 0.45″, 3.1″."""
+    size, digits = abs(arcsec), 1 if form == "cell" else 2
+    if size < 100.0:
+        return f"{size:.{2 if size < 0.95 else digits}f}″"
+    return f"{size / 60.0:.1f}′" if size < 5940.0 else f"{size / 3600.0:.{digits}f}°"
+
+
+def signed_angle(arcsec: float) -> str:
+    """+3.12″, -4.2′."""
+    return f"{'-' if arcsec < 0.0 else '+'}{angle(arcsec)}"
+
+
+def error_figure(value: float) -> str:
+    """As exactly as an error is worth."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+def plus_minus(value: float, sigma: float | None) -> str:
+    """42165±9, .0002±.0001: as many decimals as the sigma has any say in."""
+    texts = with_sigma(value, sigma)
+    return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
+
+
+def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
+    """Both to the last of ``digits`` of the sigma, which is empty where there is none."""
+    if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.5g}", ""
+    decimals = min(max(digits - 1 - math.floor(math.log10(sigma)), 0), _MOST_DECIMALS)
+    spread = f"{sigma:.{decimals}f}"
+    return f"{value:.{decimals}f}", spread if float(spread) else ""

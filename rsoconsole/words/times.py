@@ -1,0 +1,70 @@
+"""Instants and lengths of time in words."""
+
+from datetime import date
+from typing import Literal
+
+NS_PER_S = 1_000_000_000
+NS_PER_DAY = 86_400 * NS_PER_S
+
+Clock = Literal["second", "minute", "dated", "dated minute", "day"]
+_CUTS: dict[Clock, slice] = {
+    "second": slice(11, 19),
+    "minute": slice(11, 16),
+    "dated": slice(0, 19),
+    "dated minute": slice(0, 16),
+    "day": slice(0, 10),
+}
+
+
+def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
+    """ISO 8601 with Z, e.g. '2023-06-22T03:04:05.678Z'; rounded to ``decimals`` (0 to 9)."""
+    step = 10 ** (9 - decimals)
+    rounded = (int(t_utc_ns) + step // 2) // step * step
+    days, in_day = divmod(rounded, NS_PER_DAY)
+    seconds, nanoseconds = divmod(in_day, NS_PER_S)
+    day = date.fromordinal(date(1970, 1, 1).toordinal() + days)
+    tail = f".{nanoseconds:09d}"[: decimals + 1] if decimals else ""
+    hms = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return f"{day.isoformat()}T{hms}{tail}Z"
+
+
+def clock(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
+    """05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known."""
+    if not t_utc_ns:
+        return ("--:--" if form == "minute" else "--:--:--") + zone
+    return utc_ns_to_iso(t_utc_ns, 0)[_CUTS[form]].replace("T", " ") + zone
+
+
+def when(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
+    """From when to when; the day once where it is one."""
+    if first_utc_ns is None or last_utc_ns is None:
+        return "nothing on record yet"
+    days = [clock(each, "day", "") for each in (first_utc_ns, last_utc_ns)]
+    until = clock(last_utc_ns, "second" if days[0] == days[1] else "dated", "")
+    return f"{clock(first_utc_ns, 'dated', '')} to {until} UTC"
+
+
+def span(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
+    """8s, 12m04, 3h05; in a line 8 s, 12 min 4 s, 3 h 5 min."""
+    whole = max(int(seconds), 0)
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    if form == "cell":
+        return (
+            f"{hours}h{minutes:02d}"
+            if hours
+            else f"{minutes}m{rest:02d}"
+            if minutes
+            else f"{rest}s"
+        )
+    parts = ((hours, "h"), (minutes, "min"), (0 if hours else rest, "s"))
+    return " ".join(f"{number} {unit}" for number, unit in parts if number) or "0 s"
+
+
+def left(seconds: float) -> str:
+    """In whole minutes; under two in seconds."""
+    return f"{seconds / 60:.0f} min" if seconds >= 120.0 else f"{max(seconds, 0.0):.0f} s"
+
+
+def age(days: float) -> str:
+    """Of elements at an instant: 0.4 d old, 0.2 d younger."""
+    return f"{abs(days):.1f} d {'old' if days >= 0.0 else 'younger'}"
