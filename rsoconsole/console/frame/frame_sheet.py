@@ -5,13 +5,13 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 from textual import events
 from textual.app import ComposeResult
 from textual.message import Message
 
 from rsoconsole.config import Config
+from rsoconsole.console.actions import Seat
 from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.drawing import Ink, Line, sheet_boxes
 from rsoconsole.console.frame.sheet import Sheet
@@ -31,17 +31,6 @@ from rsoconsole.session.reading import SessionReader
 LOOK_S = 0.25
 """How often what is under way says for how long, and the first line is made again."""
 MOST_ALERT_ROWS = 3
-
-
-class SaysTo(Protocol):
-    """The screen below."""
-
-    @property
-    def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment."""
-
-    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """A word over the last line, for a while."""
 
 
 class SheetNews(Message):
@@ -74,7 +63,7 @@ class FrameSheet(SheetActions):
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
         mark_to: MarkTo | None = None,
-        seat: SaysTo | None = None,
+        seat: Seat | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
         what must not be missed, where a telescope is at work meanwhile; ``seat``: the screen below,
