@@ -360,5 +360,5 @@ class TelescopeActions:
         has_it = seat.engine.holder == "autonomy"
         back = first_key("hold_or_resume", seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
-        dialog = MoveDialog("centre the streak", place, caution, seat.orders)
+        dialog = MoveDialog(place, caution, seat.orders)
         seat.ask(dialog, decided)

@@ -1,6 +1,5 @@
 """What the operator types: where to go, how long to expose, a remark, words to look for."""
 
-import contextlib
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
@@ -104,11 +103,10 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         caution = f"\ncareful: {found.caution}" if found.caution else ""
         self._say(f"{found.words}{caution}\nasking the engine …")
 
-        app, words = self.app, f"{found.words}{caution}"
+        send, words = self.poster(), f"{found.words}{caution}"
 
         def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(number, words, outcome))
+            send(Previewed(number, words, outcome))
 
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
         self._orders.send(Preview(move=move), came)
@@ -174,33 +172,29 @@ def preview_lines(preview: MovePreview | None, ending: str = GOES) -> list[str]:
 
 
 class MoveDialog(Dialog[bool | None]):
-    """One direction: the way there and the limits; enter goes where nothing refuses it."""
+    """Where the streak is: the way there and the limits; enter goes where nothing refuses it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
-    def __init__(
-        self, title: str, direction: tuple[float, float], caution: str, orders: Orders
-    ) -> None:
+    def __init__(self, direction: tuple[float, float], caution: str, orders: Orders) -> None:
         """``direction``: (RA, Dec) ICRS; ``caution``: what else comes of it."""
         super().__init__()
-        self._title, self._direction, self._caution = title, direction, caution
-        self._orders = orders
+        self._direction, self._caution, self._orders = direction, caution, orders
         self._may_go = False
 
     def compose(self) -> ComposeResult:
         """What the engine says of it."""
         with VerticalScroll() as box:
-            box.border_title = self._title
+            box.border_title = "centre the streak"
             box.border_subtitle = "enter goes · esc back"
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
         """Ask at once."""
-        app = self.app
+        send = self.poster()
 
         def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(0, "", outcome))
+            send(Previewed(0, "", outcome))
 
         ra, dec = self._direction
         self._orders.send(Preview(move=Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)), came)
@@ -308,11 +302,10 @@ class AimDialog(SettingsDialog):
         wanted = self._wanted()
         if wanted is None:
             return
-        number, app = self._asked, self.app
+        number, send = self._asked, self.poster()
 
         def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(number, "", outcome))
+            send(Previewed(number, "", outcome))
 
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
         self._orders.send(Preview(move=Beside(**aim)), came)
