@@ -42,6 +42,10 @@ BANNER_S = 15.0
 """A STOP after which the mount is measured to be at rest is shown so long; any other stays."""
 
 
+def _nothing(*_: object) -> None:
+    """Nobody asks, or is told."""
+
+
 class Seat(Screen[None]):
     """Holds what is known and sends commands; the screens above it show and ask."""
 
@@ -59,11 +63,11 @@ class Seat(Screen[None]):
         self,
         orders: Orders,
         *,
-        read_only: bool,
-        owns_engine: bool,
-        ask_now: Callable[[], None],
         from_thread: Callable[..., None],
-        on_known: Callable[[NightView, EngineView], None],
+        read_only: bool = False,
+        owns_engine: bool = False,
+        ask_now: Callable[[], None] = _nothing,
+        on_known: Callable[[NightView, EngineView], None] = _nothing,
         seat_name: str = "",
         keymap: Mapping[str, str] | None = None,
     ) -> None:

@@ -12,7 +12,6 @@ from textual.message import Message
 
 from rsoconsole.config import Config
 from rsoconsole.console.actions import Seat
-from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.drawing import Ink, Line, sheet_boxes
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
@@ -21,7 +20,15 @@ from rsoconsole.console.frame.sheet_pane import SheetPane
 from rsoconsole.console.frame.sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_words import mark_words, step_px
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.panes import Key, LinesPane, Mode, key_at, key_line, keys_for, notice_rows
+from rsoconsole.console.panes import (
+    Key,
+    LinesPane,
+    Mode,
+    action_at,
+    key_line,
+    keys_for,
+    notice_rows,
+)
 from rsoconsole.console.picture import whole
 from rsoconsole.console.watches import Done, Fault, Loaded, News, Opened, SheetWorker
 from rsoconsole.console.words import wrapped
@@ -310,11 +317,6 @@ class FrameSheet(SheetActions):
     async def on_click(self, event: events.Click) -> None:
         """A key of the last line."""
         pane = self.query_one("#keys", LinesPane)
-        key = None
-        if event.widget is pane and event.y == pane.size.height - 1:
-            notice = self._notice_shown[0] if pane.size.height == 1 else ""
-            key = key_at(self._drawn_keys, notice, pane.size.width, event.x)
-        if key is not None and key.command:
-            command = BY_NAME.get(key.command)
-            is_apps = command is not None and command.is_everywhere
-            await self.run_action(f"app.{key.command}" if is_apps else key.command)
+        action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
+        if action:
+            await self.run_action(action)

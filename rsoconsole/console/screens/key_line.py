@@ -3,8 +3,7 @@
 from textual.events import Click
 
 from rsoconsole.console.actions import Seat
-from rsoconsole.console.commands import BY_NAME
-from rsoconsole.console.panes import Key, key_at, key_line, notice_rows
+from rsoconsole.console.panes import Key, action_at, key_line, notice_rows
 
 
 class KeyLine:
@@ -32,10 +31,4 @@ class KeyLine:
 
     def action_at(self, event: Click) -> str:
         """What the key that was clicked does, as Textual writes an action; empty: none was."""
-        pane, (keys, notice) = self._seat.pane("keys"), self._drawn
-        if event.widget is not pane or event.y != pane.size.height - 1:
-            return ""
-        key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
-        if key is None or not key.command:
-            return ""
-        return f"app.{key.command}" if BY_NAME[key.command].is_everywhere else key.command
+        return action_at(event, self._seat.pane("keys"), *self._drawn)

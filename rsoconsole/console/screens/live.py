@@ -143,6 +143,7 @@ class LiveScreen(NightScreen):
         }
 
     def _make_known(self) -> None:
+        self.outlook_watch.update(self.night, self.engine)
         self.on_known(self.night, self.engine)
 
     def _show_log_that_is_read(self) -> None:
@@ -306,11 +307,7 @@ class LiveScreen(NightScreen):
         self.app.push_screen(
             ReviewScreen(
                 self.orders,
-                read_only=True,
-                owns_engine=False,
-                ask_now=self.ask_now,
                 from_thread=self._from_thread,
-                on_known=lambda _night, _engine: None,
                 keymap=self.keymap,
                 sessions_root=self.sessions_root,
                 folder=folder,

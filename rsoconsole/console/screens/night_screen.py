@@ -40,7 +40,7 @@ from rsoconsole.console.screens.opening_actions import OpeningActions
 from rsoconsole.console.screens.pane_places import place_panes
 from rsoconsole.console.screens.reading import ReadingActions
 from rsoconsole.console.tuning import TunePane
-from rsoconsole.console.watches import OrbitSeen, OutlookSeen, WhatIfSeen
+from rsoconsole.console.watches import OrbitSeen, OutlookSeen, OutlookWatch, WhatIfSeen
 from rsoconsole.console.words import fact_lines, words
 from rsoconsole.control import AnswerSeat, StopNews
 
@@ -82,6 +82,10 @@ class NightScreen(Seat):
         self.opening = OpeningActions(self, self.sessions_root, lambda: self.mark_to)
         self.alert_line = AlertLine(self)
         self.key_line = KeyLine(self)
+        self.outlook_watch = OutlookWatch(
+            lambda outlook: self.post_from_thread(OutlookSeen(outlook)),
+            lambda ahead: self.post_from_thread(OrbitSeen(ahead)),
+        )
         self.take_keys(
             *(self.plots, self.track_keys, self.tune),
             *(self.pictures, self.reading, self.opening),
@@ -109,6 +113,7 @@ class NightScreen(Seat):
 
     def on_mount(self) -> None:
         """First paint."""
+        self.outlook_watch.start()
         self.drawn = DrawnFrom(self, self.drawn_from())
         self.place_panes()
         self.drawn.draw_all()
@@ -141,6 +146,7 @@ class NightScreen(Seat):
     def on_unmount(self) -> None:
         """Nobody asks any more."""
         self.tune.close_watch()
+        self.outlook_watch.close()
 
     def show_picture(self) -> None:
         """The shown frame in both panes."""

@@ -15,7 +15,6 @@ from rsoconsole.console.actions import TuneActions
 from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LineDialog
 from rsoconsole.console.drawing import Line, Name
-from rsoconsole.console.night import OrbitAhead
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import (
     FramePane,
@@ -46,9 +45,6 @@ from rsoconsole.console.timeline import (
 )
 from rsoconsole.console.watches import (
     MomentSeen,
-    OrbitSeen,
-    OutlookSeen,
-    OutlookWatch,
     ReviewFailed,
     TimelineSeen,
 )
@@ -88,7 +84,7 @@ class ReviewScreen(ReviewSeat):
     ) -> None:
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
         behind this screen, and is come back to."""
-        super().__init__(*arguments, **named)
+        super().__init__(*arguments, read_only=True, **named)
         self.moves = ReviewMoves(self)
         self.comparing = ReviewCompare(self, self.moves)
         self.take_keys(self.moves, self.comparing)
@@ -102,7 +98,6 @@ class ReviewScreen(ReviewSeat):
             lambda *seen: self.post_from_thread(MomentSeen(*seen)),
             lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
         )
-        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
 
     def compose(self) -> ComposeResult:
         """The seat's panes, and the time line."""
@@ -113,7 +108,6 @@ class ReviewScreen(ReviewSeat):
     def on_mount(self) -> None:
         """Begin to read; without a session, ask which."""
         self._watch_session.start()
-        self._outlook_watch.start()
         self.set_interval(PLAY_S, self.moves.play_on)
         if self._live is not None:
             self.set_interval(LIVE_S, self.show_live)
@@ -126,7 +120,6 @@ class ReviewScreen(ReviewSeat):
     def on_unmount(self) -> None:
         """Nobody looks any more."""
         self._watch_session.close()
-        self._outlook_watch.close()
 
     def open(self, folder: Path, start: str = "") -> None:
         """Show another session from there on."""
@@ -208,7 +201,7 @@ class ReviewScreen(ReviewSeat):
 
         def ask() -> None:
             if self.moment is moment:
-                self._outlook_watch.update(self.night, self.engine)
+                self.outlook_watch.update(self.night, self.engine)
 
         self.set_timer(OUTLOOK_AFTER_S, ask)
 
@@ -217,12 +210,6 @@ class ReviewScreen(ReviewSeat):
         if message.folder == self.folder and message.text != self._fault:
             self._fault = message.text
             self.show_alert()
-
-    def _outlook_seen(self, outlook: "Outlook") -> None:
-        self.post_from_thread(OutlookSeen(outlook))
-
-    def _orbit_seen(self, ahead: OrbitAhead) -> None:
-        self.post_from_thread(OrbitSeen(ahead))
 
     def want(self, seq: int) -> None:
         """Have that moment shown; the time line shows at once where it is."""
