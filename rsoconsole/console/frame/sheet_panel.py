@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.dialogs import fate
-from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.drawing import Ink, Line, rule
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.words import clipped, short
 from rsoconsole.records import Detection, Measurement, Solution
@@ -36,7 +36,7 @@ def panel_lines(sheet: Sheet) -> Callable[[int, int], list[Line]]:
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
             return [clipped(line, width) for line in _summary(sheet)][:height]
-        head = [_rule("processed once more", width), *_settings(sheet, width)]
+        head = [rule("processed once more", width), *_settings(sheet, width)]
         lines = _candidates(sheet, width, height - len(head))
         return [clipped(line, width) for line in (*head, *lines)][:height]
 
@@ -106,9 +106,9 @@ def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
     if sheet.opened is None:
         return []
     if sheet.opened.recorded.seen.detections is None and sheet.done is None:
-        return [_rule("no candidates", width), [(" the frame was never reduced", "dim")]]
+        return [rule("no candidates", width), [(" the frame was never reduced", "dim")]]
     count = f"{len(pairs)} candidate{'' if len(pairs) == 1 else 's'}"
-    head = _rule(f"{count}, then → now" if sheet.done is not None else f"{count}, then", width)
+    head = rule(f"{count}, then → now" if sheet.done is not None else f"{count}, then", width)
     if not pairs:
         return [head, [(" nothing was held possible", "dim")]]
     blocks = [_block(sheet, number, pair, width) for number, pair in enumerate(pairs)]
@@ -216,7 +216,3 @@ def _summary(sheet: Sheet) -> list[Line]:
     ink: Ink = "" if is_same else "warn"
     words = "as recorded" if is_same else "not as recorded"
     return [head, [(f" then {then}, now {now}: {words} · L lists", ink)]]
-
-
-def _rule(words: str, width: int) -> Line:
-    return [("─ ", "dim"), (words, "title"), (" " + "─" * max(width - len(words) - 3, 0), "dim")]

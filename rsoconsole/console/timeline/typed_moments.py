@@ -6,11 +6,10 @@ from datetime import UTC, date, datetime, timedelta
 from datetime import time as time_of_day
 
 from rsoconsole.console.timeline.night_line import Timeline
-from rsoconsole.console.words import clock_text
+from rsoconsole.console.words import NS_PER_S, clock_text
 
 EXAMPLES = "128, 03:14, 03:14:22 or 2024-03-01T03:14"
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", re.IGNORECASE)
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.drawing import Ink, Line, rule
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
 from rsoconsole.console.words import clipped, wrapped
 
@@ -49,7 +49,7 @@ def tune_lines(
         if waiting:
             changed = f"{waiting} sent, in force from the next frame"
         then_now = then if tuning.changes else None
-        lines: list[Line] = [_rule(f"tune · {changed}", width)]
+        lines: list[Line] = [rule(f"tune · {changed}", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
         figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
         cautions = _comparison(tuning, now, then_now, words.of_present, width)
@@ -212,7 +212,3 @@ def _text(value: float | None, form: str, unit: str = "") -> str:
 
 def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.0%}"
-
-
-def _rule(words: str, width: int) -> Line:
-    return [("─ ", "dim"), (words, "title"), (" " + "─" * max(width - len(words) - 3, 0), "dim")]
