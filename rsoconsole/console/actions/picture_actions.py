@@ -30,10 +30,7 @@ class PictureActions:
         seat = self._seat
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        subject, marks = (
-            (seat.night.frame, stretch, seat.hides_signs),
-            seat.marks_by_hand(),
-        )
+        subject, marks = (seat.night.frame, stretch, seat.hides_signs), seat.marks_by_hand()
         for pane, sight in zip(self._panes(), (large, small), strict=True):
             pane.hides_signs = seat.hides_signs
             pane.show(seat.picture, sight, stretch, subject, marks)

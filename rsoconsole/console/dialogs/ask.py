@@ -13,7 +13,7 @@ from rsoconsole.console.commands import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.watches import Previewed
 from rsoconsole.console.words import duration_text
-from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_record
+from rsoconsole.control import Beside, Goto, MovePreview, Preview, read_record
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.sky import format_dec, format_ra
 
@@ -26,6 +26,14 @@ UNREADABLE = "the engine's answer cannot be read: are engine and console of one 
 UNREAD = "the night's settings are being read: a moment"
 UNREAD_CHECK_S = 0.2
 GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
+
+
+def _ask_engine(
+    dialog: Dialog[Any], orders: Orders, move: Goto | Beside, number: int = 0, words: str = ""
+) -> None:
+    """What it says of a move comes to the dialog as ``Previewed``."""
+    send = dialog.poster()
+    orders.send(Preview(move=move), lambda outcome: send(Previewed(number, words, outcome)))
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
@@ -99,17 +107,11 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def _ask(self, text: str) -> None:
         found = self._understood(text)
-        number = self._asked
         caution = f"\ncareful: {found.caution}" if found.caution else ""
         self._say(f"{found.words}{caution}\nasking the engine …")
 
-        send, words = self.poster(), f"{found.words}{caution}"
-
-        def came(outcome: Outcome) -> None:
-            send(Previewed(number, words, outcome))
-
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
-        self._orders.send(Preview(move=move), came)
+        _ask_engine(self, self._orders, move, self._asked, f"{found.words}{caution}")
 
     def _understood(self, text: str) -> "Understood":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
@@ -191,13 +193,8 @@ class MoveDialog(Dialog[bool | None]):
 
     def on_mount(self) -> None:
         """Ask at once."""
-        send = self.poster()
-
-        def came(outcome: Outcome) -> None:
-            send(Previewed(0, "", outcome))
-
         ra, dec = self._direction
-        self._orders.send(Preview(move=Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)), came)
+        _ask_engine(self, self._orders, Goto(ra_icrs_deg=ra, dec_icrs_deg=dec))
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says."""
@@ -302,13 +299,8 @@ class AimDialog(SettingsDialog):
         wanted = self._wanted()
         if wanted is None:
             return
-        number, send = self._asked, self.poster()
-
-        def came(outcome: Outcome) -> None:
-            send(Previewed(number, "", outcome))
-
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        self._orders.send(Preview(move=Beside(**aim)), came)
+        _ask_engine(self, self._orders, Beside(**aim), self._asked)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""

@@ -302,10 +302,8 @@ class FrameSheet(SheetActions):
             seat=self._seat,
         )
         its = other.sheet
-        its.view, its.step, its.stretch, its.has_marks = (
-            *(own.view, own.step),
-            *(own.stretch, own.has_marks),
-        )
+        its.view, its.step = own.view, own.step
+        its.stretch, its.has_marks = own.stretch, own.has_marks
         self.app.switch_screen(other)
 
     def action_list(self) -> None:

@@ -98,17 +98,7 @@ class FramePane(Widget):
     """A title, the picture with its marks, a caption."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "frame--followed",
-        "frame--member",
-        "frame--candidate",
-        "frame--rejected",
-        "frame--operator",
-        "frame--predicted",
-        "frame--coasted",
-        "frame--now",
-        "frame--now_rejected",
-        "frame--box",
-        "frame--cursor",
+        *(f"frame--{kind}" for kind in KINDS),
         "frame--title",
         "frame--caption",
     }
