@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
 from rsoconsole.config import Config
 from rsoconsole.console.commands import Orders
-from rsoconsole.console.dialogs.dialogs import Dialog, Result
+from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
 from rsoconsole.console.watches import Previewed
 from rsoconsole.console.words import duration_text
 from rsoconsole.control import Beside, Goto, MovePreview, Preview, read_record
@@ -73,9 +72,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def compose(self) -> ComposeResult:
         """A field, and what it comes to."""
-        with VerticalScroll() as box:
-            box.border_title = "go to"
-            box.border_subtitle = "enter goes · esc back"
+        with framed("go to", "enter goes · esc back"):
             yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
@@ -186,9 +183,7 @@ class MoveDialog(Dialog[bool | None]):
 
     def compose(self) -> ComposeResult:
         """What the engine says of it."""
-        with VerticalScroll() as box:
-            box.border_title = "centre the streak"
-            box.border_subtitle = "enter goes · esc back"
+        with framed("centre the streak", "enter goes · esc back"):
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
@@ -226,9 +221,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
     def compose(self) -> ComposeResult:
         """A field each."""
-        with VerticalScroll() as box:
-            box.border_title = self.HEAD
-            box.border_subtitle = "enter takes them · tab the next field · esc back"
+        with framed(self.HEAD, "enter takes them · tab the next field · esc back"):
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
                 yield Input(
@@ -324,9 +317,7 @@ class LineDialog(FieldDialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """A field."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
-            box.border_subtitle = "enter takes it · esc back"
+        with framed(self._title, "enter takes it · esc back"):
             yield Input(
                 self._value,
                 placeholder=self._words,

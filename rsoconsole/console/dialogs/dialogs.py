@@ -79,6 +79,13 @@ def help_text(
     return "\n".join([*lines, f"  {'^p':<9}every command by name", "", signs])
 
 
+def framed(title: str, keys: str = "") -> VerticalScroll:
+    """The box of a dialog: what it is about above, its keys below."""
+    box = VerticalScroll()
+    box.border_title, box.border_subtitle = title, keys
+    return box
+
+
 class Dialog(ModalScreen[Result], Generic[Result]):
     """A box in the middle, put away by Esc."""
 
@@ -274,9 +281,7 @@ class MessageDialog(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """The words; any key puts them away, where they were asked for."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
-            box.border_subtitle = "esc or enter back" if self.opens_unasked else "any key back"
+        with framed(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
@@ -313,9 +318,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
     def compose(self) -> ComposeResult:
         """The message, a box to tick for each failed check, and the two ways on."""
-        with VerticalScroll() as box:
-            box.border_title = "not armed"
-            box.border_subtitle = "space ticks · ↑↓ move · esc back"
+        with framed("not armed", "space ticks · ↑↓ move · esc back"):
             intro = "These stand against it; tick what you answer for, by name and on record."
             yield Static(intro if self._failed else self._message, markup=False)
             for number, check in enumerate(self._failed):
@@ -366,8 +369,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
     def compose(self) -> ComposeResult:
         """What would be done, and the two ways on."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
+        with framed(self._title):
             yield Static(self._text, markup=False)
             with Vertical(classes="choices"):
                 yield Button("esc  Back", id="back", compact=True)
@@ -413,8 +415,7 @@ class LeaveDialog(Dialog[Leave | None]):
             ("stop-engine", "s  Stop the engine: the mount stops, the session is closed"),
             ("stay", "esc  Stay here"),
         ]
-        with VerticalScroll() as box:
-            box.border_title = "leave the console"
+        with framed("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
                 for name, words in choices:

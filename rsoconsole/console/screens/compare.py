@@ -6,9 +6,8 @@ from typing import ClassVar, Literal
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 
-from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.dialogs import Dialog, framed
 from rsoconsole.console.drawing import Line
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.timeline import (
@@ -191,9 +190,7 @@ class CompareDialog(Dialog[Choice | None]):
 
     def compose(self) -> ComposeResult:
         """The table."""
-        with VerticalScroll() as box:
-            box.border_title = "compare A with B, this moment"
-            box.border_subtitle = "B blinks · K keeps B as A · esc back"
+        with framed("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table

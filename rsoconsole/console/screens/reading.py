@@ -5,13 +5,12 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
 from rsoconsole.console.actions import Seat
-from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.dialogs import Dialog, framed
 from rsoconsole.console.panes import LogPane
 from rsoconsole.console.tuning import TunePane
 from rsoconsole.console.words import clock_text
@@ -42,9 +41,7 @@ class ReadingDialog(Dialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """One option a message, over as many rows as it takes."""
-        with VerticalScroll() as box:
-            box.border_title = "messages"
-            box.border_subtitle = "↑↓ choose · enter copies · esc back"
+        with framed("messages", "↑↓ choose · enter copies · esc back"):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:
