@@ -13,6 +13,7 @@ from .file import config_to_toml as config_to_toml
 from .file import effective_settings as effective_settings
 from .file import initial_config_text as initial_config_text
 from .file import limits_of as limits_of
+from .file import toml_value as toml_value
 from .file import write_initial_config as write_initial_config
 from .night import AimConfig as AimConfig
 from .night import CatalogueConfig as CatalogueConfig

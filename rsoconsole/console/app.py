@@ -32,7 +32,7 @@ from rsoconsole.console.drawing import (
     PlainFilter,
 )
 from rsoconsole.console.frame import FrameSheet
-from rsoconsole.console.night import EngineView, OrbitAhead, alerts_between, notification
+from rsoconsole.console.night import EngineView, alerts_between, notification
 from rsoconsole.console.panes import MODE_WORDS, Mode
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.screens import LiveScreen, NightScreen, ReviewScreen
@@ -40,9 +40,6 @@ from rsoconsole.console.watches import (
     EngineSeen,
     EngineWatch,
     NightSeen,
-    OrbitSeen,
-    OutlookSeen,
-    OutlookWatch,
     SessionWatch,
 )
 from rsoconsole.control import Found, Wire
@@ -53,7 +50,6 @@ log = logging.getLogger(__name__)
 if TYPE_CHECKING:
     from rsoconsole.console.dialogs import TourMemory
     from rsoconsole.console.picture import GraphicsKind
-    from rsoconsole.pipeline.outlook import Outlook
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
 """Stops the mount past the engine, and tells what it finds."""
@@ -152,7 +148,6 @@ class ConsoleApp(App[str]):
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
         self._session_watch.follow(session)
-        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
         past_engine = None
         if stop_directly is not None and session is None:
             directly = stop_directly
@@ -166,7 +161,7 @@ class ConsoleApp(App[str]):
             owns_engine=owns_engine,
             ask_now=self._engine_watch.look_now,
             from_thread=self._from_thread,
-            on_known=self._known,
+            on_known=self.take_notice,
             seat_name=seat_name,
             keymap=self._own_keys,
             sessions_root=sessions_root,
@@ -176,11 +171,7 @@ class ConsoleApp(App[str]):
         if review is not None:
             self.root = ReviewScreen(
                 self.live.orders,
-                read_only=True,
-                owns_engine=False,
-                ask_now=lambda: None,
                 from_thread=self._from_thread,
-                on_known=lambda _night, _engine: None,
                 keymap=self._own_keys,
                 sessions_root=sessions_root,
                 folder=review[0],
@@ -209,7 +200,6 @@ class ConsoleApp(App[str]):
         if self.root is not self.live:
             return
         self._session_watch.start()
-        self._outlook_watch.start()
         if self._is_recorded:
             self._engine_seen(EngineView(reach="recorded"))
         else:
@@ -219,7 +209,6 @@ class ConsoleApp(App[str]):
         """Nobody looks any more."""
         self._engine_watch.close()
         self._session_watch.close()
-        self._outlook_watch.close()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """The bare letter is a letter where one types; ctrl+x is STOP there too."""
@@ -338,16 +327,6 @@ class ConsoleApp(App[str]):
                 self.bell()
             if alert in self._settings.notify and self._driver is not None:
                 self._driver.write(notification(words))
-
-    def _known(self, night: NightView, engine: EngineView) -> None:
-        self._outlook_watch.update(night, engine)
-        self.take_notice(night, engine)
-
-    def _outlook_seen(self, outlook: "Outlook") -> None:
-        self._from_thread(self.live.post_message, OutlookSeen(outlook))
-
-    def _orbit_seen(self, ahead: OrbitAhead) -> None:
-        self._from_thread(self.live.post_message, OrbitSeen(ahead))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
         self._from_thread(self._post_night, night, picture)

@@ -6,9 +6,9 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rsoconsole.config import Graphics, default_config_path, load_config, state_dir
+from rsoconsole.config import Config, Graphics, default_config_path, load_config, state_dir
 from rsoconsole.control import AskStatus, ControlClient, Sender, default_socket_path, engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reading import SessionReader
@@ -40,41 +40,28 @@ def run_console(
     Raises ControlError when there is no engine, ConfigError for a keymap that is none,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
-    from rsoconsole.console.commands import load_keymap
-
-    config = load_config()
-    settings = config.console
-    keymap = load_keymap(default_config_path().with_name("keymap.toml"))
+    config, keymap = load_config(), _keymap()
     if session is not None:
         SessionReader(session)
     elif not owns_engine:
         _expect_engine(socket)
     _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
-    from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.dialogs import TourMemory
-    from rsoconsole.console.picture import offered
 
     name = _seat_name()
-    drawn = offered(graphics or settings.graphics)
-    app = ConsoleApp(
-        lambda: ControlClient(socket, sender=Sender.console(name)),
+    return _run(
+        config,
+        socket,
+        name,
+        graphics,
         session=session,
         read_only=read_only,
         owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
-        settings=settings,
         seat_name=name,
-        sessions_root=config.session.root,
         tour=TourMemory(state_dir()),
-        graphics=drawn.graphics,
-        blocks=drawn.blocks,
     )
-    _settle()
-    ending = app.run()
-    if app.failure is not None:
-        raise app.failure
-    return ending or "quit"
 
 
 def run_review(
@@ -93,41 +80,45 @@ def run_review(
     Raises ConfigError for a keymap that is none, SessionError when ``session`` holds none,
     RsoconsoleError where there is no terminal.
     """
-    from rsoconsole.console.commands import load_keymap
-
-    config = load_config()
-    keymap = load_keymap(default_config_path().with_name("keymap.toml"))
+    config, keymap = load_config(), _keymap()
     if session is not None:
         SessionReader(session)
     _expect_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
+    review, name = (session, start), _seat_name()
+    _run(config, socket, name, graphics, review=review, stop_directly=stop_directly, keymap=keymap)
+
+
+def _keymap() -> dict[str, str]:
+    from rsoconsole.console.commands import load_keymap
+
+    return load_keymap(default_config_path().with_name("keymap.toml"))
+
+
+def _run(
+    config: Config, socket: Path | None, sender: str, graphics: Graphics | None, **more: Any
+) -> str:
+    """The application until its end, in a process that is a console alone; ``more``: of it."""
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.picture import offered
 
-    name = _seat_name()
     drawn = offered(graphics or config.console.graphics)
     app = ConsoleApp(
-        lambda: ControlClient(socket, sender=Sender.console(name)),
-        review=(session, start),
-        stop_directly=stop_directly,
-        keymap=keymap,
+        lambda: ControlClient(socket, sender=Sender.console(sender)),
         settings=config.console,
         sessions_root=config.session.root,
         graphics=drawn.graphics,
         blocks=drawn.blocks,
+        **more,
     )
-    _settle()
-    app.run()
-    if app.failure is not None:
-        raise app.failure
-
-
-def _settle() -> None:
-    """What a process is told that is a console until its end."""
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # What the libraries have made stays for good: a collection that walks all of it again and
     # again would hold up the effect of a key for a tenth of a second.
     gc.freeze()
+    ending = app.run()
+    if app.failure is not None:
+        raise app.failure
+    return ending or "quit"
 
 
 def _expect_terminal(without: str) -> None:

@@ -7,9 +7,27 @@ from textual.binding import Binding
 
 from rsoconsole.console.commands.command import Place
 from rsoconsole.console.commands.commands import BY_NAME, commands_in
-from rsoconsole.console.commands.keymap import ALIKE, load_keymap
+from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.frame.sheet_actions import SheetActions
 from rsoconsole.console.panes.last_line import mode_keys
+
+ALIKE = {
+    **dict.fromkeys(("up", "down", "left", "right"), "moves: the telescope, in time, the cross"),
+    "left_square_bracket": "less: a smaller step, slower",
+    "right_square_bracket": "more: a larger step, faster",
+    "minus": "less: slower, farther",
+    "plus": "more: faster, nearer",
+    "comma": "one step back: a frame, tau",
+    "full_stop": "one step on: a frame, tau",
+    "pageup": "farther back: a hundred frames, the kept frame before",
+    "pagedown": "farther on: a hundred frames, the kept frame after",
+    "g": "go to: a direction, a moment of the night",
+    "enter": "takes what is pointed at: opens the frame, sets an end",
+    "escape": "back",
+    "end": "to the newest: of the plots, of the night",
+}
+"""Keys that mean on live, review and opened frame not the same thing, but one like it. All others
+mean one thing on all of them: what a screen has for itself are capitals."""
 
 
 def of_screen(place: Place) -> dict[str, str]:

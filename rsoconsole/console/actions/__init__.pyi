@@ -1,5 +1,4 @@
 from .command_outcomes import CommandOutcomes as CommandOutcomes
-from .log_filter import LogFilter as LogFilter
 from .mark_actions import MARK_SAID_S as MARK_SAID_S
 from .mark_actions import MarkActions as MarkActions
 from .mark_actions import too_late_to_mark as too_late_to_mark
@@ -8,7 +7,6 @@ from .nudge_actions import NudgeActions as NudgeActions
 from .picture_actions import PictureActions as PictureActions
 from .plot_actions import PlotActions as PlotActions
 from .seat import Seat as Seat
-from .seat_uses import LookingSeat as LookingSeat
 from .second_press import TwicePressed as TwicePressed
 from .second_press import has_track as has_track
 from .streak_actions import StreakActions as StreakActions
@@ -18,4 +16,3 @@ from .track_actions import TracksPane as TracksPane
 from .track_list import TrackList as TrackList
 from .track_orders import TrackOrders as TrackOrders
 from .tune_actions import TuneActions as TuneActions
-from .tune_actions import TuneSeat as TuneSeat

@@ -1,10 +1,10 @@
 """What came of the commands that were sent here: said, asked, or put right in a dialog."""
 
 from collections.abc import Mapping
-from typing import Protocol
 
 from rsoconsole.console.actions.mark_actions import MarkActions
-from rsoconsole.console.actions.seat_uses import ActingSeat, log_lines_after, open_unasked
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.watches import OutcomeCame
 from rsoconsole.control import (
@@ -16,7 +16,6 @@ from rsoconsole.control import (
     Outcome,
     Sender,
     Shutdown,
-    StopNews,
     command_words,
 )
 from rsoconsole.night import LogLine, NightView
@@ -24,31 +23,11 @@ from rsoconsole.night import LogLine, NightView
 REFUSAL_S = 10.0
 
 
-class RepliedSeat(ActingSeat, Protocol):
-    """What a command's outcome uses of the seat."""
-
-    seat_name: str
-    stops: int
-    """How often STOP was given here."""
-
-    def ask_now(self) -> None:
-        """Have the engine asked how it is."""
-
-    def done_words(self, command: Command, outcome: Outcome) -> str:
-        """What is said of a command that the engine has taken."""
-
-    def show_stop(self, news: StopNews | None) -> None:
-        """What came of a STOP; None: nothing any more."""
-
-    def leave_console(self, result: str) -> None:
-        """The console ends."""
-
-
 class CommandOutcomes:
     """What the engine says to a command, and what its record says of it later."""
 
-    def __init__(self, seat: RepliedSeat, marks: MarkActions) -> None:
-        self._seat, self._marks = seat, marks
+    def __init__(self, seat: Seat, marks: MarkActions, tune: TuneActions) -> None:
+        self._seat, self._marks, self._tune = seat, marks, tune
         self._ticked: tuple[str, ...] = ()
         """Checks that were overridden here last."""
         self._refused_at_once: list[str] = []
@@ -67,11 +46,12 @@ class CommandOutcomes:
         if outcome.ok and isinstance(command, MarkByHand):
             self._marks.see_taken(command, outcome)
         elif outcome.ok:
-            seat.say(seat.done_words(command, outcome), "good")
+            said = f"{name}: {outcome.message or 'done'}"
+            seat.say(self._tune.done_words(command) or said, "good")
             if isinstance(command, Arm):
                 seat.show_stop(None)
             elif isinstance(command, Shutdown):
-                seat.leave_console("stop engine")
+                seat.app.exit("stop engine")
             if message.then is not None:
                 seat.send(message.then)
         elif outcome.data.get("seat"):
@@ -82,7 +62,7 @@ class CommandOutcomes:
             self._marks.ask_to_replace(command, outcome)
         else:
             seat.say("")
-            open_unasked(seat, MessageDialog(f"{name}: not done", outcome.message))
+            seat.ask_unasked(MessageDialog(f"{name}: not done", outcome.message))
 
     def _ask_to_override(
         self, outcome: Outcome, ticked: tuple[str, ...], then: Command | None
@@ -97,21 +77,17 @@ class CommandOutcomes:
                 seat.send(Arm(override=names), then)
 
         seat.say("not armed", "warn")
-        open_unasked(seat, ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
+        seat.ask_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
 
     def _expect_refusal(self, command: Command, seq: int) -> None:
         """It is said already: its record, which may have been read by now, says nothing new."""
         words = command_words(command.verb, command.arguments())
-        if not any(
-            self._refused_here(line) == words for line in log_lines_after(self._seat.night, seq)
-        ):
+        if not any(self._refused_here(line) == words for line in self._seat.log_lines_after(seq)):
             self._refused_at_once.append(words)
 
     def refused_since(self, before: NightView) -> frozenset[str]:
         """Verbs of this console's commands that the record has refused since ``before``."""
-        refused = (
-            self._refused_here(line) for line in log_lines_after(self._seat.night, before.seq)
-        )
+        refused = (self._refused_here(line) for line in self._seat.log_lines_after(before.seq))
         return frozenset(words.partition(" ")[0] for words in refused if words)
 
     def _refused_here(self, line: LogLine) -> str:
@@ -124,7 +100,7 @@ class CommandOutcomes:
         seat = self._seat
         if not seat.seat_name or before.folder != seat.night.folder or not before.is_read:
             return
-        for line in log_lines_after(seat.night, before.seq):
+        for line in seat.log_lines_after(before.seq):
             refused = self._refused_here(line)
             if refused in self._refused_at_once:
                 self._refused_at_once.remove(refused)
@@ -137,8 +113,7 @@ class CommandOutcomes:
                 self._seat.send(AskSeat())
 
         text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
-        open_unasked(
-            self._seat,
+        self._seat.ask_unasked(
             ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"),
             decided,
         )

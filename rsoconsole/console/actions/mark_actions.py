@@ -2,14 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
-from textual.message import Message
-
-from rsoconsole.console.actions.seat_uses import ActingSeat, log_lines_after, open_unasked
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.picture import Drawing, Mark, Marking, Picture
+from rsoconsole.console.picture import Mark, Marking, Picture
 from rsoconsole.console.watches import MarkHeld, Pointed
 from rsoconsole.control import BeginMark, MarkByHand, Outcome, Sender
 from rsoconsole.night import NightFrame, NightView
@@ -26,27 +23,10 @@ RECALLED_S = 600.0
 """So long they are at hand beside those of the newest."""
 
 
-class MarkingSeat(ActingSeat, Protocol):
-    """What a mark uses of the seat."""
-
-    picture: Picture | None
-    seat_name: str
-
-    @property
-    def drawing(self) -> Drawing | None:
-        """How the large pane's picture is drawn; None while nothing is."""
-
-    def show_picture(self) -> None:
-        """Draw the picture again."""
-
-    def post_from_thread(self, message: Message) -> None:
-        """Have a message handled by the application (any thread)."""
-
-
 class MarkActions:
     """The mark that is being made, and the mark that was made last."""
 
-    def __init__(self, seat: MarkingSeat) -> None:
+    def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.picture_waiting: Picture | None = None
         """The newest, while a mark is made in an older one."""
@@ -217,8 +197,7 @@ class MarkActions:
             f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
             "Enter again takes yours instead; esc leaves it as it is."
         )
-        open_unasked(
-            seat,
+        seat.ask_unasked(
             ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
             decided,
         )
@@ -234,7 +213,7 @@ class MarkActions:
         if not seat.seat_name or before.folder != seat.night.folder or not before.is_read:
             return
         own = Sender.console(seat.seat_name).words
-        for line in log_lines_after(seat.night, before.seq):
+        for line in seat.log_lines_after(before.seq):
             if line.marked_by == own:
                 seat.say(f"your {line.text.partition(': ')[2]}", "good", MARK_SAID_S)
 

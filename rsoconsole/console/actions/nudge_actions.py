@@ -1,10 +1,10 @@
 """Arrows move the telescope by a step, as the picture is turned."""
 
-from typing import Protocol
+from functools import partialmethod
 
-from rsoconsole.console.actions.second_press import CarefulSeat, TwicePressed
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import TwicePressed
 from rsoconsole.console.commands import first_key
-from rsoconsole.console.picture import Picture
 from rsoconsole.console.watches import OutcomeCame
 from rsoconsole.control import Nudge
 from rsoconsole.records import Solution
@@ -18,16 +18,10 @@ def step_words(arcsec: float) -> str:
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
-class NudgeSeat(CarefulSeat, Protocol):
-    """What the arrows use of the seat."""
-
-    picture: Picture | None
-
-
 class NudgeActions:
     """One nudge at a time, and how long its step is."""
 
-    def __init__(self, seat: NudgeSeat, twice: TwicePressed) -> None:
+    def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._step = FIRST_STEP
         self._is_nudging = False
@@ -36,22 +30,6 @@ class NudgeActions:
         """The next nudge may go."""
         if isinstance(message.command, Nudge):
             self._is_nudging = False
-
-    def action_nudge_up(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_up", 0.0, -1.0)
-
-    def action_nudge_down(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_down", 0.0, 1.0)
-
-    def action_nudge_left(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_left", -1.0, 0.0)
-
-    def action_nudge_right(self) -> None:
-        """By the step, as the picture is turned."""
-        self._nudge("nudge_right", 1.0, 0.0)
 
     def _nudge(self, name: str, right: float, down: float) -> None:
         """Move the telescope so that it looks that way in the picture.
@@ -68,6 +46,11 @@ class NudgeActions:
             self._twice.ask(name, what, lambda: self._send_nudge(right, down))
         else:
             self._send_nudge(right, down)
+
+    action_nudge_up = partialmethod(_nudge, "nudge_up", 0.0, -1.0)
+    action_nudge_down = partialmethod(_nudge, "nudge_down", 0.0, 1.0)
+    action_nudge_left = partialmethod(_nudge, "nudge_left", -1.0, 0.0)
+    action_nudge_right = partialmethod(_nudge, "nudge_right", 1.0, 0.0)
 
     def _send_nudge(self, right: float, down: float) -> None:
         if self._is_nudging:
@@ -93,14 +76,9 @@ class NudgeActions:
         length = (east**2 + north**2) ** 0.5 or 1.0
         return east / length, north / length
 
-    def action_smaller_step(self) -> None:
-        """Of the nudges."""
-        self._change_step(1)
-
-    def action_larger_step(self) -> None:
-        """Of the nudges."""
-        self._change_step(-1)
-
     def _change_step(self, by: int) -> None:
         self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
         self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
+
+    action_smaller_step = partialmethod(_change_step, 1)
+    action_larger_step = partialmethod(_change_step, -1)

@@ -1,56 +1,36 @@
 """The picture panes of the seat, and the keys that look at them from nearer."""
 
 import math
-from collections.abc import Callable
-from typing import Protocol
 
-from rsoconsole.console.actions.seat_uses import LookingSeat
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.panes import SIGHTS, FramePane, Sight
-from rsoconsole.console.picture import STRETCHES, Drawing, Mark, Picture, fitted_cells
+from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
 """A streak that is shorter in the field is a dot among stars there."""
 
 
-class PictureSeat(LookingSeat, Protocol):
-    """What the pictures use of the seat."""
-
-    picture: Picture | None
-
-    @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-
-    def show_picture(self) -> None:
-        """Draw the picture again."""
-
-    def look_again(self) -> None:
-        """The picture lies elsewhere, or shows another piece of the frame."""
-
-
 class PictureActions:
     """The newest frame's picture in its two panes: which part of it, and how light becomes grey."""
 
-    def __init__(self, seat: PictureSeat, panes: Callable[[], tuple[FramePane, FramePane]]) -> None:
-        """``panes``: the large one and the small one."""
-        self._seat, self._panes = seat, panes
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
         self._sight: int | None = None
         """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
         self._stretch = 0
+
+    def _panes(self) -> tuple[FramePane, FramePane]:
+        """The large one and the small one."""
+        seat = self._seat
+        return seat.query_one("#frame", FramePane), seat.query_one("#closeup", FramePane)
 
     def show(self) -> None:
         """The sight chosen in the large pane; in the small one the other."""
         seat = self._seat
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        subject, marks = (
-            (seat.night.frame, stretch, seat.hides_signs),
-            seat.marks_by_hand(),
-        )
+        subject, marks = (seat.night.frame, stretch, seat.hides_signs), seat.marks_by_hand()
         for pane, sight in zip(self._panes(), (large, small), strict=True):
             pane.hides_signs = seat.hides_signs
             pane.show(seat.picture, sight, stretch, subject, marks)

@@ -1,15 +1,11 @@
 """The keys of the plots: which page lies over them, which frames they show."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import ClassVar, Protocol
+from functools import partial, partialmethod
+from typing import ClassVar
 
-from textual.widget import Widget
-
-from rsoconsole.console.actions.seat_uses import LookingSeat
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.actions.track_list import TrackList
 from rsoconsole.console.drawing import AXIS_COLUMNS, Box
-from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import (
     LIVE_STEP,
     Page,
@@ -22,26 +18,6 @@ from rsoconsole.console.words import (
 )
 
 
-class PlotSeat(LookingSeat, Protocol):
-    """What the plots use of the seat."""
-
-    @property
-    def focused(self) -> Widget | None:
-        """What has the keys."""
-
-    def set_focus(self, widget: Widget | None) -> None:
-        """Give a pane the keys."""
-
-    def pane(self, name: str) -> LinesPane:
-        """The pane of that name."""
-
-    def covers_plots(self) -> bool:
-        """Whether something lies there that hides the curves."""
-
-    def place_panes(self) -> None:
-        """Lay the panes out again."""
-
-
 class PlotActions:
     """Plots of the track, or over them the curves of the night, the focus, the drift."""
 
@@ -52,11 +28,9 @@ class PlotActions:
         "tracks": "the tracks of the field",
     }
 
-    def __init__(
-        self, seat: PlotSeat, tracks: TrackList, list_pane: Callable[[], LinesPane]
-    ) -> None:
-        """``tracks``: says whose plots they are, and is a page itself, in ``list_pane``."""
-        self._seat, self.tracks, self._list = seat, tracks, list_pane
+    def __init__(self, seat: Seat, tracks: TrackList) -> None:
+        """``tracks``: says whose plots they are, and is a page itself."""
+        self._seat, self.tracks = seat, tracks
         self.page: Page | None = None
         """What lies over the plots; None: nothing does."""
         self.window = PlotWindow()
@@ -82,13 +56,16 @@ class PlotActions:
         elif self.page == "alignment":
             seat.pane("curves").show(partial(alignment_lines, night))
         elif self.page == "tracks":
-            self._list().show(self.tracks.lines(seat.night, seat.engine))
+            seat.pane("tracks").show(self.tracks.lines(seat.night, seat.engine))
 
-    def place(self, box: Box) -> None:
-        """The page lies over the plots; while the list of tracks is seen it has the arrows."""
+    def place(self, box: Box, *, is_covered: bool) -> None:
+        """The page lies over the plots; while the list of tracks is seen it has the arrows.
+
+        ``is_covered``: something else lies there.
+        """
         seat = self._seat
-        over, listed = seat.pane("curves"), self._list()
-        is_seen = self.page is not None and not seat.covers_plots()
+        over, listed = seat.pane("curves"), seat.pane("tracks")
+        is_seen = self.page is not None and not is_covered
         listed.display = is_seen and self.page == "tracks"
         over.display = is_seen and not listed.display
         for pane in (over, listed):
@@ -112,23 +89,15 @@ class PlotActions:
         self.show_page(None)
         self._seat.say("plots: confidence, residuals, NIS")
 
-    def action_night_curves(self) -> None:
-        """FWHM, background, transparency and stars; once more: the plots."""
-        self.turn_to("quality")
-
-    def action_focus_help(self) -> None:
-        """The focus; once more: the plots."""
-        self.turn_to("focus")
-
-    def action_alignment(self) -> None:
-        """Drift and polar alignment; once more: the plots."""
-        self.turn_to("alignment")
-
     def turn_to(self, page: Page) -> None:
         """That page; once more: the plots."""
         wanted = None if self.page == page else page
         self.show_page(wanted)
         self._seat.say(self.WORDS[wanted] if wanted else "plots: confidence, residuals, NIS")
+
+    action_night_curves = partialmethod(turn_to, "quality")
+    action_focus_help = partialmethod(turn_to, "focus")
+    action_alignment = partialmethod(turn_to, "alignment")
 
     # -- which frames -------------------------------------------------------------------------
 

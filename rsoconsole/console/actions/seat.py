@@ -1,35 +1,49 @@
-"""What every action of the seat needs: what is known, who may act, how a command is sent."""
+"""What every part of a screen may use of it: what is known, who may act, how a command is sent.
+
+What a screen alone can do stands here with nothing in it, and is done there.
+"""
 
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 from textual.message import Message
 from textual.reactive import var
 from textual.screen import Screen
 
-from rsoconsole.console.actions.seat_uses import Answer
 from rsoconsole.console.commands import BY_NAME, Orders
-from rsoconsole.console.drawing import Ink
+from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView, OrbitAhead
-from rsoconsole.console.picture import Picture
+from rsoconsole.console.orbit import OrbitShown, orbit_shown, target_words
+from rsoconsole.console.panes import FramePane, Key, LinesPane
+from rsoconsole.console.picture import Drawing, Mark, Picture
 from rsoconsole.console.watches import OutcomeCame, StopNewsCame
+from rsoconsole.console.words import kept_words, words
 from rsoconsole.control import (
     Command,
     Outcome,
     StopNews,
 )
 from rsoconsole.control.words import mount_words
-from rsoconsole.night import NightView
+from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
+Answer = TypeVar("Answer")
+NEW_LINES = 20
+"""Last lines of the log in which the result of a command is looked for."""
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
 """A STOP after which the mount is measured to be at rest is shown so long; any other stays."""
+
+
+def _nothing(*_: object) -> None:
+    """Nobody asks, or is told."""
 
 
 class Seat(Screen[None]):
@@ -42,16 +56,18 @@ class Seat(Screen[None]):
     orbit_ahead: var[OrbitAhead | None] = var(None, init=False, always_update=True)
     is_click = False
     """The action that runs was clicked, not typed."""
+    is_log_open = False
+    is_orbit_open = False
 
     def __init__(
         self,
         orders: Orders,
         *,
-        read_only: bool,
-        owns_engine: bool,
-        ask_now: Callable[[], None],
         from_thread: Callable[..., None],
-        on_known: Callable[[NightView, EngineView], None],
+        read_only: bool = False,
+        owns_engine: bool = False,
+        ask_now: Callable[[], None] = _nothing,
+        on_known: Callable[[NightView, EngineView], None] = _nothing,
         seat_name: str = "",
         keymap: Mapping[str, str] | None = None,
     ) -> None:
@@ -92,6 +108,17 @@ class Seat(Screen[None]):
         """Open a dialog over this screen; ``decided`` is called with its answer."""
         self.app.push_screen(dialog, decided)
 
+    def ask_unasked(
+        self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
+    ) -> None:
+        """A dialog that the engine's answer opens: a key that bounces does not answer it."""
+        dialog.opens_unasked = True
+        self.ask(dialog, decided)
+
+    def log_lines_after(self, seq: int) -> list[LogLine]:
+        """What has been recorded since, of the last lines."""
+        return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
+
     def now_s(self) -> float:
         """Seconds of a clock that nobody sets."""
         return time.monotonic()
@@ -126,6 +153,78 @@ class Seat(Screen[None]):
         # Its STOP is known at once, that nobody has the mount only with the loop's next turn.
         is_answered = news.phase in ("answered", "stopped")
         return not is_answered or (self.engine.is_attached and not self._is_stop_seen)
+
+    # -- what is shown ------------------------------------------------------------------------
+
+    def pane(self, name: str) -> LinesPane:
+        """The pane of that name."""
+        return self.query_one(f"#{name}", LinesPane)
+
+    @property
+    def drawing(self) -> Drawing | None:
+        """How the large pane's picture is drawn; None while nothing is."""
+        return self.query_one("#frame", FramePane).drawing
+
+    def place_panes(self) -> None:
+        """Where each pane lies, for this terminal."""
+
+    def show_picture(self) -> None:
+        """The shown frame in both panes."""
+
+    def look_again(self) -> None:
+        """The picture lies elsewhere, or shows another piece of the frame."""
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+        return False
+
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """What is being marked at this moment."""
+        return ()
+
+    @property
+    def keys(self) -> list[Key]:
+        """The keys that matter now."""
+        return []
+
+    @property
+    def alert(self) -> str:
+        """What must not be missed."""
+        return ""
+
+    @property
+    def intro(self) -> str:
+        """What stands in the alert's place while there is none; empty as a rule."""
+        return ""
+
+    @property
+    def orbit(self) -> OrbitShown:
+        """What is known of the orbit."""
+        return orbit_shown(self.night, self.engine, self.orbit_ahead)
+
+    def target_name(self) -> str:
+        """What is followed, as the first line calls it; empty: not known."""
+        return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
+
+    def top(self, width: int, rows: int) -> list[Line]:
+        """State and since when, who holds the mount, the target, the frame clock."""
+        night, engine, found = self.night, self.engine, target_words(self.orbit)
+        now, is_asked_for = words.present_utc_ns(night, engine), self.is_following_again
+        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
+        return words.top_lines(
+            night,
+            engine,
+            self.read_only,
+            width,
+            rows,
+            found=found,
+            kept=kept,
+            is_stopping=self.is_stopping,
+        )
+
+    def open_session(self, folder: Path) -> None:
+        """Review it."""
 
     # -- commands -----------------------------------------------------------------------------
 

@@ -1,9 +1,9 @@
 """What ends a running track asks for the same key once more: STOP alone never does."""
 
 from collections.abc import Callable
-from typing import Literal, Protocol
+from typing import Literal
 
-from rsoconsole.console.actions.seat_uses import ActingSeat
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.words import present_utc_ns
@@ -60,19 +60,10 @@ class SecondPress:
         self._name, self._is_held = "", False
 
 
-class CarefulSeat(ActingSeat, Protocol):
-    """A seat whose keys end no track by one press."""
-
-    is_click: bool
-
-    def target_name(self) -> str:
-        """What is followed, as the first line calls it; empty: not known."""
-
-
 class TwicePressed:
     """Does what ends a track, or takes the mount, by the second press of its key alone."""
 
-    def __init__(self, seat: CarefulSeat) -> None:
+    def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.press = SecondPress()
 

@@ -2,17 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.actions.second_press import (
     SETTLES_S,
     WITHIN_S,
-    CarefulSeat,
     TwicePressed,
     has_track,
 )
 from rsoconsole.console.dialogs import RejectDialog
-from rsoconsole.console.picture import Picture
 from rsoconsole.console.watches import Pointed
 from rsoconsole.control import Accept, Choose, Reject
 from rsoconsole.records import Detection
@@ -33,16 +31,10 @@ class Pick:
     streak: Detection
 
 
-class StreakSeat(CarefulSeat, Protocol):
-    """What the keys of the streaks use of the seat."""
-
-    picture: Picture | None
-
-
 class StreakActions:
     """Follow, accept, reject; a click on a streak."""
 
-    def __init__(self, seat: StreakSeat, twice: TwicePressed) -> None:
+    def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
         self._picked: Pick | None = None

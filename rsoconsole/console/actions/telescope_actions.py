@@ -3,13 +3,13 @@
 import math
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.actions.second_press import (
     RELEASED_S,
     WITHIN_S,
-    CarefulSeat,
     TwicePressed,
     has_track,
 )
@@ -24,7 +24,6 @@ from rsoconsole.console.dialogs import (
     UpListDialog,
 )
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.picture import Picture
 from rsoconsole.console.watches import OutcomeCame
 from rsoconsole.control import (
     Arm,
@@ -35,7 +34,6 @@ from rsoconsole.control import (
     Resume,
     Seek,
     Set,
-    StopNews,
     Track,
     Unpark,
 )
@@ -46,27 +44,10 @@ AGAIN_S = 60.0
 """The engine takes up what it has accepted between two exposures: not later than that."""
 
 
-class TelescopeSeat(CarefulSeat, Protocol):
-    """What the telescope's keys use of the seat."""
-
-    picture: Picture | None
-    stop_news: StopNews | None
-
-    @property
-    def stops(self) -> int:
-        """How often STOP was given here."""
-
-    @property
-    def is_stopping(self) -> bool:
-        """Whether STOP was given here and the engine's word is still from before it."""
-
-
 class TelescopeActions:
     """Arm, hold, park, follow again, go to, expose."""
 
-    def __init__(
-        self, seat: TelescopeSeat, twice: TwicePressed, take_back_drop: Callable[[], bool]
-    ) -> None:
+    def __init__(self, seat: Seat, twice: TwicePressed, take_back_drop: Callable[[], bool]) -> None:
         """``take_back_drop``: follows again what was dropped last; False where nothing was."""
         self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
         self._no_arming_before_s = 0.0
@@ -379,5 +360,5 @@ class TelescopeActions:
         has_it = seat.engine.holder == "autonomy"
         back = first_key("hold_or_resume", seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
-        dialog = MoveDialog("centre the streak", place, caution, seat.orders)
+        dialog = MoveDialog(place, caution, seat.orders)
         seat.ask(dialog, decided)

@@ -1,13 +1,14 @@
 """The keys of the list of tracks: choose one, make it the lead, drop it, keep it."""
 
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
 from rsoconsole.console.actions.plot_actions import PlotActions
-from rsoconsole.console.actions.seat_uses import ActingSeat
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.actions.track_list import lead_of, track_words
+from rsoconsole.console.actions.track_orders import TrackOrders
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.control import Choose
 
@@ -43,22 +44,12 @@ class TracksPane(LinesPane, can_focus=False):
         self.post_message(self.Wanted(what))
 
 
-class OnTracks(Protocol):
-    """Who takes the operator's word on one track."""
-
-    def drop_track(self) -> None:
-        """The one at the cursor."""
-
-    def keep_track(self) -> None:
-        """The one at the cursor."""
-
-
 class TrackActions:
     """Choose one of the tracks, look at it, make it the lead."""
 
-    def __init__(self, seat: ActingSeat, plots: PlotActions) -> None:
+    def __init__(self, seat: Seat, plots: PlotActions) -> None:
         self._seat, self._plots, self._tracks = seat, plots, plots.tracks
-        self.orders: OnTracks | None = None
+        self.orders: TrackOrders | None = None
         """None where nothing is dropped or kept: in a review."""
 
     def action_track_list(self) -> None:

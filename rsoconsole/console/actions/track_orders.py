@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from rsoconsole.console.actions.second_press import CarefulSeat, TwicePressed, has_track
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import TwicePressed, has_track
 from rsoconsole.console.actions.track_list import TrackList, track_words
 from rsoconsole.control import Drop, Keep
 from rsoconsole.night import FollowedTrack
@@ -13,7 +14,7 @@ DROP_KEY = "-"
 class TrackOrders:
     """Drop, keep, and take a drop back."""
 
-    def __init__(self, seat: CarefulSeat, twice: TwicePressed, tracks: TrackList) -> None:
+    def __init__(self, seat: Seat, twice: TwicePressed, tracks: TrackList) -> None:
         self._seat, self._twice, self._tracks = seat, twice, tracks
 
     def drop_track(self) -> None:

@@ -1,15 +1,12 @@
 """Tuning, from the key that opens the pane to the settings that the engine is sent."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
-
-from textual.message import Message
-from textual.widget import Widget
+from typing import TYPE_CHECKING
 
 from rsoconsole.config import default_config_path
-from rsoconsole.console.actions.seat_uses import ActingSeat
+from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs import LineDialog
 from rsoconsole.console.tuning import (
     BY_NAME,
@@ -39,30 +36,11 @@ EVERY_S = 20.0
 """How often an open pane's figures are computed again."""
 
 
-class TuneSeat(ActingSeat, Protocol):
-    """What tuning uses of the seat."""
-
-    def place_panes(self) -> None:
-        """Lay the panes out again."""
-
-    def show_keys(self) -> None:
-        """The last line."""
-
-    def forget_notice(self) -> None:
-        """Whatever was said of it is done, or undone."""
-
-    def set_focus(self, widget: Widget | None) -> None:
-        """Give a pane the keys."""
-
-    def post_from_thread(self, message: Message) -> None:
-        """Have a message handled by the application (any thread)."""
-
-
 class TuneActions:
     """Try, see what it would have done, apply, undo, keep."""
 
-    def __init__(self, seat: TuneSeat, pane: Callable[[], TunePane]) -> None:
-        self._seat, self._pane_of = seat, pane
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
         """As it is, and with what is tried."""
@@ -74,7 +52,7 @@ class TuneActions:
     @property
     def pane(self) -> TunePane:
         """Where it is shown."""
-        return self._pane_of()
+        return self._seat.query_one(TunePane)
 
     def action_tune(self) -> None:
         """Open the pane, or give it the keys; once more: close it."""

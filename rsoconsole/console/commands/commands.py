@@ -4,11 +4,16 @@ A command is called by its name in a keymap file, which gives it other keys.
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 from rsoconsole.console.commands.command import BOTH, KeyCommand, Place
 from rsoconsole.console.commands.command import command as _command
 from rsoconsole.console.commands.review_commands import REVIEW_COMMANDS
 from rsoconsole.control import Abort, TakeBack, Unpark
+
+_telescope = partial(_command, group="telescope", acts=True)
+_streaks = partial(_command, group="streaks", acts=True)
+_on_both = partial(_command, where=BOTH)
 
 SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
@@ -29,39 +34,31 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         priority=True,
         is_everywhere=True,
     ),
-    _command(
+    _telescope(
         "arm_or_disarm",
         "a",
         "Arm or disarm",
         "hand the mount to the engine, after its checklist; once more: disarm, where a track"
         " runs by a second press",
-        "telescope",
-        acts=True,
     ),
-    _command(
+    _telescope(
         "hold_or_resume",
         "h",
         "Hold or resume",
         "no slews, still measured; once more: the mount back to autonomy, or an ended track"
         " followed again",
-        "telescope",
-        acts=True,
     ),
-    _command(
+    _telescope(
         "wait_for_sky",
         "w",
         "Hold until it clears",
         "no slews while it is cloudy; goes on by itself when the stars are back",
-        "telescope",
-        acts=True,
     ),
-    _command(
+    _telescope(
         "goto",
         "g",
         "Go to",
         "coordinates in any notation, a satellite, a star; shows the way before anything moves",
-        "telescope",
-        acts=True,
     ),
     _command(
         "up_now",
@@ -70,33 +67,10 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "satellites of the element files above the limit; enter plans a go-to",
         "telescope",
     ),
-    _command(
-        "nudge_up", "up", "Nudge up", "by the step, up in the picture", "telescope", acts=True
-    ),
-    _command(
-        "nudge_down",
-        "down",
-        "Nudge down",
-        "by the step, down in the picture",
-        "telescope",
-        acts=True,
-    ),
-    _command(
-        "nudge_left",
-        "left",
-        "Nudge left",
-        "by the step, left in the picture",
-        "telescope",
-        acts=True,
-    ),
-    _command(
-        "nudge_right",
-        "right",
-        "Nudge right",
-        "by the step, right in the picture",
-        "telescope",
-        acts=True,
-    ),
+    _telescope("nudge_up", "up", "Nudge up", "by the step, up in the picture"),
+    _telescope("nudge_down", "down", "Nudge down", "by the step, down in the picture"),
+    _telescope("nudge_left", "left", "Nudge left", "by the step, left in the picture"),
+    _telescope("nudge_right", "right", "Nudge right", "by the step, right in the picture"),
     _command(
         "smaller_step",
         "left_square_bracket",
@@ -111,40 +85,24 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "of the nudges; in an opened frame both are of its cross",
         "telescope",
     ),
-    _command(
+    _telescope(
         "aim",
         "i",
         "Aim beside",
         "ahead of or behind the prediction in time, along or across its motion",
-        "telescope",
-        acts=True,
     ),
-    _command(
-        "exposure",
-        "e",
-        "Exposure and cadence",
-        "how long the shutter is open, and how often",
-        "telescope",
-        acts=True,
+    _telescope(
+        "exposure", "e", "Exposure and cadence", "how long the shutter is open, and how often"
     ),
-    _command(
+    _telescope(
         "abort_exposure",
         "b",
         "Abort the exposure",
         "give up the running exposure; the next begins as planned",
-        "telescope",
-        acts=True,
         sends=Abort(),
     ),
-    _command(
-        "park",
-        "p",
-        "Park",
-        "asks once; disarms and sends the mount to its park position",
-        "telescope",
-        acts=True,
-    ),
-    _command(
+    _telescope("park", "p", "Park", "asks once; disarms and sends the mount to its park position"),
+    _telescope(
         "undo",
         "u",
         "Follow again",
@@ -152,146 +110,109 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         " may be coasted (2 h, filter.max_coast_s); one that disarming, a search, a STOP or a fault"
         " ended, for at most 15 min of that: after a STOP it arms first; the first line counts the"
         " time down; a parked mount is released",
-        "telescope",
-        acts=True,
     ),
-    _command(
-        "unpark",
-        "ctrl+u",
-        "Unpark",
-        "releases a parked mount; nothing moves",
-        "telescope",
-        acts=True,
-        sends=Unpark(),
+    _telescope(
+        "unpark", "ctrl+u", "Unpark", "releases a parked mount; nothing moves", sends=Unpark()
     ),
-    _command(
+    _telescope(
         "track_or_stand",
         "k",
         "Track or stand",
         "sidereal tracking on and off, while nobody else has the mount",
-        "telescope",
-        acts=True,
     ),
-    _command(
+    _on_both(
         "verdicts",
         "v",
         "Verdicts",
         "every streak of the frame, what became of it and why; first after a mark those of"
         " the marked one, tab shows the other",
         "streaks",
-        where=BOTH,
     ),
-    _command(
+    _streaks(
         "follow_next",
         "d",
         "Follow the next streak",
         "the next detection of the frame, or the one clicked, is the one to follow; that of another"
         " track makes it the lead; where no track would end, a click alone chooses",
-        "streaks",
-        acts=True,
     ),
-    _command(
-        "centre",
-        "c",
-        "Centre the streak",
-        "point the telescope at what is followed, by hand",
-        "streaks",
-        acts=True,
+    _streaks(
+        "centre", "c", "Centre the streak", "point the telescope at what is followed, by hand"
     ),
-    _command(
+    _streaks(
         "mark",
         "m",
         "Mark by hand",
         "the streak's two ends: arrows and enter twice, or drag; a measurement of your own, and"
         " two of them in two frames start a track. It can be begun in the last 12 frames; while"
         " you mark, the frame is kept for 600 more",
-        "streaks",
-        acts=True,
     ),
-    _command(
-        "accept",
-        "y",
-        "Accept",
-        "take the frame's likeliest candidate, whatever the gates said",
-        "streaks",
-        acts=True,
+    _streaks(
+        "accept", "y", "Accept", "take the frame's likeliest candidate, whatever the gates said"
     ),
-    _command(
+    _streaks(
         "reject",
         "j",
         "Reject",
         "one of the last measurements, by its number, was something else: the track as if"
         " without it",
-        "streaks",
-        acts=True,
     ),
-    _command(
+    _streaks(
         "take_back",
         "backspace",
         "Take back",
         "your last mark, choice, acceptance or rejection, as if it had not been said",
-        "streaks",
-        acts=True,
         sends=TakeBack(),
     ),
-    _command(
+    _streaks(
         "seek",
         "s",
         "Seek it again",
         "search round where it must be, in a widening spiral; gives up a track, which asks for a"
         " second press",
-        "streaks",
-        acts=True,
     ),
-    _command(
+    _on_both(
         "orbit",
         "o",
         "Orbit",
         "its elements, where it leads, which catalogued object it is; once more: as before",
         "streaks",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "tune",
         "t",
         "Tune",
         "tau, Q, R, gate and limits, with the effect on what was recorded shown first",
         "streaks",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "track_plots",
         "1",
         "Plots of the track",
         "confidence, residuals in their bounds, NIS",
         "plots",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "night_curves",
         "2",
         "Curves of the night",
         "FWHM, background, transparency and number of stars; once more: the plots",
         "plots",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "focus_help",
         "3",
         "Focus",
         "FWHM in large figures and its trend; once more: the plots",
         "plots",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "alignment",
         "4",
         "Drift and polar alignment",
         "how mount and stars drift apart, field rotation, which way the polar axis is off",
         "plots",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "track_list",
         "6",
         "Tracks of the field",
@@ -300,105 +221,75 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         " stands next to whom, when they come closest and who is missing; once more: the plots of"
         " the chosen one",
         "plots",
-        where=BOTH,
     ),
     _command("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
     _command("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
     _command("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),
     _command("plots_finer", "plus", "Fewer frames", "half as many to a mark", "plots"),
     _command("plots_newest", "end", "Newest frames", "one to a mark", "plots"),
-    _command(
-        "zoom",
-        "z",
-        "Zoom",
-        "the field, the close-up, the close-up pixel by pixel",
-        "picture",
-        where=BOTH,
+    _on_both(
+        "zoom", "z", "Zoom", "the field, the close-up, the close-up pixel by pixel", "picture"
     ),
-    _command(
+    _on_both(
         "open_frame",
         "enter",
         "Open the frame",
         "at full resolution, where its pixels were kept; process it again with another τ or map",
         "picture",
-        where=BOTH,
     ),
-    _command(
-        "stretch",
-        "f",
-        "Stretch",
-        "how light becomes grey: streaks, asinh, linear",
-        "picture",
-        where=BOTH,
+    _on_both(
+        "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
     ),
-    _command(
+    _on_both(
         "give_seat",
         "ctrl+g",
         "Give control",
         "to the console that asks for it; said nothing, it goes there after 30 s",
         "console",
         acts=True,
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "keep_seat",
         "ctrl+k",
         "Keep control",
         "though another console asks for it",
         "console",
         acts=True,
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "sessions",
         "r",
         "Sessions and review",
         "the recorded nights, and this one: any moment of them again",
         "console",
-        where=BOTH,
     ),
     _command("note", "n", "Note", "a remark into the session", "console", acts=True),
-    _command("log", "l", "Log", "all of it, and back; slash filters it", "console", where=BOTH),
-    _command(
+    _on_both("log", "l", "Log", "all of it, and back; slash filters it", "console"),
+    _on_both(
         "read",
         "ctrl+o",
         "Messages in full",
         "everything that was said, none of it cut; enter copies the chosen one",
         "console",
-        where=BOTH,
     ),
-    _command(
+    _on_both(
         "copy",
         "ctrl+y",
         "Copy",
         "what is looked at, to the terminal's clipboard (OSC 52): a line of the log, the orbit,"
         " the tuning, or where things stand; shift and drag selects by the mouse in most terminals",
         "console",
-        where=BOTH,
     ),
-    _command(
-        "filter_log",
-        "slash",
-        "Filter the log",
-        "only lines with what you type",
-        "console",
-        where=BOTH,
+    _on_both("filter_log", "slash", "Filter the log", "only lines with what you type", "console"),
+    _on_both(
+        "leave", "q", "Leave", "asks what becomes of the engine; from a review: back", "console"
     ),
-    _command(
-        "leave",
-        "q",
-        "Leave",
-        "asks what becomes of the engine; from a review: back",
-        "console",
-        where=BOTH,
-    ),
-    _command(
+    _on_both(
         "put_away",
         "escape",
         "Put away",
         "the log, a mark, what came of a STOP, the orbit, a notice",
         "console",
-        where=BOTH,
     ),
     _command(
         "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True

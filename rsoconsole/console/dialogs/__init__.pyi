@@ -13,7 +13,7 @@ from .dialogs import Dialog as Dialog
 from .dialogs import HelpDialog as HelpDialog
 from .dialogs import LeaveDialog as LeaveDialog
 from .dialogs import MessageDialog as MessageDialog
-from .dialogs import Result as Result
+from .dialogs import framed as framed
 from .reject_dialog import RejectDialog as RejectDialog
 from .session_list import SessionListDialog as SessionListDialog
 from .tour import TourDialog as TourDialog

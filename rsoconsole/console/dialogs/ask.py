@@ -1,19 +1,17 @@
 """What the operator types: where to go, how long to expose, a remark, words to look for."""
 
-import contextlib
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
 from rsoconsole.config import Config
 from rsoconsole.console.commands import Orders
-from rsoconsole.console.dialogs.dialogs import Dialog, Result
+from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
 from rsoconsole.console.watches import Previewed
-from rsoconsole.control import Beside, Goto, MovePreview, Outcome, Preview, read_record
+from rsoconsole.control import Beside, Goto, MovePreview, Preview, read_record
 from rsoconsole.control.words import preview_lines
 from rsoconsole.errors import RsoconsoleError
 
@@ -25,6 +23,14 @@ GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SE
 UNREAD = "the night's settings are being read: a moment"
 UNREAD_CHECK_S = 0.2
 GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
+
+
+def _ask_engine(
+    dialog: Dialog[Any], orders: Orders, move: Goto | Beside, number: int = 0, words: str = ""
+) -> None:
+    """What it says of a move comes to the dialog as ``Previewed``."""
+    send = dialog.poster()
+    orders.send(Preview(move=move), lambda outcome: send(Previewed(number, words, outcome)))
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
@@ -64,9 +70,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def compose(self) -> ComposeResult:
         """A field, and what it comes to."""
-        with VerticalScroll() as box:
-            box.border_title = "go to"
-            box.border_subtitle = "enter goes · esc back"
+        with framed("go to", "enter goes · esc back"):
             yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
@@ -98,18 +102,11 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def _ask(self, text: str) -> None:
         found = self._understood(text)
-        number = self._asked
         caution = f"\ncareful: {found.caution}" if found.caution else ""
         self._say(f"{found.words}{caution}\nasking the engine …")
 
-        app, words = self.app, f"{found.words}{caution}"
-
-        def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(number, words, outcome))
-
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
-        self._orders.send(Preview(move=move), came)
+        _ask_engine(self, self._orders, move, self._asked, f"{found.words}{caution}")
 
     def _understood(self, text: str) -> "Understood":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
@@ -154,36 +151,25 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
 
 class MoveDialog(Dialog[bool | None]):
-    """One direction: the way there and the limits; enter goes where nothing refuses it."""
+    """Where the streak is: the way there and the limits; enter goes where nothing refuses it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
-    def __init__(
-        self, title: str, direction: tuple[float, float], caution: str, orders: Orders
-    ) -> None:
+    def __init__(self, direction: tuple[float, float], caution: str, orders: Orders) -> None:
         """``direction``: (RA, Dec) ICRS; ``caution``: what else comes of it."""
         super().__init__()
-        self._title, self._direction, self._caution = title, direction, caution
-        self._orders = orders
+        self._direction, self._caution, self._orders = direction, caution, orders
         self._may_go = False
 
     def compose(self) -> ComposeResult:
         """What the engine says of it."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
-            box.border_subtitle = "enter goes · esc back"
+        with framed("centre the streak", "enter goes · esc back"):
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
         """Ask at once."""
-        app = self.app
-
-        def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(0, "", outcome))
-
         ra, dec = self._direction
-        self._orders.send(Preview(move=Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)), came)
+        _ask_engine(self, self._orders, Goto(ra_icrs_deg=ra, dec_icrs_deg=dec))
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says."""
@@ -215,9 +201,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
     def compose(self) -> ComposeResult:
         """A field each."""
-        with VerticalScroll() as box:
-            box.border_title = self.HEAD
-            box.border_subtitle = "enter takes them · tab the next field · esc back"
+        with framed(self.HEAD, "enter takes them · tab the next field · esc back"):
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
                 yield Input(
@@ -288,14 +272,8 @@ class AimDialog(SettingsDialog):
         wanted = self._wanted()
         if wanted is None:
             return
-        number, app = self._asked, self.app
-
-        def came(outcome: Outcome) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                app.call_from_thread(self.post_message, Previewed(number, "", outcome))
-
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        self._orders.send(Preview(move=Beside(**aim)), came)
+        _ask_engine(self, self._orders, Beside(**aim), self._asked)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""
@@ -319,9 +297,7 @@ class LineDialog(FieldDialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """A field."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
-            box.border_subtitle = "enter takes it · esc back"
+        with framed(self._title, "enter takes it · esc back"):
             yield Input(
                 self._value,
                 placeholder=self._words,

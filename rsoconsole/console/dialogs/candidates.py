@@ -5,13 +5,10 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
-from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
-from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.dialogs.dialogs import PagedDialog
 from rsoconsole.console.words import short
 from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, is_mark_id
@@ -25,7 +22,7 @@ MOST_REJECTED = 12
 """The likeliest ones: of the others nobody will ask."""
 
 
-class CandidatesDialog(Dialog[None]):
+class CandidatesDialog(PagedDialog[None]):
     """The streaks of one frame, the likeliest first; of two frames, one after the other."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -44,33 +41,24 @@ class CandidatesDialog(Dialog[None]):
         self._frames, self._tau, self._at = frames, tau, 0
         self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
 
-    def compose(self) -> ComposeResult:
-        """One page of text a frame."""
-        with VerticalScroll():
-            yield Static("", markup=False)
-
-    def on_mount(self) -> None:
-        """The first one."""
-        super().on_mount()
-        self._show()
-
     def action_other_frame(self) -> None:
         """The marked one, or the newest."""
         self._at = (self._at + 1) % len(self._frames)
-        self._show()
+        self.show()
 
-    def _show(self) -> None:
+    def page(self) -> tuple[str, str, str]:
+        """A frame's streaks."""
         detail, which = self._frames[self._at]
-        box, taken = self.query_one(VerticalScroll), detail.taken
+        taken = detail.taken
         number = "" if taken is None else f" of frame {taken.frame_id:04d}"
-        box.border_title = f"streaks{number}{f', {which}' if which else ''}"
+        title = f"streaks{number}{f', {which}' if which else ''}"
         other = self._frames[(self._at + 1) % len(self._frames)][1] or "the newest frame"
-        box.border_subtitle = f"tab {other} · esc back" if len(self._frames) > 1 else "esc back"
+        keys = f"tab {other} · esc back" if len(self._frames) > 1 else "esc back"
         help_ = (
             "Back on the screen, in the newest frame: {} follows the next one,"
             " {} takes the likeliest, {} rejects.".format(*self._keys)
         )
-        self.query_one(Static).update("\n".join([*candidate_lines(detail, self._tau), "", help_]))
+        return title, keys, "\n".join([*candidate_lines(detail, self._tau), "", help_])
 
 
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:

@@ -1,9 +1,10 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
+import contextlib
 import math
 import textwrap
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
@@ -11,6 +12,7 @@ from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.events import Event, Key, Mount
+from textual.message import Message
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
@@ -23,6 +25,7 @@ UNASKED_DEAF_S = 0.5
 answer: keys were meant for what is below it."""
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
+Send = Callable[[Message], None]
 
 SIGNS = """\
 State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
@@ -74,6 +77,13 @@ def help_text(
         lines.append("")
     signs = SIGNS if place == "live" else f"{SIGNS}\n{REVIEW_SIGNS}"
     return "\n".join([*lines, f"  {'^p':<9}every command by name", "", signs])
+
+
+def framed(title: str, keys: str = "") -> VerticalScroll:
+    """The box of a dialog: what it is about above, its keys below."""
+    box = VerticalScroll()
+    box.border_title, box.border_subtitle = title, keys
+    return box
 
 
 class Dialog(ModalScreen[Result], Generic[Result]):
@@ -134,6 +144,16 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
+    def poster(self) -> Send:
+        """Posts messages to it from another thread, as long as the console is there."""
+        call, post = self.app.call_from_thread, self.post_message
+
+        def send(message: Message) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                call(post, message)
+
+        return send
+
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
         """Close; what is typed right after it may still be meant for it."""
         Dialog.closed_s = time.monotonic()
@@ -144,7 +164,30 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         self.dismiss(None)
 
 
-class HelpDialog(Dialog[str | None]):
+class PagedDialog(Dialog[Result], Generic[Result]):
+    """Pages of text, one at a time."""
+
+    def compose(self) -> ComposeResult:
+        """One page."""
+        with VerticalScroll():
+            yield Static("", id="page", markup=False)
+
+    def on_mount(self) -> None:
+        """The first one."""
+        self.show()
+
+    def page(self) -> tuple[str, str, str]:
+        """Title, keys and text of the shown one."""
+        raise NotImplementedError
+
+    def show(self) -> None:
+        """Draw it."""
+        box = self.query_one(VerticalScroll)
+        box.border_title, box.border_subtitle, text = self.page()
+        self.query_one("#page", Static).update(text)
+
+
+class HelpDialog(PagedDialog[str | None]):
     """The keys and the signs; on a second page what the terms mean. Gives "tour" or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -172,19 +215,16 @@ class HelpDialog(Dialog[str | None]):
         }
         self._shown = "keys and signs"
 
-    def compose(self) -> ComposeResult:
-        """One page of text at a time."""
-        with VerticalScroll():
-            yield Static("", id="page", markup=False)
-
-    def on_mount(self) -> None:
-        """The keys first."""
-        self._show()
+    @property
+    def _other(self) -> str:
+        return next(name for name in self._pages if name != self._shown)
 
     def action_other_page(self) -> None:
         """From the keys to the terms, and back."""
-        self._shown = next(name for name in self._pages if name != self._shown)
-        self._show()
+        self._shown = self._other
+        self.show()
+        # At once: what is scrolled behind the new text would be the place of the old one.
+        self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
 
     def action_scroll(self, by: int) -> None:
         """By a line."""
@@ -204,14 +244,10 @@ class HelpDialog(Dialog[str | None]):
         """The tour of the screen."""
         self.dismiss("tour")
 
-    def _show(self) -> None:
-        box = self.query_one(VerticalScroll)
-        other = next(name for name in self._pages if name != self._shown)
-        box.border_title = f"help: {self._shown}"
-        box.border_subtitle = f"tab {other} · t tour · esc back"
-        self.query_one("#page", Static).update(self._pages[self._shown])
-        # At once: what is scrolled behind the new text would be the place of the old one.
-        box.scroll_home(animate=False, immediate=True)
+    def page(self) -> tuple[str, str, str]:
+        """The keys first."""
+        keys = f"tab {self._other} · t tour · esc back"
+        return f"help: {self._shown}", keys, self._pages[self._shown]
 
 
 class Tick(Static, can_focus=True):
@@ -245,9 +281,7 @@ class MessageDialog(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """The words; any key puts them away, where they were asked for."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
-            box.border_subtitle = "esc or enter back" if self.opens_unasked else "any key back"
+        with framed(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
@@ -284,9 +318,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
     def compose(self) -> ComposeResult:
         """The message, a box to tick for each failed check, and the two ways on."""
-        with VerticalScroll() as box:
-            box.border_title = "not armed"
-            box.border_subtitle = "space ticks · ↑↓ move · esc back"
+        with framed("not armed", "space ticks · ↑↓ move · esc back"):
             intro = "These stand against it; tick what you answer for, by name and on record."
             yield Static(intro if self._failed else self._message, markup=False)
             for number, check in enumerate(self._failed):
@@ -337,8 +369,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
     def compose(self) -> ComposeResult:
         """What would be done, and the two ways on."""
-        with VerticalScroll() as box:
-            box.border_title = self._title
+        with framed(self._title):
             yield Static(self._text, markup=False)
             with Vertical(classes="choices"):
                 yield Button("esc  Back", id="back", compact=True)
@@ -384,8 +415,7 @@ class LeaveDialog(Dialog[Leave | None]):
             ("stop-engine", "s  Stop the engine: the mount stops, the session is closed"),
             ("stay", "esc  Stay here"),
         ]
-        with VerticalScroll() as box:
-            box.border_title = "leave the console"
+        with framed("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
                 for name, words in choices:

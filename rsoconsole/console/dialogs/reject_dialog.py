@@ -5,11 +5,11 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical, VerticalScroll
+from textual.containers import Vertical
 from textual.events import Key
 from textual.widgets import Button, Static
 
-from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.dialogs.dialogs import Dialog, framed
 from rsoconsole.night import LastMeasured
 from rsoconsole.words import angle, clock
 
@@ -39,9 +39,7 @@ class RejectDialog(Dialog[int | None]):
 
     def compose(self) -> ComposeResult:
         """One line each, the newest first."""
-        with VerticalScroll() as box:
-            box.border_title = "reject a measurement"
-            box.border_subtitle = "1-9 or enter rejects · esc back"
+        with framed("reject a measurement", "1-9 or enter rejects · esc back"):
             words = "Which one was something else? The track is as if without it."
             yield Static(words, markup=False)
             with Vertical(classes="choices"):

@@ -1,23 +1,18 @@
 """The recorded nights: newest first, each with its branches; one is chosen, or a path typed."""
 
 import contextlib
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
-from textual import events
-from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
-from textual.containers import Vertical
 from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.config import home_path
-from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.dialogs.dialogs import Send
+from rsoconsole.console.dialogs.list_dialog import ListDialog
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
@@ -182,53 +177,27 @@ class EntrySeen(Message):
         self.entry = entry
 
 
-class SessionListDialog(Dialog[Path | None]):
+class SessionListDialog(ListDialog[Path | None, Entry]):
     """Sessions; typing finds one, enter opens it. Gives its folder."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("up", "choose(-1)", show=False),
-        Binding("down", "choose(1)", show=False),
-        Binding("pageup", "choose(-10)", show=False),
-        Binding("pagedown", "choose(10)", show=False),
-    ]
-    DEFAULT_CSS = """
-    SessionListDialog > Vertical {
-        width: 100; max-width: 100%; height: 80%; min-height: 10; max-height: 100%;
-        background: $surface; border: solid $primary; padding: 0 1;
-    }
-    SessionListDialog LinesPane { height: 1fr; }
-    """
+    LISTED = "sessions"
+    KEYS = "↑↓ choose · enter opens · esc back"
+    TO_TYPE = "type a part of a name, or a path"
 
     def __init__(self, root: Path, present: Path | None) -> None:
         """``present``: the session that is looked at now."""
         super().__init__()
         self._root, self._present = root, present
         self._entries: list[Entry] | None = None
-        self._at = 0
         self._fault = ""
         self._is_over = False
-
-    def compose(self) -> ComposeResult:
-        """A field to type in, and the list."""
-        with Vertical() as box:
-            box.border_title = "sessions"
-            box.border_subtitle = "↑↓ choose · enter opens · esc back"
-            yield Input(placeholder="type a part of a name, or a path", id="wanted", compact=True)
-            yield LinesPane(id="rows")
-
-    def on_mount(self) -> None:
-        """Look for them on a thread: a slow disk keeps nobody."""
-        self.query_one(Input).focus()
-        self._show()
-        send = poster(self.app.call_from_thread, self.post_message)
-        work = lambda: self._look(send)  # noqa: E731 -- it is given to a thread
-        threading.Thread(target=work, name="console-sessions", daemon=True).start()
 
     def on_unmount(self) -> None:
         """Nobody waits for the rest."""
         self._is_over = True
 
-    def _look(self, send: Callable[[Message], None]) -> None:
+    def look(self, send: Send) -> None:
+        """Their names first, then what is in each."""
         try:
             entries = entries_of(self._root, self._present)
         except SessionError as error:
@@ -246,7 +215,7 @@ class SessionListDialog(Dialog[Path | None]):
         folders = [entry.folder for entry in message.entries]
         if self._present in folders and self._at == 0:
             self._at = folders.index(self._present)
-        self._show()
+        self.show()
 
     def on_entry_seen(self, message: EntrySeen) -> None:
         """What is in one."""
@@ -254,7 +223,7 @@ class SessionListDialog(Dialog[Path | None]):
         self._entries = [
             message.entry if each.folder == message.entry.folder else each for each in entries
         ]
-        self._show()
+        self.show()
 
     @property
     def shown(self) -> list[Entry]:
@@ -262,48 +231,30 @@ class SessionListDialog(Dialog[Path | None]):
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Other ones are left."""
-        event.stop()
-        self._at = 0
-        self._show()
+    def result_of(self, row: Entry) -> Path:
+        """Its folder."""
+        return row.folder
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Open what is typed as a path, or what is chosen."""
-        event.stop()
-        shown = self.shown
-        if shown:
-            self.dismiss(shown[min(self._at, len(shown) - 1)].folder)
-            return
+    def take_typed(self, typed: str) -> None:
+        """Open it, where it is a session's path."""
         with contextlib.suppress(ValueError, OSError):  # nobody's home, a name too long
-            typed = home_path(event.value.strip())
-            if event.value.strip() and (typed / DATABASE).is_file():
-                self.dismiss(typed)
+            path = home_path(typed.strip())
+            if typed.strip() and (path / DATABASE).is_file():
+                self.dismiss(path)
                 return
-        self.app.bell()
+        super().take_typed(typed)
 
-    def action_choose(self, by: int) -> None:
-        """One further up or down."""
-        self._at = min(max(self._at + by, 0), max(len(self.shown) - 1, 0))
-        self._show()
-
-    def on_click(self, event: events.Click) -> None:
-        """By the mouse: choose; the chosen one: open it."""
-        rows = self.query_one("#rows", LinesPane)
-        if event.widget is not rows or not event.y:
-            return
-        room = max(rows.size.height - 1, 1)
-        number = first_shown(self._at, len(self.shown), room) + event.y - 1
+    def take_click(self, number: int) -> None:
+        """Choose; the chosen one: open it."""
         if number >= len(self.shown):
             return
         if number == self._at:
             self.dismiss(self.shown[number].folder)
-            return
-        self._at = number
-        self._show()
+        else:
+            self.choose(number)
 
-    def _show(self) -> None:
-        shown, at = self.shown, self._at
+    def lines(self, width: int, height: int) -> list[Line]:
+        """The sessions, or why there are none."""
         if self._entries is None:
             absent = f"looking into {self._root} …"
         elif self._fault:
@@ -312,18 +263,4 @@ class SessionListDialog(Dialog[Path | None]):
             absent = f"no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
         else:
             absent = "no name has that: enter opens it as a path"
-        self.query_one("#rows", LinesPane).show(
-            lambda width, height: session_lines(shown, at, absent, width, height)
-        )
-
-
-def poster(
-    call: Callable[..., object], post: Callable[[Message], object]
-) -> Callable[[Message], None]:
-    """Posts messages from another thread, as long as the console is there."""
-
-    def send(message: Message) -> None:
-        with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-            call(post, message)
-
-    return send
+        return session_lines(self.shown, self._at, absent, width, height)

@@ -5,13 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
-from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
-from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.dialogs.dialogs import PagedDialog
 from rsoconsole.console.night import EngineView
 from rsoconsole.night import NightView
 
@@ -112,7 +109,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     )
 
 
-class TourDialog(Dialog[bool | None]):
+class TourDialog(PagedDialog[bool | None]):
     """The pages, one at a time. Gives True where the help is wanted after it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -127,31 +124,21 @@ class TourDialog(Dialog[bool | None]):
         self._pages = tour_pages(keymap)
         self._at = 0
 
-    def compose(self) -> ComposeResult:
-        """One page."""
-        with VerticalScroll():
-            yield Static("", id="page", markup=False)
-
-    def on_mount(self) -> None:
-        """The first one."""
-        self._show()
-
     def action_turn(self, by: int) -> None:
         """To another page; beyond the last one it is over."""
         if self._at + by >= len(self._pages):
             self.dismiss(None)
             return
         self._at = max(self._at + by, 0)
-        self._show()
+        self.show()
 
     def action_help(self) -> None:
         """Every key instead."""
         self.dismiss(True)
 
-    def _show(self) -> None:
+    def page(self) -> tuple[str, str, str]:
+        """Which one it is, and how it goes on."""
         title, text = self._pages[self._at]
-        box = self.query_one(VerticalScroll)
-        box.border_title = f"tour {self._at + 1} of {len(self._pages)}: {title}"
         is_last = self._at == len(self._pages) - 1
-        box.border_subtitle = f"→ {'done' if is_last else 'next'} · ← back · F1 all keys · esc ends"
-        self.query_one("#page", Static).update(text)
+        keys = f"→ {'done' if is_last else 'next'} · ← back · F1 all keys · esc ends"
+        return f"tour {self._at + 1} of {len(self._pages)}: {title}", keys, text

@@ -1,24 +1,19 @@
 """What is up now: the satellites of the element files above the limit; one is gone to."""
 
 import logging
-import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from textual import events
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical
 from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
-from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.dialogs.session_list import poster
+from rsoconsole.console.dialogs.dialogs import Send
+from rsoconsole.console.dialogs.list_dialog import ListDialog
 from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.words import clipped, first_shown
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.words import clock, span
@@ -42,23 +37,18 @@ class UpFound(Message):
         self.found, self.t_utc_ns, self.fault = found, t_utc_ns, fault
 
 
-class UpListDialog(Dialog[str | None]):
+class UpListDialog(ListDialog[str | None, "Up"]):
     """Satellites above the limit; typing finds one. Gives its number, as the go-to takes it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("up", "choose(-1)", show=False),
-        Binding("down", "choose(1)", show=False),
-        Binding("pageup", "choose(-10)", show=False),
-        Binding("pagedown", "choose(10)", show=False),
         Binding("tab", "sort", show=False, priority=True),
     ]
     DEFAULT_CSS = """
-    UpListDialog > Vertical {
-        width: 78; max-width: 100%; height: 80%; min-height: 10; max-height: 100%;
-        background: $surface; border: solid $primary; padding: 0 1;
-    }
-    UpListDialog LinesPane { height: 1fr; }
+    UpListDialog > Vertical { width: 78; }
     """
+    LISTED = "what is up now"
+    KEYS = "↑↓ choose · enter plans a go-to · tab sorts · esc back"
+    TO_TYPE = "type a part of a name or number"
 
     def __init__(self, config: Callable[[], Config | None], now_utc_ns: Callable[[], int]) -> None:
         """``config``: the night's, None until it has been read; ``now_utc_ns``: the frame clock."""
@@ -69,25 +59,9 @@ class UpListDialog(Dialog[str | None]):
         self._limit_deg = 0.0
         self._fault = ""
         self._order: Order = "altitude"
-        self._at = 0
 
-    def compose(self) -> ComposeResult:
-        """A field to type in, and the list."""
-        with Vertical() as box:
-            box.border_title = "what is up now"
-            box.border_subtitle = "↑↓ choose · enter plans a go-to · tab sorts · esc back"
-            yield Input(placeholder="type a part of a name or number", id="wanted", compact=True)
-            yield LinesPane(id="rows")
-
-    def on_mount(self) -> None:
-        """Compute it on a thread: large catalogues take a second."""
-        self.query_one(Input).focus()
-        self._show()
-        post = poster(self.app.call_from_thread, self.post_message)
-        work = lambda: self._look(post)  # noqa: E731 -- it is given to a thread
-        threading.Thread(target=work, name="console-up-now", daemon=True).start()
-
-    def _look(self, post: Callable[[Message], None]) -> None:
+    def look(self, send: Send) -> None:
+        """Compute it: large catalogues take a second."""
         from rsoconsole.pipeline.orbits import read_catalogue
         from rsoconsole.pipeline.outlook import up_now
 
@@ -99,25 +73,25 @@ class UpListDialog(Dialog[str | None]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            post(UpFound((), t_utc_ns, fault))
+            send(UpFound((), t_utc_ns, fault))
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
         try:
             found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
-            post(UpFound((), t_utc_ns, str(error)))
+            send(UpFound((), t_utc_ns, str(error)))
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
-            post(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
+            send(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
         else:
-            post(UpFound(found, t_utc_ns))
+            send(UpFound(found, t_utc_ns))
 
     def on_up_found(self, message: UpFound) -> None:
         """The list."""
         self._found, self._fault = message.found, message.fault
         self._t_utc_ns = message.t_utc_ns
-        self._show()
+        self.show()
 
     @property
     def shown(self) -> "list[Up]":
@@ -134,41 +108,17 @@ class UpListDialog(Dialog[str | None]):
             return sorted(left, key=lambda up: (up.minutes_left is None, up.minutes_left or 0.0))
         return left
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Other ones are left."""
-        event.stop()
-        self._at = 0
-        self._show()
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Plan the way to the chosen one."""
-        event.stop()
-        shown = self.shown
-        if shown:
-            self.dismiss(str(shown[min(self._at, len(shown) - 1)].norad_id))
-        else:
-            self.app.bell()
-
-    def on_click(self, event: events.Click) -> None:
-        """By the mouse: choose; nothing moves by it."""
-        rows = self.query_one("#rows", LinesPane)
-        if event.widget is rows and event.y:
-            room = max(rows.size.height - 1, 1)
-            number = first_shown(self._at, len(self.shown), room) + event.y - 1
-            self._at = min(number, max(len(self.shown) - 1, 0))
-            self._show()
-
-    def action_choose(self, by: int) -> None:
-        """One further up or down."""
-        self._at = min(max(self._at + by, 0), max(len(self.shown) - 1, 0))
-        self._show()
+    def result_of(self, row: "Up") -> str:
+        """Its number."""
+        return str(row.norad_id)
 
     def action_sort(self) -> None:
         """By altitude, by what sets first, by name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
-        self._show()
+        self.show()
 
-    def _show(self) -> None:
+    def lines(self, width: int, height: int) -> list[Line]:
+        """The satellites, or why there are none."""
         shown: list[Up] = []
         if self._found is None:
             head = "computing …"
@@ -180,10 +130,7 @@ class UpListDialog(Dialog[str | None]):
                 f"{len(shown)} of {len(self._found)} above {self._limit_deg:g}°"
                 f" at {clock(self._t_utc_ns)}, by {self._order}"
             )
-        at = self._at
-        self.query_one("#rows", LinesPane).show(
-            lambda width, height: up_lines(head, shown, at, width, height)
-        )
+        return up_lines(head, shown, self._at, width, height)
 
 
 def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int) -> list[Line]:

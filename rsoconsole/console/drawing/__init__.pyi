@@ -28,13 +28,13 @@ from .plot import Line as Line
 from .plot import cells_a_frame as cells_a_frame
 from .plot import confidence_plot as confidence_plot
 from .plot import confidence_strip as confidence_strip
+from .plot import joined as joined
 from .plot import nis_plot as nis_plot
 from .plot import residual_plot as residual_plot
 from .plot import residual_strip as residual_strip
 from .plot import sparkline as sparkline
 from .plot import value_plot as value_plot
 from .sheet_layout import sheet_boxes as sheet_boxes
-from .sky_view import sky_lines as sky_lines
 from .terminal_query import asked as asked
 from .terminal_query import blocks_of as blocks_of
 from .track_marks import Numbered as Numbered

@@ -10,6 +10,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.console.drawing.plot import joined
+
 ByteImage = npt.NDArray[np.uint8]
 Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
 Key = tuple[int, int]
@@ -153,7 +155,7 @@ def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[s
     Half blocks are always the upper one: letters are made of them where a terminal has no more.
     """
     if blocks is HALF_BLOCKS:
-        return _joined(_halves(cells, marks, row))
+        return joined(_halves(cells, marks, row))
     patterns, brights = cells.pattern[row].tolist(), cells.bright[row].tolist()
     darks, behinds = cells.dark[row].tolist(), cells.behind[row].tolist()
     glyphs, inverse = blocks.glyphs, len(blocks.glyphs) - 1
@@ -194,7 +196,7 @@ def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[s
             front, back = bright, dark
             text.append(glyphs[pattern])
     close()
-    return _joined(done)
+    return joined(done)
 
 
 def _halves(cells: Cells, marks: Written, row: int) -> list[tuple[str, RunKey]]:
@@ -208,14 +210,3 @@ def _halves(cells: Cells, marks: Written, row: int) -> list[tuple[str, RunKey]]:
         else:
             parts.append(("▀", (dark, bright) if pattern == LOWER_HALF else (bright, dark)))
     return parts
-
-
-def _joined(parts: list[tuple[str, RunKey]]) -> list[tuple[str, RunKey]]:
-    """Neighbours of the same colours as one."""
-    joined: list[tuple[str, RunKey]] = []
-    for text, key in parts:
-        if joined and joined[-1][1] == key:
-            joined[-1] = (joined[-1][0] + text, key)
-        else:
-            joined.append((text, key))
-    return joined

@@ -48,6 +48,10 @@ Name = Literal[
 ]
 
 
+STRIPS: dict[Name, int] = {"confidence": 1, "east": 1, "north": 1}
+"""The rows of plots that there is little room for."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
     """A rectangle of cells."""
@@ -189,22 +193,12 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
     boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=panes_rows)
     x, columns = frame_columns + 1, middle.width - frame_columns - 1
     each = (panes_rows - 1) // 3
-    rows: dict[Name, int] = {
-        "confidence": panes_rows - 2 - 2 * each,
-        "east": each,
-        "north": each,
-        "axis": 1,
-    }
-    y = middle.y
-    for name, n in rows.items():
-        boxes[name] = Box(x=x, y=y, width=columns, height=n)
-        y += n
-    boxes["nis"] = Box(x=x, y=y, width=columns, height=1)
-    y += 1
-    boxes["facts"] = Box(x=0, y=y, width=middle.width, height=facts_rows)
-    y += facts_rows
+    first = panes_rows - 2 - 2 * each
+    plots: dict[Name, int] = {"confidence": first, "east": each, "north": each, "axis": 1, "nis": 1}
+    y = _stacked(boxes, Box(x=x, y=middle.y, width=columns, height=panes_rows), plots)
     bottom = middle.y + middle.height + facts_rows
-    _put(boxes, "log", Box(x=0, y=y, width=middle.width, height=bottom - y))
+    below = Box(x=0, y=y, width=middle.width, height=bottom - y)
+    _stacked(boxes, below, {"facts": facts_rows, "log": below.height - facts_rows})
 
 
 def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
@@ -264,23 +258,15 @@ def _strips(boxes: dict[Name, Box], middle: Box, aspect: float) -> None:
     frame_columns = _frame_columns(middle.height - 2, aspect, middle.width // 2)
     boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=middle.height)
     x, columns = frame_columns + 1, middle.width - frame_columns - 1
-    names: tuple[Name, ...] = ("confidence", "east", "north")
-    for offset, name in enumerate(names):
-        boxes[name] = Box(x=x, y=middle.y + offset, width=columns, height=1)
-    _put(boxes, "log", Box(x=x, y=middle.y + 3, width=columns, height=middle.height - 3))
+    rows = {**STRIPS, "log": middle.height - len(STRIPS)}
+    _stacked(boxes, Box(x=x, y=middle.y, width=columns, height=middle.height), rows)
 
 
 def _bare(boxes: dict[Name, Box], middle: Box, facts_rows: int) -> None:
     """One column: figures, a row for each plot, and what is left for the log."""
-    _put(boxes, "facts", Box(x=0, y=middle.y, width=middle.width, height=facts_rows))
-    y = middle.y + facts_rows
-    bottom = middle.y + middle.height
-    if bottom - y >= 3:
-        names: tuple[Name, ...] = ("confidence", "east", "north")
-        for name in names:
-            boxes[name] = Box(x=0, y=y, width=middle.width, height=1)
-            y += 1
-    _put(boxes, "log", Box(x=0, y=y, width=middle.width, height=bottom - y))
+    left = middle.height - facts_rows
+    strips = STRIPS if left >= len(STRIPS) else {}
+    _stacked(boxes, middle, {"facts": facts_rows, **strips, "log": left - len(strips)})
 
 
 def _frame_columns(picture_rows: int, aspect: float, at_most: int) -> int:

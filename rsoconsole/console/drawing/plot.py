@@ -5,12 +5,14 @@ what the marks say.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from itertools import groupby
+from typing import Literal, TypeVar
 
 Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here"]
 Line = list[tuple[str, Ink]]
+Key = TypeVar("Key")
 
 AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
@@ -24,6 +26,12 @@ _BRAILLE = 0x2800
 _LEFT = (0x01, 0x02, 0x04, 0x40)
 _RIGHT = (0x08, 0x10, 0x20, 0x80)
 _RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0, "here": 0}
+
+
+def joined(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
+    """Neighbours of one ink as one text."""
+    groups = groupby(cells, key=lambda cell: cell[1])
+    return [("".join(text for text, _ in group), key) for key, group in groups]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,17 +86,12 @@ class Canvas:
 
     def line(self, row: int) -> Line:
         """One row as runs of one ink."""
-        line: Line = []
-        for column in range(self.columns):
-            at = column, row
-            dots = self._dots.get(at)
-            text = self._glyphs.get(at) or (chr(_BRAILLE | dots) if dots else " ")
-            ink = self._inks.get(at, "")
-            if line and line[-1][1] == ink:
-                line[-1] = (line[-1][0] + text, ink)
-            else:
-                line.append((text, ink))
-        return line
+        return joined(self._cell((column, row)) for column in range(self.columns))
+
+    def _cell(self, at: tuple[int, int]) -> tuple[str, Ink]:
+        dots = self._dots.get(at)
+        text = self._glyphs.get(at) or (chr(_BRAILLE | dots) if dots else " ")
+        return text, self._inks.get(at, "")
 
     def _level(self, value: float) -> float:
         return (self.high - value) / (self.high - self.low) * (4 * self.rows - 1)

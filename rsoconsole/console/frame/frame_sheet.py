@@ -5,14 +5,13 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 from textual import events
 from textual.app import ComposeResult
 from textual.message import Message
 
 from rsoconsole.config import Config
-from rsoconsole.console.commands import BY_NAME
+from rsoconsole.console.actions import Seat
 from rsoconsole.console.drawing import Ink, Line, sheet_boxes
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
@@ -21,7 +20,15 @@ from rsoconsole.console.frame.sheet_pane import SheetPane
 from rsoconsole.console.frame.sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_words import mark_words, step_px
 from rsoconsole.console.night import EngineView
-from rsoconsole.console.panes import Key, LinesPane, Mode, key_at, key_line, keys_for, notice_rows
+from rsoconsole.console.panes import (
+    Key,
+    LinesPane,
+    Mode,
+    action_at,
+    key_line,
+    keys_for,
+    notice_rows,
+)
 from rsoconsole.console.picture import whole
 from rsoconsole.console.watches import Done, Fault, Loaded, News, Opened, SheetWorker
 from rsoconsole.console.words import wrapped
@@ -31,17 +38,6 @@ from rsoconsole.session.reading import SessionReader
 LOOK_S = 0.25
 """How often what is under way says for how long, and the first line is made again."""
 MOST_ALERT_ROWS = 3
-
-
-class SaysTo(Protocol):
-    """The screen below."""
-
-    @property
-    def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment."""
-
-    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """A word over the last line, for a while."""
 
 
 class SheetNews(Message):
@@ -74,7 +70,7 @@ class FrameSheet(SheetActions):
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
         mark_to: MarkTo | None = None,
-        seat: SaysTo | None = None,
+        seat: Seat | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
         what must not be missed, where a telescope is at work meanwhile; ``seat``: the screen below,
@@ -306,10 +302,8 @@ class FrameSheet(SheetActions):
             seat=self._seat,
         )
         its = other.sheet
-        its.view, its.step, its.stretch, its.has_marks = (
-            *(own.view, own.step),
-            *(own.stretch, own.has_marks),
-        )
+        its.view, its.step = own.view, own.step
+        its.stretch, its.has_marks = own.stretch, own.has_marks
         self.app.switch_screen(other)
 
     def action_list(self) -> None:
@@ -321,11 +315,6 @@ class FrameSheet(SheetActions):
     async def on_click(self, event: events.Click) -> None:
         """A key of the last line."""
         pane = self.query_one("#keys", LinesPane)
-        key = None
-        if event.widget is pane and event.y == pane.size.height - 1:
-            notice = self._notice_shown[0] if pane.size.height == 1 else ""
-            key = key_at(self._drawn_keys, notice, pane.size.width, event.x)
-        if key is not None and key.command:
-            command = BY_NAME.get(key.command)
-            is_apps = command is not None and command.is_everywhere
-            await self.run_action(f"app.{key.command}" if is_apps else key.command)
+        action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
+        if action:
+            await self.run_action(action)

@@ -13,7 +13,7 @@ from rsoconsole.console.drawing import Ink
 from rsoconsole.console.frame.sheet import Sheet
 from rsoconsole.console.frame.sheet_pane import SheetPane
 from rsoconsole.console.frame.sheet_words import step_words
-from rsoconsole.console.picture import STEPS, STRETCHES
+from rsoconsole.console.picture import FAR, MOVES, STEPS, STRETCHES
 from rsoconsole.console.watches import Pointed
 from rsoconsole.control import MarkByHand
 from rsoconsole.records import MapMode
@@ -24,8 +24,6 @@ SendMark = Callable[[MarkByHand], str]
 """Hands a mark to the engine; gives what is to be said of it."""
 SAID_S = 4.0
 REFUSED_S = 15.0
-FAR = 5
-"""Steps that a shifted arrow goes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +42,6 @@ class MarkTo:
 
 ROOM_PX = 20.0
 """Seen beyond both ends of a candidate that is gone to."""
-_MOVES = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 
 
 class SheetActions(Screen[None]):
@@ -54,8 +51,8 @@ class SheetActions(Screen[None]):
         Binding("escape", "back", "Back", show=False),
         Binding("enter", "set_end", "Set an end", show=False),
         Binding("q", "app.leave", "Leave", id="leave", show=False),
-        *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
-        *(Binding(f"shift+{key}", f"move('{key}', {FAR})", show=False) for key in _MOVES),
+        *(Binding(key, f"move('{key}')", show=False) for key in MOVES),
+        *(Binding(f"shift+{key}", f"move('{key}', {FAR})", show=False) for key in MOVES),
         Binding("pageup", "other_frame(-1)", "Frame before", show=False),
         Binding("pagedown", "other_frame(1)", "Frame after", show=False),
         Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
@@ -109,7 +106,7 @@ class SheetActions(Screen[None]):
 
     def action_move(self, key: str, times: int = 1) -> None:
         """The cross, and the view with it."""
-        across, down = _MOVES[key]
+        across, down = MOVES[key]
         if self.sheet.view is not None:
             step = STEPS[self.sheet.step] * times
             self.sheet.view = self.sheet.view.moved(step * across, step * down)

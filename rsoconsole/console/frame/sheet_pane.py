@@ -21,7 +21,7 @@ class SheetPane(FramePane):
         """The sheet has changed."""
         sheet = self._sheet
         if sheet.pixels is None and sheet.opened is not None:
-            self._picture, self._stretch = sheet.opened.preview, sheet.stretch
+            self.picture, self._stretch = sheet.opened.preview, sheet.stretch
         self._redraw()
 
     def next_sight(self) -> None:

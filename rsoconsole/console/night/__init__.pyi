@@ -5,4 +5,3 @@ from .alerts import alerts_between as alerts_between
 from .alerts import notification as notification
 from .engine_seen import EngineView as EngineView
 from .engine_seen import engine_view as engine_view
-from .live_behind import LiveBehind as LiveBehind

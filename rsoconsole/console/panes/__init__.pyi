@@ -1,7 +1,7 @@
 from .last_line import MODE_WORDS as MODE_WORDS
 from .last_line import Key as Key
 from .last_line import Mode as Mode
-from .last_line import key_at as key_at
+from .last_line import action_at as action_at
 from .last_line import key_line as key_line
 from .last_line import keys_for as keys_for
 from .last_line import mode_keys as mode_keys

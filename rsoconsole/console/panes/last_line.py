@@ -3,7 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.commands import first_key
+from textual.events import Click
+from textual.widget import Widget
+
+from rsoconsole.console.commands import BY_NAME, first_key
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.words import clipped, wrapped
@@ -286,6 +289,21 @@ def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
             return key
         at += columns + len(_GAP)
     return None
+
+
+def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
+    """What the key that was clicked does, as Textual writes an action; empty: none was.
+
+    ``pane``: shows the keys, and the notice over or behind them.
+    """
+    if event.widget is not pane or event.y != pane.size.height - 1:
+        return ""
+    key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
+    if key is None or not key.command:
+        return ""
+    command = BY_NAME.get(key.command)
+    is_everywhere = command is not None and command.is_everywhere
+    return f"app.{key.command}" if is_everywhere else key.command
 
 
 def _kept(keys: list[Key], width: int, notice: str = "") -> list[Key]:

@@ -44,26 +44,23 @@ class LogPane(ScrollView):
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(id=id)
         self.can_focus = False
-        self._lines: tuple[LogLine, ...] = ()
-        self._wanted = ""
+        self.lines: tuple[LogLine, ...] = ()
+        """What is shown, oldest first."""
+        self.wanted = ""
+        """The words of a filter; empty: none."""
         self._is_reading = False
         self._rows: list[tuple[LogLine, str, bool]] = []
         """A line, one row of its words, and whether it goes on in the next; newest first."""
-
-    @property
-    def lines(self) -> tuple[LogLine, ...]:
-        """What is shown, oldest first."""
-        return self._lines
 
     def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
         """Show these; one who has scrolled back keeps the place.
 
         ``is_reading``: there may be more, which has not been read yet.
         """
-        if lines == self._lines and is_reading == self._is_reading:
+        if lines == self.lines and is_reading == self._is_reading:
             return
         self._is_reading = is_reading
-        self._lines = lines
+        self.lines = lines
         before = len(self._rows)
         self._lay_out()
         grown = len(self._rows) - before
@@ -77,27 +74,22 @@ class LogPane(ScrollView):
         return self._rows[at][0] if at < len(self._rows) else None
 
     @property
-    def wanted(self) -> str:
-        """The words of a filter; empty: none."""
-        return self._wanted
-
-    @property
     def found(self) -> tuple[LogLine, ...]:
         """Lines that pass the filter, newest first."""
         return tuple(dict.fromkeys(line for line, _, _ in self._rows))
 
     @property
     def _title_rows(self) -> int:
-        return 1 if self._wanted else 0
+        return 1 if self.wanted else 0
 
     def _is_shown(self, line: LogLine) -> bool:
-        if self._wanted.lower() in line.text.lower():
+        if self.wanted.lower() in line.text.lower():
             return True
         return self.always_shown and (line.kind == "StateChange" or line.level == "alarm")
 
     def filter(self, wanted: str) -> None:
         """Only lines with these words, whatever their case; empty: every line."""
-        self._wanted = wanted
+        self.wanted = wanted
         self._lay_out()
         self.scroll_home(animate=False)
 
@@ -110,7 +102,7 @@ class LogPane(ScrollView):
         width = self.outer_size.width - 1
         self._rows = [
             (line, row, number < len(rows))
-            for line in reversed(self._lines)
+            for line in reversed(self.lines)
             if self._is_shown(line)
             for rows in (log_rows(line, width),)
             for number, row in enumerate(rows, 1)
@@ -122,7 +114,7 @@ class LogPane(ScrollView):
         """One row, as many down from the newest as it is scrolled."""
         width = self.scrollable_content_region.width
         if y < self._title_rows:
-            title = f" log: {self._wanted!r} · {HOW_TO_CHANGE} "
+            title = f" log: {self.wanted!r} · {HOW_TO_CHANGE} "
             style = self.rich_style + self.get_component_rich_style("log--title")
             return Strip([Segment(title.ljust(width)[:width], style)])
         y -= self._title_rows
@@ -130,9 +122,9 @@ class LogPane(ScrollView):
         if index >= len(self._rows):
             words = ""
             if not self._rows and y == 0:
-                wanted = f" no line has {self._wanted!r}"
+                wanted = f" no line has {self.wanted!r}"
                 empty = " reading …" if self._is_reading else " nothing has happened yet"
-                words = wanted if self._wanted else empty
+                words = wanted if self.wanted else empty
             return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
         line, text, goes_on = self._rows[index]
         if goes_on and y == self.size.height - 1 - self._title_rows:

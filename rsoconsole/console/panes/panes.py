@@ -98,17 +98,7 @@ class FramePane(Widget):
     """A title, the picture with its marks, a caption."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "frame--followed",
-        "frame--member",
-        "frame--candidate",
-        "frame--rejected",
-        "frame--operator",
-        "frame--predicted",
-        "frame--coasted",
-        "frame--now",
-        "frame--now_rejected",
-        "frame--box",
-        "frame--cursor",
+        *(f"frame--{kind}" for kind in KINDS),
         "frame--title",
         "frame--caption",
     }
@@ -131,7 +121,8 @@ class FramePane(Widget):
     def __init__(self, words: Words, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(id=id)
         self._words = words
-        self._picture: Picture | None = None
+        self.picture: Picture | None = None
+        """What is shown."""
         self._subject: object = None
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
@@ -160,11 +151,6 @@ class FramePane(Widget):
     """The picture's own marks are left out."""
 
     @property
-    def picture(self) -> Picture | None:
-        """What is shown."""
-        return self._picture
-
-    @property
     def drawing(self) -> Drawing | None:
         """How it is drawn; None while nothing is."""
         if not self._strips:
@@ -189,10 +175,10 @@ class FramePane(Widget):
 
         ``marks``: more than the picture's own, written over them.
         """
-        same = (self._picture, self._sight, self._stretch, self._subject, self._marks)
+        same = (self.picture, self._sight, self._stretch, self._subject, self._marks)
         if self._strips and same == (picture, sight, stretch, subject, marks):
             return
-        self._picture, self._sight, self._stretch, self._subject = picture, sight, stretch, subject
+        self.picture, self._sight, self._stretch, self._subject = picture, sight, stretch, subject
         self._marks = marks
         self._redraw()
 
@@ -264,18 +250,18 @@ class FramePane(Widget):
 
     def _light(self, drawing: Drawing, _cell_px: tuple[int, int]) -> LightImage:
         """What is drawn, from dark 0 to bright 1, at its own resolution."""
-        assert self._picture is not None
-        return shares(self._picture, drawing, self._stretch, is_field=self._sight == "field")
+        assert self.picture is not None
+        return shares(self.picture, drawing, self._stretch, is_field=self._sight == "field")
 
     def _shown_marks(self) -> tuple[Mark, ...]:
         """What is pointed at; afar a rejected candidate is no more than clutter."""
-        own = () if self._picture is None or self.hides_signs else self._picture.marks
+        own = () if self.picture is None or self.hides_signs else self.picture.marks
         marks = (*own, *self._marks)
         return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
 
     def _absent(self) -> str:
         """What is said where nothing is drawn."""
-        return self.absent if self._picture is None else "nothing to look at closely"
+        return self.absent if self.picture is None else "nothing to look at closely"
 
     def _ink(self, kind: str) -> tuple[int, int, int]:
         """Colour of a kind of mark: what is bright of its style."""
@@ -287,7 +273,7 @@ class FramePane(Widget):
         width, height = self.size
         rows = max(height - 2, 0)
         drawing = self._drawn = self._drawing(width, rows)
-        title, caption = self._words(self._picture, self._sight, drawing)
+        title, caption = self._words(self.picture, self._sight, drawing)
         return [
             self._text(
                 f"─ {fitted_words(title, width - 4)} ".ljust(width, "─")[:width], "frame--title"
@@ -299,7 +285,7 @@ class FramePane(Widget):
         ]
 
     def _drawing(self, width: int, rows: int) -> Drawing | None:
-        picture = self._picture
+        picture = self.picture
         if not width or not rows or picture is None:
             return None
         if self._sight == "field":

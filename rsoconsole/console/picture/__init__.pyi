@@ -3,6 +3,8 @@ from .graphics import cell_px as cell_px
 from .graphics import image_widget as image_widget
 from .graphics import offered as offered
 from .graphics import painted as painted
+from .marking import FAR as FAR
+from .marking import MOVES as MOVES
 from .marking import Marking as Marking
 from .marks import SHOWN_REJECTED as SHOWN_REJECTED
 from .marks import Mark as Mark
@@ -20,8 +22,6 @@ from .picture import draw_closeup as draw_closeup
 from .picture import draw_field as draw_field
 from .picture import fitted_cells as fitted_cells
 from .picture import greys as greys
-from .picture import light_of as light_of
-from .picture import read_codes as read_codes
 from .picture import shares as shares
 from .picture_files import read_closeup as read_closeup
 from .picture_files import read_picture as read_picture

@@ -123,10 +123,10 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
         return ()
     members = _members(detail)
     marks = [
-        _numbered(_mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
+        _numbered(mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
     ]
     marks += [
-        _numbered(_mark_of(each.detection, "rejected", None), each.detection, members)
+        _numbered(mark_of(each.detection, "rejected"), each.detection, members)
         for each in found.rejected
         if each.detection.confidence >= SHOWN_REJECTED
     ]
@@ -136,8 +136,9 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
         if m.source == "operator"
     ]
     unseen = [_coasted_mark(detail, track) for track in _unseen(detail)]
-    predicted = None if any(t.is_lead for t in _unseen(detail)) else _predicted_mark(detail)
-    return (*marks, *(mark for mark in (*unseen, predicted) if mark is not None))
+    if detail.predicted is not None and not any(t.is_lead for t in _unseen(detail)):
+        unseen.append(_mark_at(detail.predicted, detail, "predicted"))
+    return (*marks, *(mark for mark in unseen if mark is not None))
 
 
 def _members(detail: NightFrame) -> list[tuple[Measurement, FrameTrack]]:
@@ -174,12 +175,11 @@ def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
     )
 
 
-def mark_of(detection: Detection, kind: MarkKind) -> Mark:
-    """A streak's two ends, its confidence and what it is taken for."""
-    return _mark_of(detection, kind, None)
+def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
+    """A streak's two ends, its confidence and what it is taken for.
 
-
-def _mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None) -> Mark:
+    ``followed``: what was measured of the lead; its streak is marked as followed.
+    """
     is_followed = is_of_streak(detection, followed)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
     return Mark(

@@ -161,7 +161,8 @@ def draw_closeup(
     columns, rows = min(columns, width // n), min(rows, height // (2 * n))
     x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
     piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
-    light = _light(piece, "asinh" if stretch == "streaks" else stretch)
+    shown = "asinh" if stretch == "streaks" else stretch
+    light = _light(piece, shown)
     window = Window(
         x0_px=place.x0_px + x0 - 0.5,
         y0_px=place.y0_px + y0 - 0.5,
@@ -170,7 +171,6 @@ def draw_closeup(
         columns=columns,
         rows=rows,
     )
-    shown = "asinh" if stretch == "streaks" else stretch
     greys = _greys(_reduced(light, columns, rows, blocks), shown)
     return Drawing(greys=greys, blocks=blocks, window=window, px_per_square=float(n))
 

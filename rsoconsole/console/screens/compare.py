@@ -6,9 +6,8 @@ from typing import ClassVar, Literal
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 
-from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.dialogs import Dialog, framed
 from rsoconsole.console.drawing import Line
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.timeline import (
@@ -102,28 +101,22 @@ def _sky(a: Moment, b: Moment) -> list[Compared]:
 def _measured(a: Moment, b: Moment) -> list[Compared]:
     rows = [_row(m) for m in (a, b)]
     residuals = [None if row is None else row.residual_arcsec for row in rows]
+
+    def unsigned(
+        label: str, value: Callable[[FrameRow], float | None], words: Callable[[float], str]
+    ) -> Compared:
+        values = [None if row is None else value(row) for row in rows]
+        return _numbers(label, values, words, is_signed=False)
+
+    matched = [_matched(m) for m in (a, b)]
     return [
         _numbers("residual α", [r and r[0] for r in residuals], signed_angle),
         _numbers("residual δ", [r and r[1] for r in residuals], signed_angle),
-        _numbers(
-            "NIS", [row.nis if row else None for row in rows], lambda v: f"{v:.2f}", is_signed=False
-        ),
-        _numbers(
-            "confidence", [row.confidence if row else None for row in rows], short, is_signed=False
-        ),
+        unsigned("NIS", lambda row: row.nis, lambda v: f"{v:.2f}"),
+        unsigned("confidence", lambda row: row.confidence, short),
         _both("not taken", a, b, _refusal),
-        _numbers(
-            "star width",
-            [row.fwhm_px if row else None for row in rows],
-            lambda v: f"{v:.2f} px",
-            is_signed=False,
-        ),
-        _numbers(
-            "stars",
-            [_matched(m) for m in (a, b)],
-            lambda v: f"{v:.0f}",
-            is_signed=False,
-        ),
+        unsigned("star width", lambda row: row.fwhm_px, lambda v: f"{v:.2f} px"),
+        _numbers("stars", matched, lambda v: f"{v:.0f}", is_signed=False),
     ]
 
 
@@ -193,9 +186,7 @@ class CompareDialog(Dialog[Choice | None]):
 
     def compose(self) -> ComposeResult:
         """The table."""
-        with VerticalScroll() as box:
-            box.border_title = "compare A with B, this moment"
-            box.border_subtitle = "B blinks · K keeps B as A · esc back"
+        with framed("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table
@@ -223,9 +214,9 @@ def _numbers(
     is_signed: bool = True,
 ) -> Compared:
     a, b = values
-    difference = "" if a is None or b is None else words(b - a)
-    if difference and not is_signed and b is not None and a is not None and b > a:
-        difference = f"+{difference}"
+    difference = ""
+    if a is not None and b is not None:
+        difference = f"{'' if is_signed or b <= a else '+'}{words(b - a)}"
     texts = [ABSENT if value is None else words(value) for value in values]
     return Compared(label=label, a=texts[0], b=texts[1], difference=difference)
 

@@ -20,11 +20,11 @@ from rsoconsole.console.actions import (
 from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.dialogs import MARKED, CandidatesDialog, LeaveDialog, LineDialog, intro_text
 from rsoconsole.console.frame import MarkTo
-from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import Key, Mode, keys_for
 from rsoconsole.console.picture import Mark, Marking
 from rsoconsole.console.screens.drawn_from import Draw
 from rsoconsole.console.screens.night_screen import KNOWN, NightScreen
+from rsoconsole.console.screens.pane_places import aspect_of
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
 from rsoconsole.console.watches import (
     EngineSeen,
@@ -36,11 +36,8 @@ from rsoconsole.console.watches import (
 )
 from rsoconsole.console.words import kept_words, words
 from rsoconsole.control import (
-    AnswerSeat,
-    Command,
     MarkByHand,
     Note,
-    Outcome,
     Shutdown,
     StopNews,
 )
@@ -60,7 +57,7 @@ class LiveScreen(NightScreen):
         self.twice = TwicePressed(self)
         self.streaks = StreakActions(self, self.twice)
         self.mark = MarkActions(self)
-        self.outcomes = CommandOutcomes(self, self.mark)
+        self.outcomes = CommandOutcomes(self, self.mark, self.tune)
         self.track_orders = TrackOrders(self, self.twice, self.tracks)
         self.track_keys.orders = self.track_orders
         self.telescope = TelescopeActions(self, self.twice, self.track_orders.take_back_drop)
@@ -85,7 +82,7 @@ class LiveScreen(NightScreen):
     def on_night_seen(self, message: NightSeen) -> None:
         """The session has grown."""
         message.is_taken = True
-        has_other_shape = self.aspect_of(message.picture) != self.aspect_of(self.picture)
+        has_other_shape = aspect_of(message.picture) != aspect_of(self.picture)
         if message.night.folder != self.night.folder:
             self.mark.forget()
             self.streaks.forget_pick()
@@ -131,15 +128,6 @@ class LiveScreen(NightScreen):
         self.twice.press.forget()
         super().stop()
 
-    def done_words(self, command: Command, outcome: Outcome) -> str:
-        """What is said of a command that the engine has taken."""
-        said = f"{command.label()}: {outcome.message or 'done'}"
-        return self.tune.done_words(command) or said
-
-    def leave_console(self, result: str) -> None:
-        """It ends, and says to who has opened it what becomes of the engine."""
-        self.app.exit(result)
-
     @property
     def is_following_again(self) -> bool:
         """Whether what is kept has been asked for, and the engine has yet to take it up."""
@@ -155,6 +143,7 @@ class LiveScreen(NightScreen):
         }
 
     def _make_known(self) -> None:
+        self.outlook_watch.update(self.night, self.engine)
         self.on_known(self.night, self.engine)
 
     def _show_log_that_is_read(self) -> None:
@@ -212,36 +201,10 @@ class LiveScreen(NightScreen):
             is_in_cloud=self.night.is_in_cloud,
         )
 
-    def target_name(self) -> str:
-        """As the first line has it."""
-        return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
-
     @property
     def mode(self) -> Mode:
         """What the keys are for."""
         return "mark" if self.marking is not None else super().mode
-
-    # -- whose control it is --------------------------------------------------------------------
-
-    @property
-    def asker(self) -> str | None:
-        """Who asks for this seat, where it is this console's to give."""
-        is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
-        return self.engine.seat_asked_by if is_ours else None
-
-    def action_give_seat(self) -> None:
-        """To anyone who asks for it."""
-        self._answer_for_seat(gives=True)
-
-    def action_keep_seat(self) -> None:
-        """Though somebody asks for it."""
-        self._answer_for_seat(gives=False)
-
-    def _answer_for_seat(self, *, gives: bool) -> None:
-        if self.asker is None:
-            self.say("nobody asks for control")
-        else:
-            self.send(AnswerSeat(gives=gives, to=self.asker))
 
     # -- the console's own keys -----------------------------------------------------------------
 
@@ -344,11 +307,7 @@ class LiveScreen(NightScreen):
         self.app.push_screen(
             ReviewScreen(
                 self.orders,
-                read_only=True,
-                owns_engine=False,
-                ask_now=self.ask_now,
                 from_thread=self._from_thread,
-                on_known=lambda _night, _engine: None,
                 keymap=self.keymap,
                 sessions_root=self.sessions_root,
                 folder=folder,

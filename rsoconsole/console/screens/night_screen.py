@@ -1,17 +1,14 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
-from collections.abc import Sequence
-from functools import partial
+from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
-from textual.widget import Widget
 
 from rsoconsole.config import SessionConfig
 from rsoconsole.console.actions import (
-    LogFilter,
     PictureActions,
     PlotActions,
     Seat,
@@ -20,24 +17,21 @@ from rsoconsole.console.actions import (
     TracksPane,
     TuneActions,
 )
+from rsoconsole.console.dialogs import LineDialog
 from rsoconsole.console.drawing import (
-    Line,
     Name,
-    has_tune_of_its_own,
-    sky_lines,
 )
 from rsoconsole.console.frame import MarkTo
-from rsoconsole.console.orbit import OrbitShown, orbit_lines, orbit_shown, target_words
+from rsoconsole.console.orbit import orbit_lines
 from rsoconsole.console.panes import (
     FramePane,
-    Key,
     LinesPane,
     LogPane,
     Mode,
     Sight,
     StopBanner,
 )
-from rsoconsole.console.picture import Drawing, Mark, Picture
+from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.screens.alert_line import AlertLine
 from rsoconsole.console.screens.drawn_from import Draw, DrawnFrom
 from rsoconsole.console.screens.key_line import KeyLine
@@ -45,12 +39,10 @@ from rsoconsole.console.screens.opening_actions import OpeningActions
 from rsoconsole.console.screens.pane_places import place_panes
 from rsoconsole.console.screens.reading import ReadingActions
 from rsoconsole.console.tuning import TunePane
-from rsoconsole.console.watches import OrbitSeen, OutlookSeen, WhatIfSeen
-from rsoconsole.console.words import fact_lines, kept_words, words
-from rsoconsole.control import StopNews
-from rsoconsole.night import LogLine
+from rsoconsole.console.watches import OrbitSeen, OutlookSeen, OutlookWatch, WhatIfSeen
+from rsoconsole.console.words import fact_lines, sky_lines, words
+from rsoconsole.control import AnswerSeat, StopNews
 
-DEFAULT_ASPECT = 4 / 3
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
@@ -81,25 +73,26 @@ class NightScreen(Seat):
         super().__init__(*arguments, **named)
         self.sessions_root = sessions_root or SessionConfig().root
         self.tracks = TrackList()
-        self.plots = PlotActions(self, self.tracks, self._tracks_pane)
+        self.plots = PlotActions(self, self.tracks)
         self.track_keys = TrackActions(self, self.plots)
         self.tune = self.make_tune()
-        self.pictures = PictureActions(self, self._frame_panes)
+        self.pictures = PictureActions(self)
         self.reading = ReadingActions(self)
-        self.opening = OpeningActions(self, self.sessions_root)
-        self.log_filter = LogFilter(self, self._log_pane)
-        self.alert_line = AlertLine(self, partial(self.pane, "alert"))
-        self.key_line = KeyLine(self, partial(self.pane, "keys"))
+        self.opening = OpeningActions(self, self.sessions_root, lambda: self.mark_to)
+        self.alert_line = AlertLine(self)
+        self.key_line = KeyLine(self)
+        self.outlook_watch = OutlookWatch(
+            lambda outlook: self.post_from_thread(OutlookSeen(outlook)),
+            lambda ahead: self.post_from_thread(OrbitSeen(ahead)),
+        )
         self.take_keys(
             *(self.plots, self.track_keys, self.tune),
-            *(self.pictures, self.reading, self.opening, self.log_filter),
+            *(self.pictures, self.reading, self.opening),
         )
-        self.is_log_open = False
-        self.is_orbit_open = False
 
     def make_tune(self) -> TuneActions:
         """The keys of the tuning pane."""
-        return TuneActions(self, self._tune_pane)
+        return TuneActions(self)
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
@@ -119,6 +112,7 @@ class NightScreen(Seat):
 
     def on_mount(self) -> None:
         """First paint."""
+        self.outlook_watch.start()
         self.drawn = DrawnFrom(self, self.drawn_from())
         self.place_panes()
         self.drawn.draw_all()
@@ -133,26 +127,6 @@ class NightScreen(Seat):
         self.look_again()
 
     # -- the parts, their panes and messages --------------------------------------------------
-
-    def pane(self, name: str) -> LinesPane:
-        """The pane of that name."""
-        return self.query_one(f"#{name}", LinesPane)
-
-    def widget(self, name: str) -> Widget:
-        """A pane of any kind."""
-        return self.query_one(f"#{name}")
-
-    def _log_pane(self) -> LogPane:
-        return self.query_one("#log", LogPane)
-
-    def _tune_pane(self) -> TunePane:
-        return self.query_one("#tune", TunePane)
-
-    def _tracks_pane(self) -> TracksPane:
-        return self.query_one("#tracks", TracksPane)
-
-    def _frame_panes(self) -> tuple[FramePane, FramePane]:
-        return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
 
     def on_what_if_seen(self, message: WhatIfSeen) -> None:
         """Figures now and with what is tried."""
@@ -171,6 +145,7 @@ class NightScreen(Seat):
     def on_unmount(self) -> None:
         """Nobody asks any more."""
         self.tune.close_watch()
+        self.outlook_watch.close()
 
     def show_picture(self) -> None:
         """The shown frame in both panes."""
@@ -183,46 +158,9 @@ class NightScreen(Seat):
         return self.pictures.words(picture, sight, drawing)
 
     @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-        return False
-
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-        return ()
-
-    def look_again(self) -> None:
-        """The picture lies elsewhere, or shows another piece of the frame."""
-
-    @property
     def mark_to(self) -> MarkTo | None:
         """Where a mark of the opened frame goes; a night that is over takes none."""
         return None
-
-    def session_shown(self) -> Path | None:
-        """The session that is looked at."""
-        return self.night.folder
-
-    def open_session(self, folder: Path) -> None:
-        """Review it."""
-
-    def copy_to_clipboard(self, text: str) -> None:
-        """By the terminal."""
-        self.app.copy_to_clipboard(text)
-
-    def looked_at(self) -> tuple[LogLine | None, Sequence[LinesPane]]:
-        """The line of the open log, or else the tuning, the orbit, or where things stand."""
-        if self.is_log_open:
-            return self._log_pane().top_line, ()
-        if isinstance(self.focused, TunePane):
-            return None, (self.focused,)
-        names = ("orbit",) if self.is_orbit_open else ("top", "facts")
-        return None, [self.pane(name) for name in names]
-
-    @property
-    def drawing(self) -> Drawing | None:
-        """How the large pane's picture is drawn; None while nothing is."""
-        return self.query_one("#frame", FramePane).drawing
 
     # -- what is known ----------------------------------------------------------------------
 
@@ -234,11 +172,6 @@ class NightScreen(Seat):
     def on_orbit_seen(self, message: OrbitSeen) -> None:
         """Where the orbit leads."""
         self.orbit_ahead = message.ahead
-
-    @property
-    def orbit(self) -> OrbitShown:
-        """What is known of the orbit."""
-        return orbit_shown(self.night, self.engine, self.orbit_ahead)
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
         """How each part is drawn, and from which reactives; a STOP waits for none of them."""
@@ -257,7 +190,7 @@ class NightScreen(Seat):
     def show_log(self) -> None:
         """The lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
-        self._log_pane().show(self.night.log, is_reading=is_reading)
+        self.query_one(LogPane).show(self.night.log, is_reading=is_reading)
 
     def show_top(self) -> None:
         """The first line."""
@@ -278,40 +211,9 @@ class NightScreen(Seat):
             self.place_panes()
             self.call_after_refresh(self.look_again)
 
-    def top(self, width: int, rows: int) -> list[Line]:
-        """State and since when, who holds the mount, the target, the frame clock."""
-        night, engine, found = self.night, self.engine, target_words(self.orbit)
-        now, is_asked_for = words.present_utc_ns(night, engine), self.is_following_again
-        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
-        return words.top_lines(
-            night,
-            engine,
-            self.read_only,
-            width,
-            rows,
-            found=found,
-            kept=kept,
-            is_stopping=self.is_stopping,
-        )
-
-    @property
-    def alert(self) -> str:
-        """What must not be missed."""
-        return words.alert_text(self.night, self.engine)
-
-    @property
-    def intro(self) -> str:
-        """What stands in the alert's place while there is none; empty as a rule."""
-        return ""
-
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
         self.key_line.show()
-
-    @property
-    def keys(self) -> list[Key]:
-        """The keys that matter now."""
-        return []
 
     async def on_click(self, event: events.Click) -> None:
         """A key of the last line, by the mouse."""
@@ -336,28 +238,8 @@ class NightScreen(Seat):
 
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
-        place_panes(self, self.PANES, self.alert_line.place())
+        place_panes(self, self.plots, self.tune, self.PANES, self.alert_line.place())
         self.key_line.place()
-
-    def timeline_rows(self, height: int) -> int:
-        """How many rows over the keys a time line takes, in a terminal of that height."""
-        _ = height
-        return 0
-
-    def covers_plots(self) -> bool:
-        """The log, an open orbit and a tuning pane without a place of its own do."""
-        has_own = has_tune_of_its_own(*self.size)
-        return self.is_log_open or self.is_orbit_open or (self.tune.is_open and not has_own)
-
-    @property
-    def aspect(self) -> float:
-        """Of the shown picture."""
-        return self.aspect_of(self.picture)
-
-    @staticmethod
-    def aspect_of(picture: Picture | None) -> float:
-        """Of the camera's frames: width over height."""
-        return picture.aspect if picture is not None else DEFAULT_ASPECT
 
     # -- keys that only look ------------------------------------------------------------------
 
@@ -382,7 +264,7 @@ class NightScreen(Seat):
         """All panes to the log, and back."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
-        log = self._log_pane()
+        log = self.query_one(LogPane)
         log.can_focus = self.is_log_open
         if self.is_log_open:
             log.focus()
@@ -405,6 +287,24 @@ class NightScreen(Seat):
         self.place_panes()
         self.show_keys()
 
+    def clear_filter(self) -> None:
+        """Every line of the log again."""
+        self.query_one(LogPane).filter("")
+        self.say("log: every line")
+
+    def action_filter_log(self) -> None:
+        """Only lines with some words."""
+        log = self.query_one(LogPane)
+
+        def decided(wanted: str | None) -> None:
+            if wanted is None:
+                return
+            log.filter(wanted)
+            lines = f"lines with {wanted!r}, changes of state and alarms"
+            self.say(f"log: {lines if wanted else 'every line'}")
+
+        self.ask(LineDialog("filter the log", "nothing: every line", log.wanted), decided)
+
     def covers_picture(self) -> bool:
         """Whether an open orbit lies over it."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
@@ -418,9 +318,9 @@ class NightScreen(Seat):
 
     def action_put_away(self) -> None:
         """The log first, what came of a STOP, the orbit, a page of curves, the filter, a notice."""
-        log = self._log_pane()
+        log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
-            self.log_filter.clear()
+            self.clear_filter()
         elif self.is_log_open:
             self.action_log()
         elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
@@ -430,10 +330,27 @@ class NightScreen(Seat):
         elif self.plots.page is not None:
             self.plots.show_page(None)
         elif log.wanted:
-            self.log_filter.clear()
+            self.clear_filter()
         else:
             self.say("")
 
     def action_leave(self) -> None:
         """Out of the console; a screen that has something to ask before does."""
         self.app.exit("quit")
+
+    # -- whose control it is --------------------------------------------------------------------
+
+    @property
+    def asker(self) -> str | None:
+        """Who asks for this seat, where it is this console's to give."""
+        is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
+        return self.engine.seat_asked_by if is_ours else None
+
+    def _answer_for_seat(self, *, gives: bool) -> None:
+        if self.asker is None:
+            self.say("nobody asks for control")
+        else:
+            self.send(AnswerSeat(gives=gives, to=self.asker))
+
+    action_give_seat = partialmethod(_answer_for_seat, gives=True)
+    action_keep_seat = partialmethod(_answer_for_seat, gives=False)

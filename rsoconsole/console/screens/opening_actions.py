@@ -1,54 +1,26 @@
 """What opens over the panes: a frame, recorded nights, what became of each streak."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
-from rsoconsole.console.actions import LookingSeat
+from rsoconsole.console.actions import Seat
 from rsoconsole.console.dialogs import CandidatesDialog, Dialog
-from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.frame import FrameSheet, MarkTo
-from rsoconsole.console.picture import Picture
-from rsoconsole.control import StopNews
 
 DEAF_S = 1.0
 """So long enter does nothing after a dialog has closed."""
 
 
-class OpeningSeat(LookingSeat, Protocol):
-    """What opening something over the panes uses of the seat."""
-
-    picture: Picture | None
-    stop_news: StopNews | None
-
-    @property
-    def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment."""
-
-    @property
-    def alert(self) -> str:
-        """What must not be missed."""
-
-    @property
-    def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes; a night that is over takes none."""
-
-    def top(self, width: int, rows: int) -> list[Line]:
-        """State and since when, who holds the mount, the target, the frame clock."""
-
-    def session_shown(self) -> Path | None:
-        """The session that is looked at."""
-
-    def open_session(self, folder: Path) -> None:
-        """Review it."""
-
-
 class OpeningActions:
     """Each looks at the night from nearer; none changes what is shown behind it."""
 
-    def __init__(self, seat: OpeningSeat, sessions_root: Path) -> None:
-        """``sessions_root``: under which recorded nights lie."""
-        self._seat, self._sessions_root = seat, sessions_root
+    def __init__(
+        self, seat: Seat, sessions_root: Path, mark_to: Callable[[], MarkTo | None]
+    ) -> None:
+        """``sessions_root``: under which recorded nights lie; ``mark_to``: where a mark of the
+        opened frame goes."""
+        self._seat, self._sessions_root, self._mark_to = seat, sessions_root, mark_to
         self._deaf_after_s = time.monotonic()
         """Enter opens no frame right behind a dialog that was closed since."""
 
@@ -68,7 +40,7 @@ class OpeningActions:
                 status=self._seat.top,
                 alert=self._alert_elsewhere,
                 keymap=self._seat.keymap,
-                mark_to=self._seat.mark_to,
+                mark_to=self._mark_to(),
                 seat=self._seat,
             )
         )
@@ -88,7 +60,7 @@ class OpeningActions:
             if folder is not None:
                 seat.open_session(folder)
 
-        seat.ask(SessionListDialog(self._sessions_root, seat.session_shown()), decided)
+        seat.ask(SessionListDialog(self._sessions_root, seat.night.folder), decided)
 
     def action_verdicts(self) -> None:
         """Every streak of the shown frame, and what became of it."""

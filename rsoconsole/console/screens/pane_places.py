@@ -1,12 +1,10 @@
 """Where each pane of a night's screen lies, for its terminal and for what is open."""
 
-from collections.abc import Iterable, Mapping
-from typing import Protocol
+from collections.abc import Collection, Mapping
 
-from textual.geometry import Size
 from textual.widget import Widget
 
-from rsoconsole.console.actions import PlotActions, TuneActions
+from rsoconsole.console.actions import PlotActions, Seat, TuneActions
 from rsoconsole.console.drawing import (
     Box,
     Name,
@@ -14,62 +12,49 @@ from rsoconsole.console.drawing import (
     fold,
     has_tune_of_its_own,
     orbit_box,
+    timeline_rows,
     tune_box,
 )
-from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.picture import Picture
+
+DEFAULT_ASPECT = 4 / 3
 
 
-class PlacedScreen(Protocol):
-    """What placing asks of the screen."""
-
-    is_log_open: bool
-    is_orbit_open: bool
-    plots: PlotActions
-    tune: TuneActions
-
-    @property
-    def size(self) -> Size:
-        """Columns and rows of the terminal."""
-
-    @property
-    def aspect(self) -> float:
-        """Of the shown picture: width over height."""
-
-    def timeline_rows(self, height: int) -> int:
-        """How many rows over the keys a time line takes, in a terminal of that height."""
-
-    def pane(self, name: str) -> LinesPane:
-        """The pane of that name."""
-
-    def widget(self, name: str) -> Widget:
-        """A pane of any kind."""
+def aspect_of(picture: Picture | None) -> float:
+    """Of the camera's frames: width over height."""
+    return picture.aspect if picture is not None else DEFAULT_ASPECT
 
 
-def place_panes(screen: PlacedScreen, panes: Iterable[Name], alert_rows: int) -> None:
+def place_panes(
+    seat: Seat, plots: PlotActions, tune: TuneActions, panes: Collection[Name], alert_rows: int
+) -> None:
     """Lay out those panes, and what lies over them."""
-    width, height = screen.size
-    timeline_rows, aspect = screen.timeline_rows(height), screen.aspect
+    width, height = seat.size
+    over_keys = timeline_rows(height) if "timeline" in panes else 0
+    aspect = aspect_of(seat.picture)
     boxes = fold(
         width,
         height,
         alert_rows=alert_rows,
-        is_log_open=screen.is_log_open,
-        timeline_rows=timeline_rows,
+        is_log_open=seat.is_log_open,
+        timeline_rows=over_keys,
         aspect=aspect,
     )
     for name in panes:
-        widget, box = screen.widget(name), boxes.get(name)
+        widget, box = seat.query_one(f"#{name}"), boxes.get(name)
         widget.display = box is not None
         if box is not None:
             _put(widget, box)
-    over_plots, tune = (
-        box_of(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
+    over_plots, tune_place = (
+        box_of(width, height, alert_rows=alert_rows, timeline_rows=over_keys, aspect=aspect)
         for box_of in (orbit_box, tune_box)
     )
-    _place_orbit(screen, boxes.get("orbit"), over_plots)
-    screen.plots.place(over_plots)
-    _place_tune(screen, boxes, tune)
-    banner, box = screen.widget("stop"), banner_box(width, height, alert_rows=alert_rows)
+    _place_orbit(seat, boxes.get("orbit"), over_plots)
+    is_tune_over = tune.is_open and not has_tune_of_its_own(width, height)
+    is_covered = seat.is_log_open or seat.is_orbit_open or is_tune_over
+    plots.place(over_plots, is_covered=is_covered)
+    _place_tune(seat, tune, boxes, tune_place)
+    banner, box = seat.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
     banner.styles.height = box.height
     banner.styles.offset = (0, box.y)
 
@@ -79,19 +64,19 @@ def _put(widget: Widget, box: Box) -> None:
     widget.styles.width, widget.styles.height = box.width, box.height
 
 
-def _place_orbit(screen: PlacedScreen, standing: Box | None, over_plots: Box) -> None:
+def _place_orbit(seat: Seat, standing: Box | None, over_plots: Box) -> None:
     """Over the plots when it is opened; else where it always stands, if it does."""
-    is_open = screen.is_orbit_open and not screen.is_log_open
-    box, pane = over_plots if is_open else standing, screen.pane("orbit")
+    is_open = seat.is_orbit_open and not seat.is_log_open
+    box, pane = over_plots if is_open else standing, seat.pane("orbit")
     pane.display = box is not None
     pane.set_class(is_open, "-open")
     if box is not None:
         _put(pane, box)
 
 
-def _place_tune(screen: PlacedScreen, boxes: Mapping[Name, Box], place: Box) -> None:
-    pane, is_open = screen.tune.pane, screen.tune.is_open
-    pane.display = (is_open or has_tune_of_its_own(*screen.size)) and not screen.is_log_open
+def _place_tune(seat: Seat, tune: TuneActions, boxes: Mapping[Name, Box], place: Box) -> None:
+    pane = tune.pane
+    pane.display = (tune.is_open or has_tune_of_its_own(*seat.size)) and not seat.is_log_open
     if not pane.display:
         return
     _put(pane, place)
@@ -100,4 +85,4 @@ def _place_tune(screen: PlacedScreen, boxes: Mapping[Name, Box], place: Box) -> 
     if facts is None or not facts.x < place.x < facts.x + facts.width:
         return
     if facts.y < place.y + place.height and place.y < facts.y + facts.height:
-        screen.widget("facts").styles.width = place.x - facts.x
+        seat.query_one("#facts").styles.width = place.x - facts.x

@@ -1,19 +1,18 @@
 """Everything that is said, in full, and copied to where the terminal keeps what is copied."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
-from rsoconsole.console.actions import LookingSeat
-from rsoconsole.console.dialogs import Dialog
-from rsoconsole.console.panes import LinesPane
-from rsoconsole.control import StopNews
+from rsoconsole.console.actions import Seat
+from rsoconsole.console.dialogs import Dialog, framed
+from rsoconsole.console.panes import LogPane
+from rsoconsole.console.tuning import TunePane
 from rsoconsole.night import LogLine
 from rsoconsole.words import clock
 
@@ -42,9 +41,7 @@ class ReadingDialog(Dialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """One option a message, over as many rows as it takes."""
-        with VerticalScroll() as box:
-            box.border_title = "messages"
-            box.border_subtitle = "↑↓ choose · enter copies · esc back"
+        with framed("messages", "↑↓ choose · enter copies · esc back"):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:
@@ -63,27 +60,10 @@ class ReadingDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class ReadingSeat(LookingSeat, Protocol):
-    """What reading and copying use of the seat."""
-
-    stop_news: StopNews | None
-    last_said: str
-
-    @property
-    def alert(self) -> str:
-        """What must not be missed."""
-
-    def looked_at(self) -> tuple[LogLine | None, Sequence[LinesPane]]:
-        """The line of the open log, or else the panes that are looked at."""
-
-    def copy_to_clipboard(self, text: str) -> None:
-        """By the terminal."""
-
-
 class ReadingActions:
     """Read what was cut, and copy what is shown."""
 
-    def __init__(self, seat: ReadingSeat) -> None:
+    def __init__(self, seat: Seat) -> None:
         self._seat = seat
 
     def action_read(self) -> None:
@@ -101,17 +81,21 @@ class ReadingActions:
 
     def action_copy(self) -> None:
         """A line of the open log, the orbit, the tuning, or where things stand."""
-        line, panes = self._seat.looked_at()
-        if line is not None:
-            self._copy(line_text(line))
+        seat = self._seat
+        if seat.is_log_open:
+            line = seat.query_one(LogPane).top_line
+            self._copy(None if line is None else line_text(line))
+        elif isinstance(seat.focused, TunePane):
+            self._copy(seat.focused.text)
         else:
-            self._copy("\n".join(each.text for each in panes))
+            names = ("orbit",) if seat.is_orbit_open else ("top", "facts")
+            self._copy("\n".join(seat.pane(name).text for name in names))
 
     def _copy(self, text: str | None) -> None:
         """To the clipboard of the terminal, also through SSH (OSC 52)."""
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]
-        self._seat.copy_to_clipboard("\n".join(lines))
+        self._seat.app.copy_to_clipboard("\n".join(lines))
         more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
         self._seat.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")

@@ -14,8 +14,7 @@ from textual.widgets import Input
 from rsoconsole.console.actions import TuneActions
 from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LineDialog
-from rsoconsole.console.drawing import Line, Name, timeline_rows
-from rsoconsole.console.night import LiveBehind, OrbitAhead
+from rsoconsole.console.drawing import Line, Name
 from rsoconsole.console.orbit import target_words
 from rsoconsole.console.panes import (
     FramePane,
@@ -29,13 +28,14 @@ from rsoconsole.console.panes import (
 )
 from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.screens.night_screen import NightScreen
+from rsoconsole.console.screens.pane_places import aspect_of
 from rsoconsole.console.screens.review_compare import ReviewCompare
 from rsoconsole.console.screens.review_log import ReviewLogPane
-from rsoconsole.console.screens.review_moves import ANY, FOUND, PLAY_S, ReviewMoves
+from rsoconsole.console.screens.review_moves import PLAY_S, ReviewMoves
 from rsoconsole.console.screens.review_place import place_of
+from rsoconsole.console.screens.review_seat import ANY, FOUND, ReviewSeat
 from rsoconsole.console.screens.review_tuning import ReviewTuneActions
 from rsoconsole.console.timeline import (
-    Moment,
     Player,
     ReviewWatch,
     Timeline,
@@ -45,9 +45,6 @@ from rsoconsole.console.timeline import (
 )
 from rsoconsole.console.watches import (
     MomentSeen,
-    OrbitSeen,
-    OutlookSeen,
-    OutlookWatch,
     ReviewFailed,
     TimelineSeen,
 )
@@ -67,7 +64,7 @@ HEAD = "head"
 """Where a night that goes on is opened: at its last frame, and on with it."""
 
 
-class ReviewScreen(NightScreen):
+class ReviewScreen(ReviewSeat):
     """A recorded night, or the past of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
@@ -82,30 +79,13 @@ class ReviewScreen(NightScreen):
         *arguments: Any,
         folder: Path | None,
         start: str = "",
-        live: LiveBehind | None = None,
+        live: NightScreen | None = None,
         **named: Any,
     ) -> None:
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
         behind this screen, and is come back to."""
-        super().__init__(*arguments, **named)
-        self.folder: Path | None = None
-        self.timeline = Timeline()
-        self.lines: tuple[LogLine, ...] = ()
-        """Of the whole log, as far as it has been read."""
-        self.moment: Moment | None = None
-        """The moment that is shown; None before the first."""
-        self.kept: Moment | None = None
-        """The one to compare with, A; None while none is kept."""
-        self.seq = 0
-        """The moment that is wanted."""
-        self.is_at_head = False
-        """Whether a night that goes on is followed."""
-        self.kind: str = ANY
-        """Of the events that are jumped to."""
-        self.searched = ""
-        """Words that the log has been searched for."""
-        self.player = Player()
-        self.moves = ReviewMoves(self, self._field)
+        super().__init__(*arguments, read_only=True, **named)
+        self.moves = ReviewMoves(self)
         self.comparing = ReviewCompare(self, self.moves)
         self.take_keys(self.moves, self.comparing)
         self._live = live
@@ -118,10 +98,6 @@ class ReviewScreen(NightScreen):
             lambda *seen: self.post_from_thread(MomentSeen(*seen)),
             lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
         )
-        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
-
-    def _field(self) -> MomentField:
-        return self.query_one(MomentField)
 
     def compose(self) -> ComposeResult:
         """The seat's panes, and the time line."""
@@ -132,7 +108,6 @@ class ReviewScreen(NightScreen):
     def on_mount(self) -> None:
         """Begin to read; without a session, ask which."""
         self._watch_session.start()
-        self._outlook_watch.start()
         self.set_interval(PLAY_S, self.moves.play_on)
         if self._live is not None:
             self.set_interval(LIVE_S, self.show_live)
@@ -145,7 +120,6 @@ class ReviewScreen(NightScreen):
     def on_unmount(self) -> None:
         """Nobody looks any more."""
         self._watch_session.close()
-        self._outlook_watch.close()
 
     def open(self, folder: Path, start: str = "") -> None:
         """Show another session from there on."""
@@ -197,7 +171,7 @@ class ReviewScreen(NightScreen):
         if message.folder != self.folder:
             return
         moment = message.moment
-        has_other_shape = self.aspect_of(moment.picture) != self.aspect_of(self.picture)
+        has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
         self.engine, self.outlook = engine_then(moment.view), self.outlook
         if has_other_shape and moment.picture is not None:
@@ -227,7 +201,7 @@ class ReviewScreen(NightScreen):
 
         def ask() -> None:
             if self.moment is moment:
-                self._outlook_watch.update(self.night, self.engine)
+                self.outlook_watch.update(self.night, self.engine)
 
         self.set_timer(OUTLOOK_AFTER_S, ask)
 
@@ -236,12 +210,6 @@ class ReviewScreen(NightScreen):
         if message.folder == self.folder and message.text != self._fault:
             self._fault = message.text
             self.show_alert()
-
-    def _outlook_seen(self, outlook: "Outlook") -> None:
-        self.post_from_thread(OutlookSeen(outlook))
-
-    def _orbit_seen(self, ahead: OrbitAhead) -> None:
-        self.post_from_thread(OrbitSeen(ahead))
 
     def want(self, seq: int) -> None:
         """Have that moment shown; the time line shows at once where it is."""
@@ -338,11 +306,7 @@ class ReviewScreen(NightScreen):
     def place_panes(self) -> None:
         """The field lies over the keys."""
         super().place_panes()
-        self._field().styles.offset = (0, self.size.height - 1)
-
-    def timeline_rows(self, height: int) -> int:
-        """By the terminal's height."""
-        return timeline_rows(height)
+        self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
 
     # -- the log ----------------------------------------------------------------------------
 
@@ -385,16 +349,12 @@ class ReviewScreen(NightScreen):
 
     def make_tune(self) -> TuneActions:
         """Up to the moment that is shown."""
-        return ReviewTuneActions(self, self._tune_pane)
+        return ReviewTuneActions(self)
 
     def may_act(self) -> bool:
         """Never: what is recorded stays as it is."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
-
-    def session_shown(self) -> Path | None:
-        """The session that the list begins with."""
-        return self.folder
 
     def open_session(self, folder: Path) -> None:
         """Review that one."""

@@ -1,26 +1,16 @@
 """Two moments: one is kept, the other is where one is; side by side, or in turn."""
 
-from typing import Protocol
-
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.screens.compare import Choice, CompareDialog
-from rsoconsole.console.screens.review_moves import MovedScreen, ReviewMoves
+from rsoconsole.console.screens.review_moves import ReviewMoves
+from rsoconsole.console.screens.review_seat import ReviewSeat
 from rsoconsole.console.timeline import Moment
-
-
-class ComparedScreen(MovedScreen, Protocol):
-    """The screen that shows the moment, and keeps another."""
-
-    moment: Moment | None
-    """The moment that is shown; None before the first."""
-    kept: Moment | None
-    """A; None while none is kept."""
 
 
 class ReviewCompare:
     """Keeps moment A, and shows it beside another one or in turn with it."""
 
-    def __init__(self, review: ComparedScreen, moves: ReviewMoves) -> None:
+    def __init__(self, review: ReviewSeat, moves: ReviewMoves) -> None:
         self._review, self._moves = review, moves
         self._other_seq: int | None = None
         """B, while A is shown in its place."""

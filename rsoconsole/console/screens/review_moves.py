@@ -1,18 +1,13 @@
 """Through the time of a recorded night: by frames, by events, by playing, by what is typed."""
 
 import time
-from collections.abc import Callable
-from typing import Protocol
+from functools import partialmethod
 
-from textual.widget import Widget
-
-from rsoconsole.console.actions import LookingSeat
 from rsoconsole.console.panes import MomentField, TimelinePane
+from rsoconsole.console.screens.review_seat import ANY, FOUND, ReviewSeat
 from rsoconsole.console.timeline import (
     KINDS,
     SIGNS,
-    Player,
-    Timeline,
     TimelineEventKind,
     place_words,
     seq_of,
@@ -24,46 +19,15 @@ from rsoconsole.night import LogLine
 
 PLAY_S = 0.1
 """How often it is looked whether another frame is due."""
-ANY, FOUND = "any", "found"
 _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
 """Kinds of lines that are seen whole at their frame's end."""
-
-
-class MovedScreen(LookingSeat, Protocol):
-    """The screen that shows the moment, and what of it the keys change."""
-
-    timeline: Timeline
-    lines: tuple[LogLine, ...]
-    """Of the whole log, as far as it has been read."""
-    seq: int
-    """The moment that is wanted."""
-    is_at_head: bool
-    """Whether a night that goes on is followed."""
-    kind: str
-    """Of events."""
-    searched: str
-    """Words that the log has been searched for."""
-    player: Player
-
-    def want(self, seq: int) -> None:
-        """Have that moment shown."""
-
-    def show_place(self) -> None:
-        """Draw the time line again."""
-
-    def show_keys(self) -> None:
-        """The last line."""
-
-    def set_focus(self, widget: Widget | None) -> None:
-        """Give a pane the keys."""
 
 
 class ReviewMoves:
     """Changes which moment is wanted."""
 
-    def __init__(self, review: MovedScreen, field: Callable[[], MomentField]) -> None:
-        """``field``: where a moment is typed."""
-        self._review, self._field = review, field
+    def __init__(self, review: ReviewSeat) -> None:
+        self._review = review
         self._played_s = 0.0
 
     # -- where ----------------------------------------------------------------------------------
@@ -87,29 +51,12 @@ class ReviewMoves:
         if self.go(review.timeline.step(before, by)) and review.seq == before:
             review.say("the first frame" if by < 0 else "the last frame")
 
-    def action_frame_back(self) -> None:
-        """One frame."""
-        self._step(-1)
-
-    def action_frame_on(self) -> None:
-        """One frame."""
-        self._step(1)
-
-    def action_ten_back(self) -> None:
-        """Ten frames."""
-        self._step(-10)
-
-    def action_ten_on(self) -> None:
-        """Ten frames."""
-        self._step(10)
-
-    def action_hundred_back(self) -> None:
-        """A hundred frames."""
-        self._step(-100)
-
-    def action_hundred_on(self) -> None:
-        """A hundred frames."""
-        self._step(100)
+    action_frame_back = partialmethod(_step, -1)
+    action_frame_on = partialmethod(_step, 1)
+    action_ten_back = partialmethod(_step, -10)
+    action_ten_on = partialmethod(_step, 10)
+    action_hundred_back = partialmethod(_step, -100)
+    action_hundred_on = partialmethod(_step, 100)
 
     def action_first_frame(self) -> None:
         """Of the night."""
@@ -129,7 +76,7 @@ class ReviewMoves:
 
     def action_goto_moment(self) -> None:
         """Ask which, in the last line."""
-        self._field().open()
+        self._review.query_one(MomentField).open()
 
     def take(self, typed: str) -> None:
         """To what was typed there."""
@@ -139,7 +86,7 @@ class ReviewMoves:
 
     def close_field(self) -> bool:
         """Nothing is typed any more; whether something was."""
-        field = self._field()
+        field = self._review.query_one(MomentField)
         is_open = field.display
         if is_open:
             field.close()
@@ -176,14 +123,6 @@ class ReviewMoves:
             return line.seq
         return self._review.timeline.end_of(index)
 
-    def action_event_back(self) -> None:
-        """The one before."""
-        self._jump(is_on=False)
-
-    def action_event_on(self) -> None:
-        """The next one."""
-        self._jump(is_on=True)
-
     def _jump(self, *, is_on: bool) -> None:
         review = self._review
         if review.kind == FOUND:
@@ -201,6 +140,9 @@ class ReviewMoves:
             return
         self.go(seq)
         review.say(f"{place_words(review.timeline, seq, None)[0]}: {what}")
+
+    action_event_back = partialmethod(_jump, is_on=False)
+    action_event_on = partialmethod(_jump, is_on=True)
 
     def action_event_kind(self) -> None:
         """The next kind that the night has."""
@@ -256,16 +198,11 @@ class ReviewMoves:
             review.show_place()
             review.show_keys()
 
-    def action_slower(self) -> None:
-        """One step."""
-        self._change_speed(-1)
-
-    def action_faster(self) -> None:
-        """One step."""
-        self._change_speed(1)
-
     def _change_speed(self, by: int) -> None:
         review = self._review
         review.player.change(by)
         review.show_place()
         review.say(f"speed: {speed_words(review.player.speed)} of what it was")
+
+    action_slower = partialmethod(_change_speed, -1)
+    action_faster = partialmethod(_change_speed, 1)

@@ -1,22 +1,11 @@
 """Where on the time line a review is, and the words for it."""
 
-from pathlib import Path
-from typing import Protocol
-
-from rsoconsole.console.screens.review_compare import ComparedScreen
-from rsoconsole.console.screens.review_moves import FOUND, ReviewMoves
+from rsoconsole.console.screens.review_moves import ReviewMoves
+from rsoconsole.console.screens.review_seat import FOUND, ReviewSeat
 from rsoconsole.console.timeline import Place, place_words, reading_words, speed_words
-from rsoconsole.night import NightView
 
 
-class ReviewedNight(ComparedScreen, Protocol):
-    """What the time line says of the screen."""
-
-    night: NightView
-    folder: Path | None
-
-
-def place_of(review: ReviewedNight, moves: ReviewMoves) -> Place:
+def place_of(review: ReviewSeat, moves: ReviewMoves) -> Place:
     """The wanted moment, the kept moment, and what is jumped to."""
     return Place(
         seq=review.seq,
@@ -27,7 +16,7 @@ def place_of(review: ReviewedNight, moves: ReviewMoves) -> Place:
     )
 
 
-def _words(review: ReviewedNight, moves: ReviewMoves) -> list[str]:
+def _words(review: ReviewSeat, moves: ReviewMoves) -> list[str]:
     if review.folder is None:
         return ["no session"]
     moment, timeline = review.moment, review.timeline

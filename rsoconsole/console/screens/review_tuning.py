@@ -1,25 +1,16 @@
 """Tuning in a review: what would have been up to the moment that is shown; nothing is applied."""
 
-from collections.abc import Callable
-from typing import Protocol
-
-from rsoconsole.console.actions import TuneActions, TuneSeat
+from rsoconsole.console.actions import TuneActions
 from rsoconsole.console.commands import first_key
-from rsoconsole.console.tuning import TunePane, TuneWords
-
-
-class MomentSeat(TuneSeat, Protocol):
-    """The screen that shows the moment."""
-
-    seq: int
-    """The moment that is wanted."""
+from rsoconsole.console.screens.review_seat import ReviewSeat
+from rsoconsole.console.tuning import TuneWords
 
 
 class ReviewTuneActions(TuneActions):
     """Over the last frames before the moment, or over all before it."""
 
-    def __init__(self, seat: MomentSeat, pane: Callable[[], TunePane]) -> None:
-        super().__init__(seat, pane)
+    def __init__(self, seat: ReviewSeat) -> None:
+        super().__init__(seat)
         self._review = seat
         self._is_of_all = False
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
 
-from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.drawing import Ink, Line, joined
 from rsoconsole.console.timeline.night_line import Timeline, TimelineEventKind
 from rsoconsole.console.words import clipped, fitted
 from rsoconsole.records import LoopState
@@ -128,7 +128,7 @@ def _strip(
             cells[column] = (sign, "here")
             if not is_one_row and row[column][0] in {" ", PIXELS}:
                 row[column] = (sign, "title")
-    return _joined(cells), _joined(row)
+    return joined(cells), joined(row)
 
 
 @lru_cache(maxsize=8)
@@ -142,13 +142,6 @@ def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
         for mark in timeline.frames
         if mark.frame_id in kept
     )
-
-
-def _joined(cells: list[tuple[str, Ink]]) -> Line:
-    return [
-        ("".join(text for text, _ in group), ink)
-        for ink, group in groupby(cells, key=lambda cell: cell[1])
-    ]
 
 
 def _column(timeline: Timeline, t_utc_ns: int, columns: int) -> int:

@@ -4,9 +4,10 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, toml_value, with_setting
 from rsoconsole.console.tuning.tuning_pane import NAMES, Value
-from rsoconsole.errors import ConfigError
+from rsoconsole.durable_files import write_durably
+from rsoconsole.errors import ConfigError, said_as
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}")
@@ -46,15 +47,11 @@ def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> 
     lines: list[str] = []
     for each, values in sorted(presets.items()):
         lines.append(f'["{each}"]')
-        lines += [f'"{key}" = {_toml(value)}' for key, value in sorted(values.items())]
+        lines += [f'"{key}" = {toml_value(value)}' for key, value in sorted(values.items())]
         lines.append("")
-    try:
+    with said_as(ConfigError, f"{path} cannot be written: "):
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(path.name + ".part")
-        beside.write_text("\n".join(lines), encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written: {error}") from error
+        write_durably(path, "\n".join(lines).encode())
 
 
 def _expect_value(path: Path, preset: str, name: str, value: object) -> None:
@@ -65,7 +62,3 @@ def _expect_value(path: Path, preset: str, name: str, value: object) -> None:
         with_setting(Config(), name, value)
     except ConfigError as error:
         raise ConfigError(f"{path}: preset {preset!r}: {error}") from error
-
-
-def _toml(value: Value) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -3,11 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.console.tuning.tuning_pane import NAMES
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.tracking.filters import lag_one, mean_band
-
-LAST_FRAMES = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

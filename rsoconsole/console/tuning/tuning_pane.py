@@ -3,15 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
 from rsoconsole.console.panes import LinesPane
-
-if TYPE_CHECKING:
-    pass
 
 Value = float | int | str
 Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
-from rsoconsole.console.picture import Picture, light_of, marks_of, read_codes
+from rsoconsole.console.picture import Picture, read_picture
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.night import Night, NightFrame
 from rsoconsole.records import MapMode
@@ -146,7 +146,7 @@ class SheetWorker:
         recorded = recorded_frame(reader, self._frame_id, self._config)
         detail = detail_of(reader, self._frame_id)
         size = recorded.path.stat().st_size if recorded.path is not None else 0
-        preview = _preview_of(reader, detail, self._frame_id)
+        preview = read_picture(reader, self._frame_id, detail)
         self._post(
             Opened(
                 recorded=recorded,
@@ -189,20 +189,3 @@ def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
         night.take(t_utc_ns, record)
     return night.frame(frame_id)
-
-
-def _preview_of(reader: SessionReader, detail: NightFrame, frame_id: int) -> Picture | None:
-    path = reader.preview_path(frame_id)
-    codes = read_codes(path) if path is not None else None
-    if codes is None:
-        return None
-    closeup_path = reader.closeup_path(frame_id) if detail.closeup is not None else None
-    return Picture(
-        frame_id=frame_id,
-        codes=codes,
-        light=light_of(codes),
-        detail=detail,
-        marks=marks_of(detail),
-        closeup=read_codes(closeup_path) if closeup_path is not None else None,
-        place=detail.closeup,
-    )

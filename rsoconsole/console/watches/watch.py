@@ -69,11 +69,14 @@ class SessionWatch(Poller):
             return
         if self._reader is None or self._reader.folder != wanted:
             self._open(wanted)
-        has_news = self._read_records()
+        reader, night = self._reader, self._night
+        assert reader is not None
+        assert night is not None
+        has_news = self._read_records(reader, night)
         # The records first: decoding a picture loads a large library.
         if has_news:
             self._show()
-        if self._read_picture():
+        if self._read_picture(reader, night):
             self._show()
 
     def _open(self, folder: Path) -> None:
@@ -88,58 +91,50 @@ class SessionWatch(Poller):
         self.indi = config.indi if config is not None else None
         self._show()
 
-    def _read_records(self) -> bool:
-        assert self._reader is not None
-        assert self._night is not None
+    def _read_records(self, reader: SessionReader, night: Night) -> bool:
         before = self._seq
         shown_s = time.monotonic()
-        for seq, t_utc_ns, record in self._reader.records(since_seq=self._seq):
-            self._night.take(t_utc_ns, record, seq)
+        for seq, t_utc_ns, record in reader.records(since_seq=self._seq):
+            night.take(t_utc_ns, record, seq)
             self._seq = seq
             if self._is_closing:
                 return False
             if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
                 self._show()
                 shown_s = time.monotonic()
-        is_first = not self._night.is_read
-        self._night.has_been_read()
-        return is_first or self._seq != before or self._has_closed()
+        is_first = not night.is_read
+        night.has_been_read()
+        return is_first or self._seq != before or self._has_closed(reader, night)
 
-    def _has_closed(self) -> bool:
-        assert self._reader is not None
-        assert self._night is not None
+    def _has_closed(self, reader: SessionReader, night: Night) -> bool:
         now_s = time.monotonic()
-        if self._night.is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
+        if night.is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
             return False
         self._closed_seen_s = now_s
-        if self._reader.about().get("is_closed") is True:
-            self._night.close()
+        if reader.about().get("is_closed") is True:
+            night.close()
             return True
         return False
 
-    def _read_picture(self) -> bool:
+    def _read_picture(self, reader: SessionReader, night: Night) -> bool:
         """The newest frame's preview that is there; True when it is another than before."""
-        assert self._reader is not None
-        assert self._night is not None
-        for frame_id in self._night.newest_frames():
+        for frame_id in night.newest_frames():
             if self._picture is not None and self._picture.frame_id >= frame_id:
-                return self._mark_again()
-            picture = read_picture(self._reader, frame_id, self._night.frame(frame_id))
+                return self._mark_again(reader, night)
+            picture = read_picture(reader, frame_id, night.frame(frame_id))
             if picture is not None:
                 self._picture = picture
                 return True
         return False
 
-    def _mark_again(self) -> bool:
+    def _mark_again(self, reader: SessionReader, night: Night) -> bool:
         """A picture may be there before everything that is said of its frame."""
-        assert self._reader is not None
-        assert self._night is not None
-        if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
+        if self._picture is None or self._picture.frame_id not in night.newest_frames():
             return False
         before = self._picture
-        detail, closeup = self._night.frame(before.frame_id), before.closeup
+        detail, closeup = night.frame(before.frame_id), before.closeup
         if closeup is None:
-            closeup = read_closeup(self._reader, detail)
+            closeup = read_closeup(reader, detail)
         if detail == before.detail and closeup is before.closeup:
             return False
         self._picture = replace(

@@ -11,6 +11,7 @@ from .panels import refused_of as refused_of
 from .plot_window import LIVE_STEP as LIVE_STEP
 from .plot_window import PlotWindow as PlotWindow
 from .plot_window import axis_lines as axis_lines
+from .sky_view import sky_lines as sky_lines
 from .track_lines import is_chosen as is_chosen
 from .track_lines import name_words as name_words
 from .track_lines import track_list_lines as track_list_lines

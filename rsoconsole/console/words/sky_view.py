@@ -3,7 +3,8 @@
 import math
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.drawing import Ink, Line, joined
+from rsoconsole.console.words.words import rule
 from rsoconsole.sky.limits import horizon_altitude_deg
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def sky_lines(
     config: "Config | None", outlook: "Outlook | None", width: int, rows: int
 ) -> list[Line]:
     """Limits as a line, the geostationary belt, Moon, Sun, the mount, the target and its way."""
-    title: Line = [("─ ", "dim"), ("sky", "title"), (" " + "─" * max(width - 6, 0), "dim")]
+    title = rule("sky", "", width)
     if config is None or outlook is None or rows < 4 or width < 8:
         return [title]
     disc_rows = rows - 2
@@ -88,11 +89,4 @@ def _draw_letters(cells: Cells, width: int, rows: int) -> None:
 
 
 def _row(cells: Cells, row: int, width: int) -> Line:
-    line: Line = []
-    for column in range(width):
-        text, ink = cells.get((column, row), (" ", ""))
-        if line and line[-1][1] == ink:
-            line[-1] = (line[-1][0] + text, ink)
-        else:
-            line.append((text, ink))
-    return line
+    return joined(cells.get((column, row), (" ", "")) for column in range(width))
