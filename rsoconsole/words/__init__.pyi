@@ -1,3 +1,5 @@
+from .numbers import counted as counted
+from .numbers import number as number
 from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text

@@ -24,10 +24,11 @@ from rsoconsole.console.words import (
     wrapped,
 )
 from rsoconsole.control import one_line
-from rsoconsole.night import named, off_text
+from rsoconsole.night import named, off_text, shown
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.sky import format_dec, format_ra
 from rsoconsole.tracking.filters import NIS_BAND
+from rsoconsole.words import number
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.orbits import Ahead, OrbitOutlook
@@ -277,14 +278,15 @@ def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     """How good the track is, whatever its orbit: as the tuning pane has it."""
-    low, high = quality.nis_band
+    low, high = quality.nis_band or (0.0, 0.0)
+    nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
-        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec)}", ""),
-        (f"3σ holds {quality.inside_3sigma:.0%}", ""),
+        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec or 0.0)}", ""),
+        (f"{shown.INSIDE.label} {shown.INSIDE.words(quality)}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
         (
-            f"NIS {quality.nis_mean:.1f} /{quality.measured} (ideal 2, sound {low:.1f}-{high:.1f})",
-            "" if quality.is_sound else "warn",
+            f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})",
+            "" if quality.is_nis_sound else "warn",
         ),
     ]
     lines = _ranked(packed(items, width, MOST_ROWS), 2, 3)

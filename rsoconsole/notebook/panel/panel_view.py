@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.control import Status, printable
-from rsoconsole.night import NightFrame
+from rsoconsole.night import NightFrame, consistency_of
 from rsoconsole.notebook.figures import NIS_BAND
 from rsoconsole.notebook.night import DrawnNight, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
-from rsoconsole.tracking.filters import consistency
 
 SHOWN_FRAMES = 60
 NIS_TOP = 14.0
@@ -174,12 +173,7 @@ def _nis(newest: _Newest) -> str:
 
 
 def _nis_words(night: DrawnNight) -> str:
-    states = [f.updated for f in night.frames if f.updated is not None]
-    updates = [s for s in states if s.nis is not None and s.innovation_arcsec is not None]
-    said = consistency(
-        [s.nis for s in updates if s.nis is not None],
-        [s.innovation_arcsec for s in updates if s.innovation_arcsec is not None],
-    )
+    said = consistency_of(night.frames)
     mean = "" if said.mean is None else f"NIS {said.mean:.2f} (ideal 2), "
     return f"{mean}{said.words}"
 

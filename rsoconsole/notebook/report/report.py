@@ -13,7 +13,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
-from rsoconsole.night import FRAME_FACTS, Summary, facts_of, span_text, summary_of, tracks_of
+from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
 from rsoconsole.notebook.night import DrawnNight, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
@@ -74,7 +74,7 @@ def render_report(session: Path) -> Report:
             entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
             figures=figures,
             verdict=_conclusion(night, figures, tracks, said),
-            key_figures=_key_figures(night, figures, course),
+            key_figures=_key_figures(figures, course),
             tracks=tracks,
             pairs=field.pairs[:MOST_PAIRS],
             pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
@@ -162,7 +162,7 @@ def _conclusion(
     count = sum(track.count for track in tracks)
     words = (
         f"{objects} followed from {clock(first)} to {clock(last)} UTC"
-        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.missed)}."
+        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.misses)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
         words += " It moves as a geostationary satellite does."
@@ -186,32 +186,18 @@ def _misses(number: int) -> str:
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(night: DrawnNight, figures: Summary, course: Course) -> list[tuple[str, str, str]]:
+def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
     """(what, figure, beside it) of the head's row."""
-    locked = course.locked_frame
-    order = [frame.frame_id for frame in night.frames]
-    after = order.index(locked) + 1 if locked in order else None
-    band = figures.nis_band
-    inside = figures.inside_3sigma
+    beside = {
+        shown.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
+        shown.MISSES: "frames without the object",
+        shown.RMS: "measured − predicted",
+        shown.NIS_MEAN: f"{shown.BAND.label} {shown.BAND.words(figures)}",
+        shown.INSIDE: "of residuals, on both axes",
+    }
     return [
         ("exposures", str(figures.frames), f"{figures.updates} updates of the track"),
-        (
-            "locked after",
-            "–" if after is None else str(after),
-            "never" if after is None else f"exposures, with frame {locked}",
-        ),
-        ("misses", str(figures.missed), "frames without the object"),
-        ("residual", _fixed(figures.residual_rms_arcsec), "arcsec rms, measured − predicted"),
-        (
-            "mean NIS",
-            _fixed(figures.nis_mean),
-            "2 expected" if band is None else f"2 expected, {band[0]:.2f} to {band[1]:.2f} sound",
-        ),
-        (
-            "inside 3 σ",
-            "–" if inside is None else f"{100.0 * inside:.0f} %",
-            "of residuals, on both axes",
-        ),
+        *((each.label, each.words(figures), words) for each, words in beside.items()),
     ]
 
 
@@ -234,7 +220,7 @@ def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
     if measured:
         alts["confidence"] = (
             f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
-            f" {_many(len(measured), 'frame')}, {_misses(figures.missed)}."
+            f" {_many(len(measured), 'frame')}, {_misses(figures.misses)}."
         )
     if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
         share = f"{100.0 * figures.inside_3sigma:.0f} per cent"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rsoconsole.control import command_words
 from rsoconsole.export import MeasuredRow
-from rsoconsole.night import NightFrame, NightTrack
+from rsoconsole.night import NightFrame, NightTrack, consistency_of, rms
 from rsoconsole.notebook.night import DrawnNight
 from rsoconsole.records import (
     Event,
@@ -19,7 +19,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import utc_ns_to_iso
-from rsoconsole.tracking.filters import consistency
 from rsoconsole.words import text
 
 GEO_RATE_ARCSEC_S = 15.041
@@ -90,10 +89,7 @@ def clock(t_utc_ns: int) -> str:
 
 def filter_words(night: DrawnNight) -> str:
     """Whether the filter believed itself rightly at the end, in words."""
-    states = [f.updated for f in night.frames if _innovation(f) is not None]
-    nis = [s.nis for s in states if s is not None and s.nis is not None]
-    residuals = [s.innovation_arcsec for s in states if s is not None and s.innovation_arcsec]
-    judged = consistency(nis, residuals)
+    judged = consistency_of(night.frames)
     words = {
         "sound": "the filter's errors are as large as it says",
         "too few": "too few updates to judge the filter",
@@ -115,8 +111,8 @@ def track_facts(
 
 
 def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
-    squares = [
-        row.residual_ra_arcsec**2 + row.residual_dec_arcsec**2
+    residuals = [
+        math.hypot(row.residual_ra_arcsec, row.residual_dec_arcsec)
         for row in rows
         if row.residual_ra_arcsec is not None and row.residual_dec_arcsec is not None
     ]
@@ -131,7 +127,7 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
             statistics.median(row.sigma_ra_arcsec for row in rows),
             statistics.median(row.sigma_dec_arcsec for row in rows),
         ),
-        rms_arcsec=math.sqrt(statistics.fmean(squares)) if squares else None,
+        rms_arcsec=rms(residuals),
         rate_arcsec_s=None if rate[0] is None or rate[1] is None else (rate[0], rate[1]),
     )
 
@@ -215,7 +211,3 @@ def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
         text=text if len(text) <= MOST_TEXT else text[: MOST_TEXT - 1] + "…",
         level=kind if is_bad else "info",
     )
-
-
-def _innovation(frame: NightFrame) -> tuple[float, float] | None:
-    return None if frame.updated is None else frame.updated.innovation_arcsec
