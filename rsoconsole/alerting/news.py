@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
+from rsoconsole.reasons import CLOUD
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -20,7 +21,6 @@ from rsoconsole.words import text
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""
 _FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
-_CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
 """Causes by which a track ends as the operator wants it."""
 
@@ -97,7 +97,7 @@ class News:
             )
 
     def _of_miss(self, miss: Miss) -> Iterator[tuple[AlertKind, str]]:
-        cloud = [each for each in miss.reason.hidden_by if each.kind in _CLOUD]
+        cloud = [each for each in miss.reason.hidden_by if each.kind in CLOUD]
         if cloud and not self.is_cloudy:
             self.is_cloudy = True
             yield "clouds", f"clouds, from frame {miss.frame_id}: {text(miss.reason)}"

@@ -23,6 +23,7 @@ from .frames import is_from_outside as is_from_outside
 from .frames import is_instruments as is_instruments
 from .last_measured import LastMeasured as LastMeasured
 from .log_lines import LogLine as LogLine
+from .log_lines import line_of as line_of
 from .log_lines import named as named
 from .log_lines import off_text as off_text
 from .night import Night as Night

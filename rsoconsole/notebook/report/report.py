@@ -55,7 +55,7 @@ def render_report(session: Path) -> Report:
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(night.frames)
     field = field_facts(record for _, _, record in SessionReader(session).records())
-    course = read_course(session, night, known)
+    course = read_course(session)
     figures = summary_of(night.frames)
     tracks = track_facts(exported.rows, known)
     said = filter_words(night)
@@ -110,6 +110,7 @@ def _environment() -> Any:
     environment.filters["ra"] = lambda deg: format_ra(deg, 3)
     environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
     environment.filters["clock"] = clock
+    environment.policies["truncate.leeway"] = 0
     environment.filters["fixed"] = _fixed
     environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
