@@ -1,7 +1,6 @@
 """How a console is opened: over the running engine, or over one session."""
 
 import gc
-import getpass
 import os
 import signal
 import sys
@@ -54,17 +53,17 @@ def run_console(
     from rsoconsole.console.dialogs import TourMemory
     from rsoconsole.console.picture import offered
 
-    name = _seat_name()
+    seat = _seat()
     drawn = offered(graphics or settings.graphics)
     app = ConsoleApp(
-        lambda: ControlClient(socket, sender=Sender.console(name)),
+        lambda: ControlClient(socket, sender=seat),
         session=session,
         read_only=read_only,
         owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
         settings=settings,
-        seat_name=name,
+        seat_name=seat.name,
         sessions_root=config.session.root,
         tour=TourMemory(state_dir()),
         graphics=drawn.graphics,
@@ -103,10 +102,10 @@ def run_review(
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.picture import offered
 
-    name = _seat_name()
+    seat = _seat()
     drawn = offered(graphics or config.console.graphics)
     app = ConsoleApp(
-        lambda: ControlClient(socket, sender=Sender.console(name)),
+        lambda: ControlClient(socket, sender=seat),
         review=(session, start),
         stop_directly=stop_directly,
         keymap=keymap,
@@ -145,17 +144,13 @@ def _expect_terminal(without: str) -> None:
         )
 
 
-def _seat_name() -> str:
+def _seat() -> Sender:
     """Who sits where, as another console shall read it."""
     try:
         terminal = os.ttyname(sys.stdin.fileno()).removeprefix("/dev/")
     except OSError:
         terminal = str(os.getpid())
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):
-        user = str(os.getuid())
-    return f"{user}@{terminal}"
+    return Sender.at(terminal)
 
 
 def _expect_engine(socket: Path | None) -> None:

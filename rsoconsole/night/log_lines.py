@@ -41,7 +41,7 @@ from rsoconsole.records import (
     StateChange,
     Topic,
 )
-from rsoconsole.words import remarkable, ruled_text, text
+from rsoconsole.words import remarkable, ruled_text, short, text
 
 Level = Literal["info", "good", "warning", "alarm"]
 
@@ -134,7 +134,7 @@ def left_out(found: Detections | None, tau: float) -> str:
     if not likely:
         return ""
     best = max(likely, key=lambda each: each.detection.confidence)
-    confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
+    confidence = short(best.detection.confidence)
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
 
 

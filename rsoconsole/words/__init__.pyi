@@ -1,5 +1,8 @@
 from .numbers import counted as counted
+from .numbers import file_size as file_size
+from .numbers import joined as joined
 from .numbers import number as number
+from .numbers import short as short
 from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text

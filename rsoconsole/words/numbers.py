@@ -1,5 +1,7 @@
 """Numbers as all that show them write them: what is missing, how many, how large."""
 
+from collections.abc import Sequence
+
 
 def number(value: float | None, form: str, unit: str = "", *, absent: str = "-") -> str:
     """A figure in a format of Python's with its unit; ``absent`` where there is none."""
@@ -9,3 +11,21 @@ def number(value: float | None, form: str, unit: str = "", *, absent: str = "-")
 def counted(count: int, noun: str, plural: str | None = None) -> str:
     """ "1 streak", "2 streaks", "3 galaxies"."""
     return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
+
+
+def joined(words: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def short(value: float) -> str:
+    """To two decimals, without the zero before the point."""
+    return f"{value:.2f}".removeprefix("0")
+
+
+def file_size(size_bytes: float) -> str:
+    """Decimal units, as disks are sold."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
+        if size_bytes >= factor:
+            return f"{size_bytes / factor:.1f} {unit}"
+    return f"{size_bytes / 1e3:.0f} kB"

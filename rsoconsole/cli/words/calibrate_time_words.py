@@ -8,6 +8,7 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.orbits.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
 from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
+from rsoconsole.words import counted
 
 _SOURCES = {
     "broadcast": "broadcast ephemerides (2 m)",
@@ -52,11 +53,8 @@ def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
 def timing_lines(found: FoundTiming) -> Iterator[str]:
     """The result for people, for 80 columns."""
     streaks = sum(each.streaks for each in found.nights)
-    nights = len(found.nights)
-    yield (
-        f"{streaks} streaks of {_satellites_words(found.satellites)},"
-        f" {nights} night{'s' if nights > 1 else ''}"
-    )
+    nights = counted(len(found.nights), "night")
+    yield f"{streaks} streaks of {_satellites_words(found.satellites)}, {nights}"
     yield f"by {_SOURCES[found.kind]}"
     for reason, times in sorted(found.skipped.items()):
         yield f"  not used of the files: {reason} ({times})"
@@ -155,8 +153,7 @@ def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
         system = SYSTEMS.get(each.name[:1], "") if each.name[1:].isdigit() else ""
         systems[system] = systems.get(system, 0) + 1
     named = ", ".join(f"{count} {system}" for system, count in sorted(systems.items()) if system)
-    count = len(satellites)
-    return f"{count} satellite{'s' if count > 1 else ''}" + (f" ({named})" if named else "")
+    return counted(len(satellites), "satellite") + (f" ({named})" if named else "")
 
 
 def _ms(value: Estimated, *, sign: str = "+") -> str:

@@ -12,10 +12,9 @@ from textual.widgets import Static
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.words import short
 from rsoconsole.night import NightFrame
 from rsoconsole.records import Detection, Measurement, is_mark_id
-from rsoconsole.words import name_of, pulse_of, text
+from rsoconsole.words import name_of, pulse_of, short, text
 
 COLUMNS = 70
 MARKED = "the frame you marked"

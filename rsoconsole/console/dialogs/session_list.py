@@ -24,6 +24,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.upkeep import SessionSummary, summarise
 from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import file_size
 
 BRANCHES = "branches"
 LEAST_NAME_COLUMNS = 20
@@ -143,18 +144,11 @@ def _facts(entry: Entry) -> tuple[str, ...]:
     if summary is None:
         return ("", "", "", "", "…")
     if summary.fault is not None:
-        return ("", "", "", _size_text(summary.size_bytes), entry.state)
+        return ("", "", "", file_size(summary.size_bytes), entry.state)
     first, last = summary.t_first_utc_ns, summary.t_last_utc_ns
     when = "" if not first else utc_ns_to_iso(first, 0)[:16].replace("T", " ")
     length = "" if not first or not last else duration_text((last - first) / NS_PER_S)
-    return (when, length, f"{summary.frames}", _size_text(summary.size_bytes), entry.state)
-
-
-def _size_text(size_bytes: int) -> str:
-    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
-        if size_bytes >= factor:
-            return f"{size_bytes / factor:.1f} {unit}"
-    return f"{size_bytes / 1e3:.0f} kB"
+    return (when, length, f"{summary.frames}", file_size(summary.size_bytes), entry.state)
 
 
 def _shortened(name: str, columns: int) -> str:

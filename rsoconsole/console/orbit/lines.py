@@ -19,7 +19,6 @@ from rsoconsole.console.words import (
     clock_text,
     duration_text,
     packed,
-    short,
     unsigned_text,
     wrapped,
 )
@@ -28,7 +27,7 @@ from rsoconsole.night import named, off_text, shown
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.sky import format_dec, format_ra
 from rsoconsole.tracking.filters import NIS_BAND
-from rsoconsole.words import number
+from rsoconsole.words import counted, number, short
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.orbits import Ahead, OrbitOutlook
@@ -159,7 +158,7 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
         lines += _ranked(_said(f"manoeuvre? {found.hint}", "warn", width), 2, 3)
     compared = f"by {found.observations} directions against {found.catalogued} objects"
     if found.named_with:
-        compared += f", with {found.named_with} other track{'s' if found.named_with > 1 else ''}"
+        compared += f", with {counted(found.named_with, 'other track')}"
     return [*lines, (9, [(f" {compared}", "dim")])]
 
 

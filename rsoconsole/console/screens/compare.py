@@ -26,12 +26,12 @@ from rsoconsole.console.words import (
     clock_text,
     cos_deg,
     duration_text,
-    short,
     unsigned_text,
 )
 from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
 from rsoconsole.sky import format_dec, format_ra
+from rsoconsole.words import short
 
 ABSENT = "-"
 LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12

@@ -28,6 +28,5 @@ from .words import first_shown as first_shown
 from .words import fitted as fitted
 from .words import justified as justified
 from .words import present_utc_ns as present_utc_ns
-from .words import short as short
 from .words import unsigned_text as unsigned_text
 from .words import wrapped as wrapped

@@ -19,13 +19,13 @@ from rsoconsole.console.words.words import (
     cos_deg,
     duration_text,
     present_utc_ns,
-    short,
     unsigned_text,
 )
 from rsoconsole.control import Health, is_silent, motion_words, mount_words
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import format_dec, format_ra, separation_deg
+from rsoconsole.words import short
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -12,6 +12,7 @@ from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.night import NightView
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import short
 
 HOLDERS = {
     "autonomy": "AUTO has the mount",
@@ -193,10 +194,6 @@ def alert_text(night: NightView, engine: EngineView) -> str:
     if engine.is_attached and engine.session is None:
         parts.append("this engine does not say where its session lies: update it")
     return " · ".join(parts)
-
-
-def short(value: float) -> str:
-    return f"{value:.2f}".removeprefix("0")
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:

@@ -30,6 +30,7 @@ from rsoconsole.notebook.report.report_pictures import shown_frames
 from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import counted
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000
@@ -154,7 +155,7 @@ def _conclusion(
     night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
 ) -> str:
     """The night in a sentence or three."""
-    exposures = _many(len(night.frames), "exposure")
+    exposures = counted(len(night.frames), "exposure")
     if not tracks:
         measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
         return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
@@ -163,7 +164,7 @@ def _conclusion(
     count = sum(track.count for track in tracks)
     words = (
         f"{objects} followed from {clock(first)} to {clock(last)} UTC"
-        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.misses)}."
+        f" and measured {counted(count, 'time')} in {exposures}, {_misses(figures.misses)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
         words += " It moves as a geostationary satellite does."
@@ -175,10 +176,6 @@ def _conclusion(
     else:
         words += f" {said[0].upper()}{said[1:]}."
     return words
-
-
-def _many(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _misses(number: int) -> str:
@@ -221,7 +218,7 @@ def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
     if measured:
         alts["confidence"] = (
             f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
-            f" {_many(len(measured), 'frame')}, {_misses(figures.misses)}."
+            f" {counted(len(measured), 'frame')}, {_misses(figures.misses)}."
         )
     if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
         share = f"{100.0 * figures.inside_3sigma:.0f} per cent"
