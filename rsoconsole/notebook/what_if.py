@@ -10,6 +10,7 @@ from rsoconsole.notebook.figures import NightPlots
 from rsoconsole.notebook.night import DrawnNight, night_of, text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record
+from rsoconsole.words import settings_words
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
@@ -66,7 +67,7 @@ class WhatIf(NightPlots):
     @property
     def words(self) -> str:
         """The settings that were tried."""
-        return ", ".join(f"{n.partition('.')[2]} = {v}" for n, v in self.settings.items())
+        return settings_words(self.settings)
 
     @property
     def recorded(self) -> Summary:

@@ -2,6 +2,7 @@ from .numbers import counted as counted
 from .numbers import file_size as file_size
 from .numbers import joined as joined
 from .numbers import number as number
+from .numbers import settings_words as settings_words
 from .numbers import short as short
 from .reasons import CUT_POWER as CUT_POWER
 from .reasons import STOP_PATHS as STOP_PATHS
@@ -10,6 +11,12 @@ from .reasons import measured_text as measured_text
 from .reasons import ruled_text as ruled_text
 from .reasons import text as text
 from .reasons import unmeasured_text as unmeasured_text
+from .shutter import OLD_DAYS as OLD_DAYS
+from .shutter import age_days as age_days
+from .shutter import errors_words as errors_words
+from .shutter import mode_words as mode_words
+from .shutter import shutter_words as shutter_words
+from .shutter import timing_words as timing_words
 from .streaks import name_of as name_of
 from .streaks import name_words as name_words
 from .streaks import pulse_of as pulse_of

@@ -1,6 +1,6 @@
 """Numbers as all that show them write them: what is missing, how many, how large."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 
 def number(value: float | None, form: str, unit: str = "", *, absent: str = "-") -> str:
@@ -29,3 +29,8 @@ def file_size(size_bytes: float) -> str:
         if size_bytes >= factor:
             return f"{size_bytes / factor:.1f} {unit}"
     return f"{size_bytes / 1e3:.0f} kB"
+
+
+def settings_words(changes: Mapping[str, object]) -> str:
+    """Settings with their values: "filter.q_multiplier = 4, detector.tau = 0.2"."""
+    return ", ".join(f"{name} = {value}" for name, value in changes.items())

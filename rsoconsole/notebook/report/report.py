@@ -4,7 +4,6 @@ One HTML file that asks for nothing outside itself, by day, by night and on pape
 wrote (titles, notes) stands in it as text and never as markup.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,10 +26,10 @@ from rsoconsole.notebook.report.report_field import MOST_PAIRS, field_facts
 from rsoconsole.notebook.report.report_figures import inline_figures
 from rsoconsole.notebook.report.report_passes import pass_facts
 from rsoconsole.notebook.report.report_pictures import shown_frames
-from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
+from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import format_dec, format_ra, utc_ns_to_iso
-from rsoconsole.words import counted
+from rsoconsole.sky import day_of, format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import counted, settings_words, shutter_words
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000
@@ -147,7 +146,7 @@ def _about(exported: ExportedNight) -> dict[str, Any]:
         "is_simulated": exported.is_simulated,
         "is_closed": about.get("is_closed") is True,
         "is_branch": bool(about.get("branch_of")),
-        "tried": changes_words(changes) if isinstance(changes, Mapping) else "",
+        "tried": settings_words(changes) if isinstance(changes, Mapping) else "",
     }
 
 
@@ -287,8 +286,3 @@ def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     for fact in FRAME_FACTS:
         if said := span_text(fact, [each[fact.name] for each in facts]):
             yield f"{fact.label[0].upper()}{fact.label[1:]}", said
-
-
-def changes_words(changes: Mapping[str, Any]) -> str:
-    """Settings of a branch, as ``name = value``."""
-    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in changes.items())
