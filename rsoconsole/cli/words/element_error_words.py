@@ -8,6 +8,7 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
+from rsoconsole.night import rms
 from rsoconsole.orbits.identification import ElementRow, FittedFactors
 from rsoconsole.words import counted, joined
 
@@ -60,15 +61,11 @@ def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str
         "to_days": high if math.isfinite(high) else None,
         "tracks": len(rows),
         "objects": len({each.norad_id for each in rows}),
-        "along_rms_s": _rms([each.along_s for each in rows]),
-        "along_rms_km": _rms([each.along_km for each in rows]),
-        "across_rms_arcsec": _rms([each.across_arcsec for each in rows]),
-        "across_rms_km": _rms([each.across_km for each in rows]),
+        "along_rms_s": rms([each.along_s for each in rows]),
+        "along_rms_km": rms([each.along_km for each in rows]),
+        "across_rms_arcsec": rms([each.across_arcsec for each in rows]),
+        "across_rms_km": rms([each.across_km for each in rows]),
     }
-
-
-def _rms(values: Sequence[float]) -> float:
-    return math.sqrt(sum(each**2 for each in values) / len(values))
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:

@@ -3,11 +3,11 @@
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.export import MeasuredRow
-from rsoconsole.night import LogLine, Night, NightTrack, consistency_of, line_of, rms
+from rsoconsole.night import LogLine, Night, NightTrack, consistency_of, line_of
 from rsoconsole.notebook.night import DrawnNight
 from rsoconsole.records import OperatorAction, ParameterChange
 from rsoconsole.session.reading import SessionReader
@@ -32,17 +32,14 @@ class Course:
 class TrackFacts:
     """One track at a glance."""
 
-    number: int
+    known: NightTrack
     first: MeasuredRow
     last: MeasuredRow
     count: int
     sigma_arcsec: tuple[float, float]
     """Median one sigma of its measurements, right ascension on the sky and declination."""
-    rms_arcsec: float | None
     rate_arcsec_s: tuple[float, float] | None
     """On the sky at its end."""
-    known: NightTrack | None = None
-    """Its orbit, its name and how it ended; None where the record has nothing of that number."""
 
     @property
     def minutes(self) -> float:
@@ -80,23 +77,15 @@ def track_facts(
     rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
 ) -> tuple[TrackFacts, ...]:
     """Every track that took something, in order; ``known``: what the record has of each."""
-    numbers = sorted({row.track for row in rows if row.track is not None})
-    return tuple(
-        replace(_track(number, [r for r in rows if r.track == number]), known=known.get(number))
-        for number in numbers
-    )
+    taken = {number: [row for row in rows if row.track == number] for number in known}
+    return tuple(_track(known[number], own) for number, own in taken.items() if own)
 
 
-def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
-    residuals = [
-        math.hypot(row.residual_ra_arcsec, row.residual_dec_arcsec)
-        for row in rows
-        if row.residual_ra_arcsec is not None and row.residual_dec_arcsec is not None
-    ]
+def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
     last = rows[-1]
     rate = (last.rate_ra_arcsec_s, last.rate_dec_arcsec_s)
     return TrackFacts(
-        number=number,
+        known=known,
         first=rows[0],
         last=last,
         count=len(rows),
@@ -104,7 +93,6 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
             statistics.median(row.sigma_ra_arcsec for row in rows),
             statistics.median(row.sigma_dec_arcsec for row in rows),
         ),
-        rms_arcsec=rms(residuals),
         rate_arcsec_s=None if rate[0] is None or rate[1] is None else (rate[0], rate[1]),
     )
 
