@@ -7,10 +7,10 @@ from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
 from rsoconsole.reasons import CLOUD
 from rsoconsole.records import (
+    FOLLOWING,
     Event,
     FrameTaken,
     Identified,
-    LoopState,
     Miss,
     Record,
     StateChange,
@@ -20,7 +20,6 @@ from rsoconsole.words import text
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""
-_FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
 _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
 """Causes by which a track ends as the operator wants it."""
 
@@ -75,11 +74,11 @@ class News:
             yield "fault", f"the engine is in FAULT: {words}"
         elif cause in {"limit met", "too many limits"}:
             yield "limit", words
-        elif change.after == "TRACK" and change.before not in _FOLLOWING:
+        elif change.after == "TRACK" and change.before not in FOLLOWING:
             yield "lock", f"a satellite is followed, from frame {change.frame_id}: {words}"
         elif cause not in _ITS_OWN and (
             (change.after == "LOST" != change.before)
-            or (change.before in _FOLLOWING and change.after == "SEARCH")
+            or (change.before in FOLLOWING and change.after == "SEARCH")
         ):
             yield "loss", f"the satellite is lost: {words}"
 

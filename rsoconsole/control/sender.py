@@ -25,7 +25,7 @@ class Sender:
 
     @classmethod
     def at(cls, place: str) -> "Sender":
-        """The console or panel of whoever runs this process, at a terminal or a notebook."""
+        """A console or panel of this process's user, at a terminal or a notebook."""
         try:
             user = getpass.getuser()
         except (KeyError, OSError):

@@ -18,7 +18,7 @@ from rsoconsole.config import home_path
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.words import NS_PER_S, clipped, duration_text, first_shown
+from rsoconsole.console.words import clipped, duration_text, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.session.log import DATABASE
@@ -145,9 +145,9 @@ def _facts(entry: Entry) -> tuple[str, ...]:
         return ("", "", "", "", "…")
     if summary.fault is not None:
         return ("", "", "", file_size(summary.size_bytes), entry.state)
-    first, last = summary.t_first_utc_ns, summary.t_last_utc_ns
+    first, length_s = summary.t_first_utc_ns, summary.duration_s
     when = "" if not first else utc_ns_to_iso(first, 0)[:16].replace("T", " ")
-    length = "" if not first or not last else duration_text((last - first) / NS_PER_S)
+    length = "" if length_s is None else duration_text(length_s)
     return (when, length, f"{summary.frames}", file_size(summary.size_bytes), entry.state)
 
 

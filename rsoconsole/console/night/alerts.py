@@ -3,8 +3,8 @@
 from rsoconsole.config import Alert
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.night import NightView
+from rsoconsole.records import FOLLOWING
 
-FOLLOWING = {"TRACK", "COAST"}
 LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
 
