@@ -232,6 +232,7 @@ def _rounded(distance_deg: float) -> float:
 HiddenKind: TypeAlias = Literal[
     "slew refused", "fewer stars", "fainter stars", "few stars", "shadow", "penumbra"
 ]
+CLOUD: frozenset[HiddenKind] = frozenset(("fewer stars", "fainter stars", "few stars"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
+from rsoconsole.reasons import CLOUD
 from rsoconsole.records import (
+    FOLLOWING,
     Event,
     FrameTaken,
     Identified,
-    LoopState,
     Miss,
     Record,
     StateChange,
@@ -19,8 +20,6 @@ from rsoconsole.words import called, match_words, text
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""
-_FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
-_CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
 """Causes by which a track ends as the operator wants it."""
 
@@ -75,11 +74,11 @@ class News:
             yield "fault", f"the engine is in FAULT: {words}"
         elif cause in {"limit met", "too many limits"}:
             yield "limit", words
-        elif change.after == "TRACK" and change.before not in _FOLLOWING:
+        elif change.after == "TRACK" and change.before not in FOLLOWING:
             yield "lock", f"a satellite is followed, from frame {change.frame_id}: {words}"
         elif cause not in _ITS_OWN and (
             (change.after == "LOST" != change.before)
-            or (change.before in _FOLLOWING and change.after == "SEARCH")
+            or (change.before in FOLLOWING and change.after == "SEARCH")
         ):
             yield "loss", f"the satellite is lost: {words}"
 
@@ -94,7 +93,7 @@ class News:
             yield "identification", f"track {found.track_id} is {name}, {off}"
 
     def _of_miss(self, miss: Miss) -> Iterator[tuple[AlertKind, str]]:
-        cloud = [each for each in miss.reason.hidden_by if each.kind in _CLOUD]
+        cloud = [each for each in miss.reason.hidden_by if each.kind in CLOUD]
         if cloud and not self.is_cloudy:
             self.is_cloudy = True
             yield "clouds", f"clouds, from frame {miss.frame_id}: {text(miss.reason)}"

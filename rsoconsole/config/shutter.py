@@ -38,18 +38,6 @@ class CalibratedTiming(BaseModel):
     measurements: int = Field(ge=1, le=100_000_000)
 
     @property
-    def mode_words(self) -> str:
-        """The mode for people, e.g. ``2 s, 1x1, 4656 x 3520 px, gain 139``."""
-        exposure = "any exposure" if self.exposure_s is None else f"{self.exposure_s:g} s"
-        parts = [exposure, *([self.binning] if self.binning else [])]
-        if self.width_px and self.height_px:
-            at = f" from {self.x0_px}, {self.y0_px}" if self.x0_px or self.y0_px else ""
-            parts.append(f"{self.width_px} x {self.height_px} px{at}")
-        parts += [f"gain {self.gain:g}"] if self.gain is not None else []
-        parts += ["times by the camera's GPS"] if self.time_by == "gps" else []
-        return ", ".join(parts)
-
-    @property
     def mode(self) -> tuple[object, ...]:
         """What tells it from other modes."""
         return (self.exposure_s, *self.read_out)

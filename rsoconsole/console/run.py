@@ -1,7 +1,6 @@
 """How a console is opened: over the running engine, or over one session."""
 
 import gc
-import getpass
 import os
 import signal
 import sys
@@ -48,18 +47,18 @@ def run_console(
     _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
     from rsoconsole.console.dialogs import TourMemory
 
-    name = _seat_name()
+    seat = _seat()
     return _run(
         config,
         socket,
-        name,
+        seat,
         graphics,
         session=session,
         read_only=read_only,
         owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
-        seat_name=name,
+        seat_name=seat.name,
         tour=TourMemory(state_dir()),
     )
 
@@ -84,8 +83,10 @@ def run_review(
     if session is not None:
         SessionReader(session)
     _expect_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
-    review, name = (session, start), _seat_name()
-    _run(config, socket, name, graphics, review=review, stop_directly=stop_directly, keymap=keymap)
+    review = (session, start)
+    _run(
+        config, socket, _seat(), graphics, review=review, stop_directly=stop_directly, keymap=keymap
+    )
 
 
 def _keymap() -> dict[str, str]:
@@ -95,7 +96,7 @@ def _keymap() -> dict[str, str]:
 
 
 def _run(
-    config: Config, socket: Path | None, sender: str, graphics: Graphics | None, **more: Any
+    config: Config, socket: Path | None, seat: Sender, graphics: Graphics | None, **more: Any
 ) -> str:
     """The application until its end, in a process that is a console alone; ``more``: of it."""
     from rsoconsole.console.app import ConsoleApp
@@ -103,7 +104,7 @@ def _run(
 
     drawn = offered(graphics or config.console.graphics)
     app = ConsoleApp(
-        lambda: ControlClient(socket, sender=Sender.console(sender)),
+        lambda: ControlClient(socket, sender=seat),
         settings=config.console,
         sessions_root=config.session.root,
         graphics=drawn.graphics,
@@ -136,17 +137,13 @@ def _expect_terminal(without: str) -> None:
         )
 
 
-def _seat_name() -> str:
+def _seat() -> Sender:
     """Who sits where, as another console shall read it."""
     try:
         terminal = os.ttyname(sys.stdin.fileno()).removeprefix("/dev/")
     except OSError:
         terminal = str(os.getpid())
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):
-        user = str(os.getuid())
-    return f"{user}@{terminal}"
+    return Sender.at(terminal)
 
 
 def _expect_engine(socket: Path | None) -> None:

@@ -1,5 +1,7 @@
 """Who asks: a console, of which one at a time is in control, or anything else."""
 
+import getpass
+import os
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -20,6 +22,15 @@ class Sender:
     def console(cls, name: str) -> "Sender":
         """A console, or a panel that is one."""
         return cls(name=name, kind="console")
+
+    @classmethod
+    def at(cls, place: str) -> "Sender":
+        """A console or panel of this process's user, at a terminal or a notebook."""
+        try:
+            user = getpass.getuser()
+        except (KeyError, OSError):
+            user = str(os.getuid())
+        return cls.console(f"{user}@{place}")
 
     @property
     def words(self) -> str:

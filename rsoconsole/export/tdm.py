@@ -22,16 +22,17 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.track_names import name_words
-from rsoconsole.pipeline.frame import day_of, shutter_words
 from rsoconsole.records import Site
 from rsoconsole.sky import (
     LIGHT_KM_S,
+    day_of,
     direction_to_unit,
     earth_velocity_km_s,
     hour_angle_icrs_deg,
     utc_ns_to_iso,
     wrap_360,
 )
+from rsoconsole.words import shutter_words
 
 VERSION = "2.0"
 ANGLE_DECIMALS = 9

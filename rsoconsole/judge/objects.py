@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.night import FrameTrack, NightFrame
+from rsoconsole.night import FrameTrack, NightFrame, rms
 from rsoconsole.records import Identified, Measurement, TrackState
 from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import lag_one, sky_covariance_arcsec2
@@ -388,8 +388,8 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "detections": tally.detections,
         "visible_frames": tally.visible_frames,
         "track_frames": tally.track_frames,
-        "measured_rms_arcsec": _rms(tally.measured_arcsec),
-        "prediction_rms_arcsec": _rms(tally.predicted_arcsec),
+        "measured_rms_arcsec": rms(tally.measured_arcsec),
+        "prediction_rms_arcsec": rms(tally.predicted_arcsec),
         "identified": tally.identified,
         "false_measurements": tally.false_measurements,
         "detected_after_lock": tally.detected_after_lock,
@@ -400,7 +400,3 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "longest_wrong": tally.longest_wrong,
         "swapped_frames": tally.swapped_frames,
     }
-
-
-def _rms(values: Sequence[float]) -> float | None:
-    return math.sqrt(statistics.fmean(v * v for v in values)) if values else None

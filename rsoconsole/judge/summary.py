@@ -20,7 +20,7 @@ from rsoconsole.judge.objects import (
 )
 from rsoconsole.judge.passes import leap_figures
 from rsoconsole.judge.track_figures import orbit_figures, tracks_figures
-from rsoconsole.night import NightFrame, frames_of, tracks_of
+from rsoconsole.night import NightFrame, frames_of, rms, tracks_of
 from rsoconsole.records import (
     CycleTiming,
     Identified,
@@ -156,7 +156,7 @@ def _against_truth(
         "target": target,
         "target_share": share,
         **_measured_figures(exposures, target),
-        "prediction_rms_arcsec": _rms(predicted),
+        "prediction_rms_arcsec": rms(predicted),
         "nis_mean": statistics.fmean(nis) if nis else None,
         "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
         "confidence_min": min(confidences, default=None),
@@ -192,8 +192,8 @@ def _measured_figures(
                 chi2.append(_chi2(measurement, east, north))
     return {
         "false_measurements": false_measurements,
-        "measured_rms_arcsec": _rms(measured),
-        "neighbours_rms_arcsec": _rms(neighbours),
+        "measured_rms_arcsec": rms(measured),
+        "neighbours_rms_arcsec": rms(neighbours),
         "measured_chi2_mean": statistics.fmean(chi2) if chi2 else None,
     }
 
@@ -298,7 +298,3 @@ def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
                 "p95": round(values[math.ceil(0.95 * len(values)) - 1], 3),
             }
     return stages
-
-
-def _rms(values: Sequence[float]) -> float | None:
-    return math.sqrt(statistics.fmean(v * v for v in values)) if values else None

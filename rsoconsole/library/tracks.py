@@ -72,13 +72,13 @@ class Track:
         """Of measured minus predicted, on the sky; None without an update."""
         from astropy import units
 
-        rms = self._found.residual_rms_arcsec
+        rms = self._found.quality.residual_rms_arcsec
         return None if rms is None else rms * units.arcsec
 
     @property
     def nis_mean(self) -> float | None:
         """Normalised innovation squared, 2 on average where the errors are as stated."""
-        return self._found.nis_mean
+        return self._found.quality.nis_mean
 
     @property
     def taken(self) -> tuple[Measurement, ...]:
@@ -89,7 +89,7 @@ class Track:
         return len(self._found.measurements)
 
     def __repr__(self) -> str:
-        rms = self._found.residual_rms_arcsec
+        rms = self._found.quality.residual_rms_arcsec
         words = "" if rms is None else f', residual rms {rms:.2f}"'
         ended = f", ended: {self.ended}" if self.ended else ""
         return f"<Track {self.number}: {len(self)} measurements{words}{ended}>"

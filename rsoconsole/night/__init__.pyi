@@ -1,3 +1,4 @@
+from . import shown as shown
 from .facts import FRAME_FACTS as FRAME_FACTS
 from .facts import FrameFact as FrameFact
 from .facts import facts_of as facts_of
@@ -22,9 +23,15 @@ from .frames import is_from_outside as is_from_outside
 from .frames import is_instruments as is_instruments
 from .last_measured import LastMeasured as LastMeasured
 from .log_lines import LogLine as LogLine
+from .log_lines import line_of as line_of
 from .night import Night as Night
 from .night_view import KeptNight as KeptNight
 from .night_view import NightView as NightView
+from .quality import Quality as Quality
+from .quality import Update as Update
+from .quality import consistency_of as consistency_of
+from .quality import quality_of as quality_of
+from .quality import rms as rms
 from .rows import Logged as Logged
 from .rows import Row as Row
 from .rows import rows_of as rows_of

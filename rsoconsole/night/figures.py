@@ -1,14 +1,14 @@
 """How well a night was followed, in figures: as recorded, and as with other settings."""
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.night.frames import NEWEST, NightFrames
 from rsoconsole.night.pointed_at import was_pointed_at
+from rsoconsole.night.quality import Quality, Update, quality_of, updates_of
 from rsoconsole.records import (
     FrameTaken,
     LoopState,
@@ -20,18 +20,14 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking.association import three_sigma_deg
-from rsoconsole.tracking.filters import mean_band
 
 CURVE_FRAMES = 40
 """Of the curve of what a setting changes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackFigures:
-    """Of the frames looked at; None where there is nothing to go by.
-
-    Residuals are measured minus predicted, of every measurement that the track took.
-    """
+class TrackFigures(Quality):
+    """Of the frames looked at; None where there is nothing to go by."""
 
     frames: int
     """Folded ones: not those that were taken while the operator had the mount."""
@@ -41,20 +37,9 @@ class TrackFigures:
     """From the middle of the first frame to the middle of that one."""
     lock_held: float | None
     """Share of the frames after that one that ended in TRACK."""
-    updates: int
     misses: int
     losses: int
     """How often what was followed was given up as lost."""
-    residual_rms_arcsec: float | None
-    """Both axes together."""
-    residual_east_rms_arcsec: float | None
-    residual_north_rms_arcsec: float | None
-    nis_mean: float | None
-    """2 for a sound filter."""
-    nis_band: tuple[float, float] | None
-    """Within which that mean lies for a sound filter, 95 times in 100."""
-    inside_3sigma: float | None
-    """Share of updates whose residual lies within 3 sigma on both axes; 0.995 for a sound one."""
     max_3sigma_arcmin: float | None
     """Of the predictions for a frame, the widest."""
     state: str
@@ -63,29 +48,8 @@ class TrackFigures:
     """Updates whose prediction was the orbit's, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
     """How many frames ended in each."""
-    log_likelihood_mean: float | None = None
-    """Of an update's innovation in arcsec under its own sigmas; the larger, the likelier. The
-    correlation of the two axes counts in the NIS alone."""
-
     nis_curve: tuple[float | None, ...] = ()
     """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None: not measured there."""
-
-    @property
-    def is_nis_sound(self) -> bool | None:
-        """Whether the mean NIS lies in its band."""
-        if self.nis_mean is None or self.nis_band is None:
-            return None
-        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
-
-
-class _Update(NamedTuple):
-    """What figures need of a measurement that a track took."""
-
-    residual_arcsec: tuple[float, float]
-    nis: float | None
-    is_inside: bool
-    is_by_orbit: bool
-    log_likelihood: float | None
 
 
 class _Frame(NamedTuple):
@@ -95,7 +59,9 @@ class _Frame(NamedTuple):
     t_mid_utc_ns: int | None
     state: LoopState
     is_chosen: bool
-    updates: tuple[_Update, ...]
+    updates: tuple[Update, ...]
+    by_orbit: int
+    """Those of them that the orbit predicted."""
     misses: int
     losses: int
     widest_3sigma_deg: float | None
@@ -133,7 +99,8 @@ class FigureSum:
             t_mid_utc_ns=taken.t_mid_utc_ns,
             state=state,
             is_chosen=not self._of_lead or was_pointed_at(folded, solution, taken),
-            updates=tuple(_update_of(r) for r in tracks if r.innovation_arcsec is not None),
+            updates=tuple(updates_of(tracks)),
+            by_orbit=sum(r.foretold_by == "orbit" for r in tracks if r.innovation_arcsec),
             misses=sum(isinstance(record, Miss) for record in records),
             losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
             widest_3sigma_deg=max(sigmas_deg, default=None),
@@ -150,32 +117,21 @@ class FigureSum:
         every = [self._frames[number] for number in sorted(self._frames)]
         chosen = [each for each in every if each.is_chosen]
         chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
-        updates = [update for each in chosen for update in each.updates]
-        east = _mean_square([update.residual_arcsec[0] for update in updates])
-        north = _mean_square([update.residual_arcsec[1] for update in updates])
-        nis = [u.nis for u in updates if u.nis is not None]
-        terms = [u.log_likelihood for u in updates if u.log_likelihood is not None]
         widest = [f.widest_3sigma_deg for f in chosen if f.widest_3sigma_deg is not None]
         locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
+        quality = quality_of([update for each in chosen for update in each.updates])
         return TrackFigures(
+            **asdict(quality),
             frames=len(chosen),
             locked_after_frames=None if locked is None else chosen[locked].frame_id,
             locked_after_s=None if locked is None else _seconds_between(chosen[0], chosen[locked]),
             lock_held=None if locked is None else _share_in_track(chosen[locked + 1 :]),
-            updates=len(updates),
             misses=sum(each.misses for each in chosen),
             losses=sum(each.losses for each in chosen),
-            residual_rms_arcsec=None if east is None or north is None else math.sqrt(east + north),
-            residual_east_rms_arcsec=None if east is None else math.sqrt(east),
-            residual_north_rms_arcsec=None if north is None else math.sqrt(north),
-            nis_mean=sum(nis) / len(nis) if nis else None,
-            nis_band=mean_band(len(nis)) if nis else None,
-            inside_3sigma=sum(u.is_inside for u in updates) / len(updates) if updates else None,
             max_3sigma_arcmin=max(widest) * 60.0 if widest else None,
-            carried_by_orbit=sum(update.is_by_orbit for update in updates),
+            carried_by_orbit=sum(each.by_orbit for each in chosen),
             state=every[-1].state if every else "",
             states=dict(Counter(each.state for each in chosen)),
-            log_likelihood_mean=sum(terms) / len(terms) if terms else None,
             nis_curve=tuple(each.nis_of_lead for each in chosen[-CURVE_FRAMES:]),
         )
 
@@ -201,10 +157,6 @@ def _of_lead(records: Sequence[Record]) -> list[Record]:
     return [r for r in records if not (isinstance(r, TrackState | Miss) and r.track_id in beside)]
 
 
-def _mean_square(values: Sequence[float]) -> float | None:
-    return sum(value**2 for value in values) / len(values) if values else None
-
-
 def _seconds_between(first: _Frame, later: _Frame) -> float | None:
     begin, end = first.t_mid_utc_ns, later.t_mid_utc_ns
     return None if begin is None or end is None else (end - begin) / 1e9
@@ -222,34 +174,6 @@ def _nis_of_lead(records: Sequence[Record]) -> float | None:
     return next(found, None)
 
 
-def _update_of(update: TrackState) -> _Update:
-    residual = update.innovation_arcsec
-    assert residual is not None
-    return _Update(
-        residual_arcsec=residual,
-        nis=update.nis,
-        is_inside=_is_inside(update),
-        is_by_orbit=update.foretold_by == "orbit",
-        log_likelihood=_log_likelihood(update),
-    )
-
-
-def _log_likelihood(update: TrackState) -> float | None:
-    """Of one update. Source: Bar-Shalom et al. 2001, ch. 5.4."""
-    sigma = update.sigma_innovation_arcsec
-    if sigma is None or update.nis is None or min(sigma) <= 0.0:
-        return None
-    return -math.log(2.0 * math.pi * sigma[0] * sigma[1]) - 0.5 * update.nis
-
-
-def _is_inside(update: TrackState) -> bool:
-    residual, sigma = update.innovation_arcsec, update.sigma_innovation_arcsec
-    assert residual is not None
-    if sigma is None:
-        return False
-    return all(abs(r) <= 3.0 * s for r, s in zip(residual, sigma, strict=True))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spell:
     """For how long the loop was in one state."""
@@ -265,51 +189,26 @@ class Spell:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
+class Summary(Quality):
     """A night at a glance; None where there is nothing to go by."""
 
     frames: int
     followed: int
     """Frames in which the track took a measurement."""
-    updates: int
-    """Those of them that were predicted."""
-    missed: int
+    misses: int
     locked_after_frames: int | None
     """How many frames it took to TRACK; None where it never came to that."""
-    residual_rms_arcsec: float | None
-    """Of measured minus predicted, both axes together."""
-    nis_mean: float | None
-    """2 for a sound filter."""
-    nis_band: tuple[float, float] | None
-    """Within which that mean lies for a sound filter, 95 times in 100."""
-    inside_3sigma: float | None
-    """Share of updates with both residuals within 3 sigma."""
-
-    @property
-    def is_nis_sound(self) -> bool | None:
-        """Whether the mean NIS lies in its band."""
-        if self.nis_mean is None or self.nis_band is None:
-            return None
-        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
 def summary_of(frames: Sequence[NightFrame]) -> Summary:
     """The figures of frames that have a time."""
-    states = [frame.updated for frame in frames if frame.updated is not None]
-    updates = [_update_of(state) for state in states if state.innovation_arcsec is not None]
-    squares = [east**2 + north**2 for east, north in (u.residual_arcsec for u in updates)]
-    nis = [state.nis for state in states if state.nis is not None]
     locked = (n for n, f in enumerate(frames, 1) if any(c.after == "TRACK" for c in f.changes))
     return Summary(
+        **asdict(quality_of(updates_of(frame.updated for frame in frames))),
         frames=len(frames),
-        followed=len(states),
-        updates=len(updates),
-        missed=sum(frame.miss is not None for frame in frames),
+        followed=sum(frame.updated is not None for frame in frames),
+        misses=sum(frame.miss is not None for frame in frames),
         locked_after_frames=next(locked, None),
-        residual_rms_arcsec=math.sqrt(math.fsum(squares) / len(squares)) if squares else None,
-        nis_mean=math.fsum(nis) / len(nis) if nis else None,
-        nis_band=mean_band(len(nis)) if nis else None,
-        inside_3sigma=sum(u.is_inside for u in updates) / len(updates) if updates else None,
     )
 
 

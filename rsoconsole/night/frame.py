@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from rsoconsole.night.facts import facts_of
 from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
-from rsoconsole.reasons import Reason
+from rsoconsole.reasons import CLOUD, Reason
 from rsoconsole.records import (
     Closeup,
     Detection,
@@ -31,7 +31,6 @@ UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""
 ELSEWHERE = "not pointed at it"
 """Why a frame that looked somewhere else shows nothing of the track."""
-CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 SAME_PLACE_PX = 1.0
 
 

@@ -45,6 +45,7 @@ from rsoconsole.words import (
     off_words,
     remarkable,
     ruled_text,
+    short,
     text,
     tracks_words,
 )
@@ -98,8 +99,6 @@ class LogLine:
     """True for a command that waits for its outcome."""
     is_of_alarm: bool = False
     """True for a miss or a change of state that an alarm just before it tells."""
-    said: str = ""
-    """An event's words alone."""
     change: tuple[str, ...] = ()
     """Of a change of state: both states and why, by the kinds of its reasons."""
     cause: CauseKind | Literal[""] = ""
@@ -113,7 +112,12 @@ class LogLine:
     tracks: tuple[int, ...] = ()
     """Whose it is, where several are followed."""
     words: str = ""
-    """Its text without whose it is."""
+    """Its text without whose it is, who wanted it and how grave it is."""
+
+    @property
+    def whole(self) -> str:
+        """Its text, and how often it is so."""
+        return f"{self.text} ({self.times} times)" if self.times > 1 else self.text
 
     def of(self, tracks: tuple[int, ...]) -> "LogLine":
         """The same of these tracks, by their numbers."""
@@ -132,7 +136,7 @@ def left_out(found: Detections | None, tau: float) -> str:
     if not likely:
         return ""
     best = max(likely, key=lambda each: each.detection.confidence)
-    confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
+    confidence = short(best.detection.confidence)
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
 
 
@@ -147,7 +151,8 @@ def line_of(
     if words is None:
         return None
     # Control characters would reach the terminal, no matter who wrote them.
-    said = one_line(f"{words[1]}; {beside}" if beside else words[1])
+    before = one_line(words[1])
+    said = one_line(f"{words[2]}; {beside}" if beside else words[2])
     cause = record.reason if isinstance(record, StateChange) else None
     kind: CauseKind | Literal[""] = cause.kind if cause is not None else ""
     frame_id = getattr(record, "frame_id", None) or None
@@ -156,7 +161,7 @@ def line_of(
         t_utc_ns=t_utc_ns,
         frame_id=frame_id,
         level=words[0],
-        text=said,
+        text=before + said,
         words=said,
         kind=type(record).__name__,
         missed=record.reason if isinstance(record, Miss) else None,
@@ -167,7 +172,6 @@ def line_of(
         asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
         is_accepted=action is not None and action.outcome.kind == "accepted",
         is_of_alarm=_is_of_alarm(record),
-        said=one_line(record.text) if isinstance(record, Event) else "",
         change=_change_of(record),
         cause=_cause_of(action) if action else kind,
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
@@ -220,53 +224,52 @@ def _setting_of(record: Record) -> str:
     return ""
 
 
-def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one case a kind
-    """Level and words; None for kinds that are routine."""
+def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 -- one case a kind
+    """Level, what stands before the words, words; None for kinds that are routine."""
     match record:
         case StateChange():
             return _of_state(record)
         case Miss():
-            return "warning", f"miss: {text(record.reason)}"
+            return "warning", "", f"miss: {text(record.reason)}"
         case NotSolved():
-            return "warning", f"not plate-solved: {record.reason}"
+            return "warning", "", f"not plate-solved: {record.reason}"
         case NotFollowed():
             said = text(record.reason)
             is_set_aside = _not_taken(record) == "not chosen"
-            return "info", f"automatic measurement {said}" if is_set_aside else f"not taken: {said}"
+            return "info", "", f"{'automatic measurement' if is_set_aside else 'not taken:'} {said}"
         case Event():
             prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
             # A turn between two that promise the same is no news.
             is_news = record.topic != "close predictor"
-            return (record.level, prefix + record.text) if is_news else None
+            return (record.level, prefix, record.text) if is_news else None
         case Identified():
             return _of_identified(record)
         case Detections():
             said = remarkable(record.detections)
-            return ("info", f"detected: {said}") if said else None
+            return ("info", "", f"detected: {said}") if said else None
         case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
             return None
         case OperatorAction():
             return _of_action(record)
         case ParameterChange():
-            by = without_console(record.by)
-            return "info", f"{by}: {record.name} {record.before} → {record.after}"
+            by = f"{without_console(record.by)}: "
+            return "info", by, f"{record.name} {record.before} → {record.after}"
         case _:
             return None
 
 
-def _of_state(record: StateChange) -> tuple[Level, str]:
+def _of_state(record: StateChange) -> tuple[Level, str, str]:
     levels: dict[str, Level] = {
         "TRACK": "good",
         "COAST": "warning",
         "LOST": "warning",
         "FAULT": "alarm",
     }
-    return levels.get(record.after, "info"), (
-        f"{record.before} → {record.after}: {without_console(text(record.reason))}"
-    )
+    why = without_console(text(record.reason))
+    return levels.get(record.after, "info"), "", f"{record.before} → {record.after}: {why}"
 
 
-def _of_identified(record: Identified) -> tuple[Level, str]:
+def _of_identified(record: Identified) -> tuple[Level, str, str]:
     said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
@@ -274,22 +277,22 @@ def _of_identified(record: Identified) -> tuple[Level, str]:
         if others:
             said += f"; then {others[0].name or others[0].norad_id} at {off_words(others[0])}"
     if record.hint:
-        return "warning", f"{said}; {record.hint}"
-    return "good" if record.verdict == "identified" else "info", said
+        return "warning", "", f"{said}; {record.hint}"
+    return "good" if record.verdict == "identified" else "info", "", said
 
 
-def _of_action(record: OperatorAction) -> tuple[Level, str]:
+def _of_action(record: OperatorAction) -> tuple[Level, str, str]:
     if record.verb == Note.verb:
-        return "good", f"NOTE: {record.arguments.get('text', '')}"
-    by, result = without_console(record.by), record.outcome
+        return "good", "NOTE: ", str(record.arguments.get("text", ""))
+    by, result = f"{without_console(record.by)}: ", record.outcome
     if record.verb == Stop.verb:
         said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
         is_at_rest = result.stop_outcome in ("stands", "tracks")
-        return "good" if is_at_rest else "alarm", f"{by}: STOP: {said}"
+        return "good" if is_at_rest else "alarm", by, f"STOP: {said}"
     if _is_used_mark(record):
-        return "good", f"{by}: mark in frame {result.frame_id} is {ruled_text(result)}"
+        return "good", by, f"mark in frame {result.frame_id} is {ruled_text(result)}"
     wanted = command_words(record.verb, record.arguments)
-    return "warning" if result.kind == "refused" else "info", f"{by}: {wanted}{_came_of(record)}"
+    return "warning" if result.kind == "refused" else "info", by, f"{wanted}{_came_of(record)}"
 
 
 def _came_of(record: OperatorAction) -> str:

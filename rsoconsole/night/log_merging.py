@@ -53,8 +53,8 @@ def _append_news(log: list[LogLine], line: LogLine) -> None:
         return
     elif line.kind == "StateChange" and line.is_of_alarm and _is_alarm(last):
         assert last is not None
-        passage = line.text.partition(":")[0]
-        log[-1] = replace(line, text=f"{passage}: {last.said}", level="alarm", topic=last.topic)
+        said = f"{line.change[0]} → {line.change[1]}: {last.words}"
+        log[-1] = replace(line, text=said, words=said, level="alarm", topic=last.topic)
         return
     elif (
         last is not None

@@ -22,6 +22,7 @@ from rsoconsole.night.night_view import (
 from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.night.track_fold import pairs_after, tracks_after
 from rsoconsole.records import (
+    FOLLOWING,
     CycleTiming,
     Event,
     ExpectedMembers,
@@ -281,7 +282,7 @@ class Night:
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
-        if record.after in {"TRACK", "COAST"}:
+        if record.after in FOLLOWING:
             # What was followed before the operator ended it is followed again.
             now.track, now.kept_track = now.track or now.kept_track, None
         else:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from rsoconsole.night.frame import is_of_streak, numbered, predicted_sigma_arcsec
 from rsoconsole.records import (
+    FOLLOWING,
     CycleTiming,
     Detections,
     FollowedAgain,
@@ -27,7 +28,6 @@ PAIRS_KEPT_NS = 3_600_000_000_000
 """A pair that was not looked at for longer is of tracks that have ended."""
 TAKEN_BACK_FRAMES = 12
 """Frames within which the engine takes a word back (``pipeline.cycle.decisions``)."""
-_FOLLOWED = {"TRACK", "COAST"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,7 +260,7 @@ def _with_miss(now: TracksNow, record: Miss) -> TracksNow:
 
 
 def _with_change(now: TracksNow, record: StateChange) -> TracksNow:
-    if record.after in _FOLLOWED:
+    if record.after in FOLLOWING:
         return replace(now, tracks=now.tracks or now.set_aside, set_aside={})
     if not now.tracks and record.after != "LOST":
         return replace(now, in_frame=())

@@ -1,12 +1,11 @@
 """Every track of a session: what it measured, its orbit, its name, how it ended. Pure."""
 
-import math
-import statistics
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
+from rsoconsole.night.quality import Quality, quality_of, updates_of
 from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
 from rsoconsole.words import identity, text
 
@@ -50,16 +49,9 @@ class NightTrack:
         return any(state.is_lead for state in self.states)
 
     @property
-    def residual_rms_arcsec(self) -> float | None:
-        """Of measured minus predicted, on the sky; None without an update."""
-        off = [s.innovation_arcsec for s in self.states if s.innovation_arcsec is not None]
-        return math.sqrt(statistics.fmean(e * e + n * n for e, n in off)) if off else None
-
-    @property
-    def nis_mean(self) -> float | None:
-        """Of its updates; None without one."""
-        found = [s.nis for s in self.states if s.nis is not None]
-        return statistics.fmean(found) if found else None
+    def quality(self) -> Quality:
+        """How well its updates met what was predicted."""
+        return quality_of(updates_of(self.states))
 
 
 @dataclass(slots=True)

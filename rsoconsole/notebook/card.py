@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rsoconsole.night import Spell, Summary
+from rsoconsole.night import Spell, Summary, shown
 from rsoconsole.notebook.night import GREEN, GREY, RED, text
 from rsoconsole.notebook.pictures import Picture, layered
 from rsoconsole.words import span
@@ -51,15 +51,13 @@ class Card:
 def rows_of(card: Card) -> list[tuple[str, str]]:
     """(what, how) in words, for a page and for a terminal alike."""
     s = card.summary
-    never = "never" if s.frames else "-"
-    locked = never if s.locked_after_frames is None else f"after {s.locked_after_frames} frames"
     rows = [
         ("when", card.when),
         ("frames", f"{card.frames}, {card.kept} kept in full"),
-        ("lock", locked),
-        ("misses", f"{s.missed} of {s.followed + s.missed} frames with a track"),
-        ("residual rms", _figure(s.residual_rms_arcsec, ".2f", "″, measured − predicted")),
-        ("NIS", nis_words(s)),
+        (shown.LOCK.label, shown.LOCK.words(s)),
+        (shown.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
+        (shown.RMS.label, shown.RMS.words(s)),
+        (shown.NIS_MEAN.label, f"{shown.NIS_MEAN.words(s)}, band {shown.BAND.words(s)}"),
     ]
     if card.branch_of is not None:
         rows.insert(
@@ -68,15 +66,6 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
     if card.is_live:
         rows.insert(1, ("not closed", "it goes on, or was cut off; refresh() reads what is new"))
     return rows
-
-
-def nis_words(summary: Summary) -> str:
-    """The mean NIS, its band, and what that comes to."""
-    if summary.nis_mean is None or summary.nis_band is None:
-        return "-"
-    low, high = summary.nis_band
-    sound = "sound" if summary.is_nis_sound else "outside"
-    return f"{summary.nis_mean:.2f}, ideal 2, band {low:.2f} to {high:.2f}: {sound}"
 
 
 def card_html(card: Card) -> str:
@@ -152,7 +141,3 @@ def _strip_words(spells: Iterable[Spell]) -> str:
     for spell in spells:
         total[spell.state] = total.get(spell.state, 0.0) + spell.seconds
     return " · ".join(f"{state} {span(s, 'line')}" for state, s in total.items() if s > 0.0)
-
-
-def _figure(value: float | None, form: str, unit: str) -> str:
-    return "-" if value is None else f"{value:{form}}{unit}"

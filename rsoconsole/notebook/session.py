@@ -27,7 +27,7 @@ from rsoconsole.notebook.session_pictures import SessionPictures
 from rsoconsole.records import TABLES, Column
 from rsoconsole.session.log import schema
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.words import when
+from rsoconsole.words import settings_words, when
 
 if TYPE_CHECKING:
     from rsoconsole.notebook.panel import LivePanel
@@ -318,7 +318,7 @@ class Session(SessionPictures, NightPlots):
             when=when(t_first, t_last),
             is_live=not self.is_closed,
             branch_of=None if parent is None else (self.path / str(parent)).resolve().name,
-            changes=", ".join(f"{name} = {value}" for name, value in changes.items()),
+            changes=settings_words(changes),
             frames=self._reader.counts().frames,
             kept=len(self._kept()),
             summary=summary_of(night.frames),

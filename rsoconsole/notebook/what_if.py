@@ -1,15 +1,16 @@
 """A night followed with other settings, beside what was recorded."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.night import NightFrames, Summary, summary_of
+from rsoconsole.night import NightFrames, Summary, shown, summary_of
 from rsoconsole.notebook.figures import NightPlots
 from rsoconsole.notebook.night import DrawnNight, night_of, text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record
+from rsoconsole.words import settings_words
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
@@ -66,7 +67,7 @@ class WhatIf(NightPlots):
     @property
     def words(self) -> str:
         """The settings that were tried."""
-        return ", ".join(f"{n.partition('.')[2]} = {v}" for n, v in self.settings.items())
+        return settings_words(self.settings)
 
     @property
     def recorded(self) -> Summary:
@@ -95,8 +96,8 @@ class WhatIf(NightPlots):
     def rows(self) -> Iterator[tuple[str, str, str]]:
         """(what, as recorded, as tried) in words."""
         old, new = self.recorded, self.changed
-        for what, words in _FIGURES:
-            yield what, words(old), words(new)
+        for each in shown.NIGHT:
+            yield each.label, each.words(old), each.words(new)
 
     def __repr__(self) -> str:
         lines = [f"what if {self.words or 'nothing were changed'}: {self.session.title}"]
@@ -144,32 +145,3 @@ def _night_of(
         for record in (each.taken, *each.shown.measurements, *each.records):
             fold.take(record)
     return night_of(title, config, fold.seen())
-
-
-def _number(form: str, unit: str = "") -> Callable[[float | None], str]:
-    return lambda value: "-" if value is None else f"{value:{form}}{unit}"
-
-
-def _nis(summary: Summary) -> str:
-    sign = {True: " ✓", False: " ✗", None: ""}[summary.is_nis_sound]
-    return _number(".2f")(summary.nis_mean) + sign
-
-
-def _band(summary: Summary) -> str:
-    return "-" if summary.nis_band is None else "{:.2f} to {:.2f}".format(*summary.nis_band)
-
-
-def _lock(summary: Summary) -> str:
-    count = summary.locked_after_frames
-    return "never" if count is None else f"after {count}"
-
-
-_FIGURES: tuple[tuple[str, Callable[[Summary], str]], ...] = (
-    ("lock", _lock),
-    ("measured", lambda s: f"{s.followed}"),
-    ("misses", lambda s: f"{s.missed}"),
-    ("residual rms", lambda s: _number(".3f", "″")(s.residual_rms_arcsec)),
-    ("NIS mean (2)", _nis),
-    ("its band", _band),
-    ("3σ holds", lambda s: _number(".0%")(s.inside_3sigma)),
-)

@@ -36,6 +36,7 @@ from .leaps import LeapDone as LeapDone
 from .leaps import LeapOrder as LeapOrder
 from .leaps import LeapResult as LeapResult
 from .leaps import LowPass as LowPass
+from .steps import FOLLOWING as FOLLOWING
 from .steps import OFF_RECORD as OFF_RECORD
 from .steps import CatalogueMatch as CatalogueMatch
 from .steps import CycleTiming as CycleTiming

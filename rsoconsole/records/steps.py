@@ -32,6 +32,7 @@ from rsoconsole.records.leaps import LeapDone, LowPass
 
 Source = Literal["network", "operator"]
 LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]
+FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
 Topic = Literal[
     "",
     "limit",

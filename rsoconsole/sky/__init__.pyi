@@ -56,6 +56,7 @@ from .times import NS_PER_DAY as NS_PER_DAY
 from .times import NS_PER_S as NS_PER_S
 from .times import IntArray as IntArray
 from .times import TimeLike as TimeLike
+from .times import day_of as day_of
 from .times import iso_to_utc_ns as iso_to_utc_ns
 from .times import jd_tt as jd_tt
 from .times import jd_ut1 as jd_ut1

@@ -8,7 +8,7 @@ fetched. Beyond the table's ends UT1-TAI and the pole hold their last value.
 
 import re
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, timedelta
 from functools import lru_cache
 from importlib.resources import files
 from typing import overload
@@ -35,6 +35,11 @@ _ISO = re.compile(
     r"(Z|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
+
+
+def day_of(t_utc_ns: int) -> date:
+    """The day (UTC) of an instant."""
+    return date(1970, 1, 1) + timedelta(days=t_utc_ns // NS_PER_DAY)
 
 
 def iso_to_utc_ns(text: str) -> int:

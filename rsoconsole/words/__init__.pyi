@@ -14,6 +14,12 @@ from .names import ledger_words as ledger_words
 from .names import match_words as match_words
 from .names import off_words as off_words
 from .names import tracks_words as tracks_words
+from .numbers import counted as counted
+from .numbers import file_size as file_size
+from .numbers import joined as joined
+from .numbers import number as number
+from .numbers import settings_words as settings_words
+from .numbers import short as short
 from .orbits import due as due
 from .orbits import eclipse_words as eclipse_words
 from .orbits import size_words as size_words
@@ -31,6 +37,12 @@ from .reasons import rate_text as rate_text
 from .reasons import ruled_text as ruled_text
 from .reasons import text as text
 from .reasons import unmeasured_text as unmeasured_text
+from .shutter import OLD_DAYS as OLD_DAYS
+from .shutter import age_days as age_days
+from .shutter import errors_words as errors_words
+from .shutter import mode_words as mode_words
+from .shutter import shutter_words as shutter_words
+from .shutter import timing_words as timing_words
 from .streaks import name_of as name_of
 from .streaks import name_words as name_words
 from .streaks import parts_of as parts_of

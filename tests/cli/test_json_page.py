@@ -146,6 +146,14 @@ def test_keys_with_units_stand_beside_the_first_ones_at_every_depth(capsys):
     }
 
 
+def test_what_one_record_has_of_another_is_a_key_too(capsys):
+    from rsoconsole.night import as_recorded
+
+    emit_json(as_recorded([]))
+    printed = json.loads(capsys.readouterr().out)
+    assert {"updates", "frames", "is_nis_sound", "log_likelihood_mean"} <= printed.keys()
+
+
 def test_detections_and_solutions_are_as_on_the_page(capsys):
     from rsoconsole.pipeline.words.reports import detections_report, solved_report
 

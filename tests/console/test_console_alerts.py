@@ -84,7 +84,7 @@ def test_a_weak_supply_rings_as_a_fault_with_its_name():
     line = line_of(Event(level="alarm", text=text, topic="machine"), 1)
     assert line is not None
     after = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=1),), seq=1)
-    assert alerts_between((HERE, ATTACHED), (after, ATTACHED)) == [("fault", "under-voltage")]
+    assert alerts_between((HERE, ATTACHED), (after, ATTACHED)) == [("fault", text)]
     assert alerts(after, after) == []
     over = line_of(Event(level="info", text="machine: no longer under-voltage"), 2)
     assert over is not None

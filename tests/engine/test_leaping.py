@@ -78,7 +78,7 @@ def test_it_ends_at_the_limit_with_an_orbit_and_its_next_pass(followed) -> None:
     assert float(orbit.split()[2]) == pytest.approx(600.0, abs=25.0)
     expected = next(text for text in said if text.startswith("its next pass: "))
     rise_ns = iso_to_utc_ns(expected.split()[3])
-    sigma_s = float(expected.split("+- ")[1].split()[0])
+    sigma_s = float(expected.split("± ")[1].split()[0])
     truth = altitudes(followed, rise_ns)
     assert np.min(np.abs(truth - 15.0)) < 0.2  # rises about then, within three sigma
     assert 0.0 < sigma_s < 5.0

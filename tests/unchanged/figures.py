@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.night import FrameRow, Night
+from rsoconsole.night import FrameRow, Night, Quality, Summary
 from rsoconsole.notebook import open_session
 from rsoconsole.notebook.report import render_report
 from rsoconsole.session.reading import SessionReader
@@ -101,10 +101,21 @@ def _notebook(session: Path) -> dict[str, Any]:
         sums = {str(column): float(numbers[column].sum()) for column in numbers}
         tables[name] = [len(rows), plain(sums)]
     tracks = {
-        n: [len(t.states), len(t.measurements), t.name, t.residual_rms_arcsec, t.nis_mean]
+        n: [len(t.states), len(t.measurements), t.name, *_quality(t.quality)]
         for n, t in night.tracks.items()
     }
-    return {"summary": plain(night.summary), "tracks": plain(tracks), "tables": tables}
+    return {"summary": _summary(night.summary), "tracks": plain(tracks), "tables": tables}
+
+
+def _quality(found: Quality) -> tuple[float | None, float | None]:
+    return found.residual_rms_arcsec, found.nis_mean
+
+
+def _summary(found: Summary) -> Any:
+    """By the names that they had when they were written down, those alone."""
+    names = ("frames", "followed", "updates", "locked_after_frames", "residual_rms_arcsec")
+    names += ("nis_mean", "nis_band", "inside_3sigma")
+    return plain({"missed": found.misses, **{name: getattr(found, name) for name in names}})
 
 
 def _on_screen(session: Path) -> dict[str, Any]:

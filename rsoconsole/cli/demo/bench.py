@@ -7,6 +7,7 @@ import typer
 
 from rsoconsole.cli.words import output
 from rsoconsole.config import Config
+from rsoconsole.words import counted
 
 BUSY_SHARE = 0.5
 """Of the cores at work for others when it began: the figures are worse than the machine."""
@@ -49,8 +50,8 @@ def run_bench(config: Config, *, json_: bool) -> None:
     else:
         output.say(here.words)
         output.say(
-            f"{result.width_px} x {result.height_px} px, {_counted(result.threads, 'thread')}, "
-            f"{_counted(result.detections, 'streak')} detected, session.root on "
+            f"{result.width_px} x {result.height_px} px, {counted(result.threads, 'thread')}, "
+            f"{counted(result.detections, 'streak')} detected, session.root on "
             f"{medium.kind}{f' {medium.device}' if medium.device else ''}"
             + _heat(before.cpu_temperature_c, after.cpu_temperature_c)
         )
@@ -66,10 +67,6 @@ def run_bench(config: Config, *, json_: bool) -> None:
     if not summary.is_enough:
         output.complain("rsoconsole: this machine does not hold what is configured")
         raise typer.Exit(1)
-
-
-def _counted(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _heat(before_c: float | None, after_c: float | None) -> str:

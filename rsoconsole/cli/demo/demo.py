@@ -16,7 +16,7 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.mount import stop_past_engine
 from rsoconsole.records import Site
 from rsoconsole.waits import waits_reported_to
-from rsoconsole.words import size_words
+from rsoconsole.words import number, size_words
 
 if TYPE_CHECKING:
     from rsoconsole.simulator.world import World
@@ -287,12 +287,11 @@ def _say_summary(found: dict[str, Any]) -> None:
         names = {
             "measured_rms_arcsec": "one measurement, rms against truth (arcsec)",
             "prediction_rms_arcsec": "filter (averages many), one step ahead",
-            "nis_mean": "NIS, mean (ideal 2)",
-            "inside_3sigma": "inside 3 sigma",
+            "nis_mean": "NIS mean (2)",
+            "inside_3sigma": "3σ holds",
         }
         for key, words in names.items():
-            value = found[key]
-            output.say(f"  {words:42} {'-' if value is None else f'{value:.2f}'}")
+            output.say(f"  {words:42} {number(found[key], '.2f')}")
     if not tracks:
         output.say(f"  {'orbit':42} none")
     total = found["latency_ms"].get("total")

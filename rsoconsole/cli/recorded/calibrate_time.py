@@ -163,7 +163,7 @@ def _elements(
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
     """Put the result into the configuration file; its place. Raises ConfigError."""
     from rsoconsole.pipeline.calibrations import put_together, timings_of, worse_than_known
-    from rsoconsole.pipeline.frame import errors_words
+    from rsoconsole.words import errors_words, mode_words
 
     if found.simulated and not force:
         raise ConfigError(
@@ -176,7 +176,7 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Pa
     if worse and not force:
         new, old = worse[0]
         raise ConfigError(
-            f"not written: at {old.mode_words} the configuration has {errors_words(old)}"
+            f"not written: at {mode_words(old.mode)} the configuration has {errors_words(old)}"
             f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
         )
     whole = [each.model_dump(mode="json") for each in put_together(exposure, timings)]

@@ -17,6 +17,7 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError
+from rsoconsole.words import counted
 
 if TYPE_CHECKING:
     from rsoconsole.element_sources import Kept, Source, Update, Updated
@@ -70,7 +71,9 @@ def update(
             with bar.aside():
                 _report(each, settings, json_)
     if faults:
-        output.complain(f"rsoconsole: {faults} source(s) could not be fetched; each says why")
+        output.complain(
+            f"rsoconsole: {counted(faults, 'source')} could not be fetched; each says why"
+        )
         raise typer.Exit(1)
 
 

@@ -28,7 +28,7 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
-from rsoconsole.words import direction, name_words, pulse_words
+from rsoconsole.words import counted, direction, name_words, pulse_words
 
 FramesArgument = Annotated[
     list[Path] | None,
@@ -336,7 +336,7 @@ def _process_words(found: dict[str, Any]) -> str:
 
 
 def _detect_lines(found: dict[str, Any]) -> list[str]:
-    lines = [f"{_name(found)}: {len(found['detections'])} streak(s)"]
+    lines = [f"{_name(found)}: {counted(len(found['detections']), 'streak')}"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
         f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"

@@ -20,6 +20,7 @@ from rsoconsole.cli.words import (
     output,
     progress,
 )
+from rsoconsole.words import settings_words
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.batch import Question, WorkerPool
@@ -247,7 +248,7 @@ def _branch_line(branch: "Branch") -> str:
     from rsoconsole.sky import utc_ns_to_iso
 
     made = branch.t_made_utc_ns
-    changes = ", ".join(f"{name} {value}" for name, value in branch.changes.items())
+    changes = settings_words(branch.changes)
     when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "
     return f"{branch.name:20} {when}{branch.fault or changes or 'nothing tried'}"
 

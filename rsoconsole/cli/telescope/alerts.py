@@ -9,6 +9,7 @@ import typer
 from rsoconsole.cli.words import ConfigOption, JsonOption, output
 from rsoconsole.config import APP, load_config
 from rsoconsole.errors import ConfigError
+from rsoconsole.words import counted
 
 alerts_app = typer.Typer(
     no_args_is_help=True, help="Messages to the operator's telephone and mail: test."
@@ -51,7 +52,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
             output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
     failed = sum(not done.ok for _, done in results)
     if failed:
-        output.complain(f"rsoconsole: {failed} service(s) did not take it; each says why")
+        output.complain(f"rsoconsole: {counted(failed, 'service')} did not take it; each says why")
         raise typer.Exit(1)
 
 

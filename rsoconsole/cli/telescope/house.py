@@ -8,6 +8,7 @@ import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, output
 from rsoconsole.config import default_config_path, load_config
+from rsoconsole.words import counted
 
 if TYPE_CHECKING:
     from rsoconsole.config import Setting
@@ -54,7 +55,7 @@ def doctor(
         failed += check.ok is False
         output.answer(json_, check, _check_lines)
     if failed:
-        output.complain(f"rsoconsole: {failed} check(s) failed; each says what to do")
+        output.complain(f"rsoconsole: {counted(failed, 'check')} failed; each says what to do")
         raise typer.Exit(1)
 
 
@@ -112,7 +113,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
     for fault in faults:
         output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
     if faults:
-        output.complain(f"rsoconsole: {len(faults)} fault(s) in the configuration")
+        output.complain(f"rsoconsole: {counted(len(faults), 'fault')} in the configuration")
         raise typer.Exit(1)
     if not json_:
         output.say(*sound_lines(config))

@@ -8,6 +8,7 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.orbits.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
 from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
+from rsoconsole.words import counted, mode_words
 
 _SOURCES = {
     "broadcast": "broadcast ephemerides (2 m)",
@@ -46,23 +47,20 @@ def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
     names = ("binning", "width", "height", "x0_px", "y0_px", "gain", "time_by")
     read_out = dict(zip(names, mode.read_out, strict=True))
     known = {"bias_s": None} if timing is None else output.keyed(timing)
-    return {"mode": mode_words(mode), "exposure_s": mode.exposure_s, **read_out, **known}
+    return {"mode": _mode(mode), "exposure_s": mode.exposure_s, **read_out, **known}
 
 
 def timing_lines(found: FoundTiming) -> Iterator[str]:
     """The result for people, for 80 columns."""
     streaks = sum(each.streaks for each in found.nights)
-    nights = len(found.nights)
-    yield (
-        f"{streaks} streaks of {_satellites_words(found.satellites)},"
-        f" {nights} night{'s' if nights > 1 else ''}"
-    )
+    nights = counted(len(found.nights), "night")
+    yield f"{streaks} streaks of {_satellites_words(found.satellites)}, {nights}"
     yield f"by {_SOURCES[found.kind]}"
     for reason, times in sorted(found.skipped.items()):
         yield f"  not used of the files: {reason} ({times})"
     for mode, timing in found.modes:
         yield ""
-        yield mode_words(mode)
+        yield _mode(mode)
         yield from _mode_lines(timing)
     yield ""
     for night, drift in zip(found.nights, found.calibration.drift_arcsec, strict=True):
@@ -123,30 +121,23 @@ def cautions(found: FoundTiming) -> Iterator[str]:
             continue
         if not timing.is_line_time_found:
             yield (
-                f"{mode_words(mode)}: the streaks lie in rows too much alike for the line time; let"
+                f"{_mode(mode)}: the streaks lie in rows too much alike for the line time; let"
                 " satellites cross high and low in the frame"
             )
         if timing.night_spread_s:
             yield (
-                f"{mode_words(mode)}: the nights differ by {timing.night_spread_s * 1e3:.1f} ms,"
+                f"{_mode(mode)}: the nights differ by {timing.night_spread_s * 1e3:.1f} ms,"
                 " more than their errors explain; it is in the bias's error: look at the clocks"
             )
         if timing.tracks < _FEW:
-            yield f"{mode_words(mode)}: {timing.tracks} tracks are few: give {_FEW} or more"
+            yield f"{_mode(mode)}: {timing.tracks} tracks are few: give {_FEW} or more"
 
 
 _FEW = 4
 
 
-def mode_words(mode: Mode) -> str:
-    """As the settings' own words."""
-    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
-    exposure = "other exposures" if mode.exposure_s is None else f"{mode.exposure_s:g} s"
-    parts = [exposure, *([str(binning)] if binning else []), f"{width_px} x {height_px} px"]
-    parts += [f"from {x0_px}, {y0_px}"] if x0_px or y0_px else []
-    parts += [f"gain {gain:g}"] if isinstance(gain, int | float) else []
-    parts += ["times by the camera's GPS"] if time_by == "gps" else []
-    return ", ".join(parts)
+def _mode(mode: Mode) -> str:
+    return mode_words((mode.exposure_s, *mode.read_out), "other exposures")
 
 
 def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
@@ -155,8 +146,7 @@ def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
         system = SYSTEMS.get(each.name[:1], "") if each.name[1:].isdigit() else ""
         systems[system] = systems.get(system, 0) + 1
     named = ", ".join(f"{count} {system}" for system, count in sorted(systems.items()) if system)
-    count = len(satellites)
-    return f"{count} satellite{'s' if count > 1 else ''}" + (f" ({named})" if named else "")
+    return counted(len(satellites), "satellite") + (f" ({named})" if named else "")
 
 
 def _ms(value: Estimated, *, sign: str = "+") -> str:

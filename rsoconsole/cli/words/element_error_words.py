@@ -8,8 +8,9 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
+from rsoconsole.night import rms
 from rsoconsole.orbits.identification import ElementRow, FittedFactors
-from rsoconsole.words import angle
+from rsoconsole.words import angle, counted, joined
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)
 KINDS = {
@@ -27,24 +28,13 @@ def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> 
     words = [_measured(each) for each in asked if each["source"] == "measured"]
     assumed = [KINDS[each["regime"]] for each in asked if each["source"] == "assumed"]
     if assumed:
-        words.append(f"errors of {_joined(assumed)} as the literature has them, not measured")
+        words.append(f"errors of {joined(assumed)} as the literature has them, not measured")
     yield from textwrap.wrap("; ".join(words), _WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
 def _measured(each: dict[str, Any]) -> str:
-    words = _counted(each["tracks"], each["objects"], "own track")
+    words = f"{counted(each['tracks'], 'own track')} of {counted(each['objects'], 'object')}"
     return f"errors of {KINDS[each['regime']]} by {words}, to {each['oldest_days']:.0f} days"
-
-
-def _counted(tracks: int, objects: int, what: str = "track") -> str:
-    return (
-        f"{tracks} {what}{'s' if tracks > 1 else ''} of {objects}"
-        f" object{'s' if objects > 1 else ''}"
-    )
-
-
-def _joined(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def regime_report(
@@ -71,15 +61,11 @@ def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str
         "to_days": high if math.isfinite(high) else None,
         "tracks": len(rows),
         "objects": len({each.norad_id for each in rows}),
-        "along_rms_s": _rms([each.along_s for each in rows]),
-        "along_rms_km": _rms([each.along_km for each in rows]),
-        "across_rms_arcsec": _rms([each.across_arcsec for each in rows]),
-        "across_rms_km": _rms([each.across_km for each in rows]),
+        "along_rms_s": rms([each.along_s for each in rows]),
+        "along_rms_km": rms([each.along_km for each in rows]),
+        "across_rms_arcsec": rms([each.across_arcsec for each in rows]),
+        "across_rms_km": rms([each.across_km for each in rows]),
     }
-
-
-def _rms(values: Sequence[float]) -> float:
-    return math.sqrt(sum(each**2 for each in values) / len(values))
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
@@ -93,7 +79,8 @@ def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
 def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield (
-        f"{KINDS[each['regime']]}: {_counted(each['rows'], each['objects'])},"
+        f"{KINDS[each['regime']]}: {counted(each['rows'], 'track')} of"
+        f" {counted(each['objects'], 'object')},"
         f" weighed as {each['counted']:.0f}; to {each['t_last_utc'][:10]}"
     )
     yield f"  {'age, days':>9} {'tracks':>7} {'objects':>8} {'along, rms':>20} {'across, rms':>20}"

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from rsoconsole.words import age, called, chance, direction, name_words, signed_angle
+from rsoconsole.words import age, called, chance, counted, direction, name_words, signed_angle
 
 _NAME_WIDTH = 28
 
@@ -12,7 +12,7 @@ def frame_lines(found: dict[str, Any]) -> Iterator[str]:
     """One frame: its streaks with their names, and what crossed it and was not seen."""
     streaks, crossed = found["streaks"], found["crossed"]
     yield (
-        f"{found['frame']}: {len(streaks)} streak(s), {len(crossed)} of"
+        f"{found['frame']}: {counted(len(streaks), 'streak')}, {len(crossed)} of"
         f" {found['compared']:,} catalogued objects can have crossed"
     )
     where = direction(found["ra"], found["dec"], "bare")
@@ -34,7 +34,8 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
     if count < fewest:
         yield f"{count} frames: points that move are looked for in {fewest} or more"
         return
-    yield f"{count} frames: {len(report['movers'])} point(s) that move and are no star"
+    movers = counted(len(report["movers"]), "point")
+    yield f"{count} frames: {movers} that move and are no star"
     for each in report["movers"]:
         head = (
             f"  mover {each['mover']}: in {len(each['places'])} frames,"

@@ -107,10 +107,10 @@ def keyed(value: Any) -> Any:
 
 
 def _names_of(record: Any) -> list[str]:
-    own = vars(type(record)).items()
+    members = {name: each for kind in type(record).__mro__ for name, each in vars(kind).items()}
     return [
         *(each.name for each in fields(record)),
-        *(name for name, each in own if isinstance(each, property) and name[0] != "_"),
+        *(name for name, each in members.items() if isinstance(each, property) and name[0] != "_"),
     ]
 
 

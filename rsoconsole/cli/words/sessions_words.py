@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.control import SCHEMA
-from rsoconsole.words import span
+from rsoconsole.words import counted, file_size, span
 
 if TYPE_CHECKING:
     from rsoconsole.session.files import Finding, Verification
@@ -30,7 +30,7 @@ def summary_words(each: "SessionSummary") -> str:
     """One line under ``HEADER``; the name comes last, where a narrow terminal may wrap it."""
     name = each.folder.name
     if each.fault is not None:
-        size = size_words(each.size_bytes)
+        size = file_size(each.size_bytes)
         return f"{'-':16} {'-':>8} {'-':>7} {'-':>9} {size:>10}  {each.state}  {name}: {each.fault}"
     begin = (_iso(each.t_first_utc_ns) or "-")[:16].replace("T", " ")
     share = "-" if each.followed_share is None else f"{100 * each.followed_share:.0f} %"
@@ -43,7 +43,7 @@ def summary_words(each: "SessionSummary") -> str:
     length = "-" if each.duration_s is None else span(each.duration_s)
     return (
         f"{begin:16} {length:>8} {each.frames:7d} {share:>9} "
-        f"{size_words(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
+        f"{file_size(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
     )
 
 
@@ -53,7 +53,7 @@ def verification_lines(found: "Verification") -> Iterator[str]:
     state = "sound" if found.is_sound else "DAMAGED"
     yield (
         f"{found.session}: {state}, {found.state}; {found.records} records, "
-        f"{digest[found.digest]}; {found.files} files, {size_words(found.bytes)} read"
+        f"{digest[found.digest]}; {found.files} files, {file_size(found.bytes)} read"
     )
     alike: Counter[tuple[str, str]] = Counter()
     for each in found.findings:
@@ -108,40 +108,35 @@ def _rescue_lines(done: "Repair") -> Iterator[str]:
 def archive_words(made: "Archive") -> str:
     """What was packed, and where it lies."""
     gone = "; the original is removed" if made.is_removed else ""
-    size = size_words(made.bytes)
+    size = file_size(made.bytes)
     return f"{made.path}: {made.files} files, {size}, read back and verified{gone}"
 
 
 def step_words(step: "Step") -> str:
     """What becomes of a session."""
-    deed = f"{size_words(step.bytes):>9}" if step.goes else "    stays"
+    deed = f"{file_size(step.bytes):>9}" if step.goes else "    stays"
     return f"{deed}  {step.session.name:36} {step.why}"
 
 
 def say_plan(steps: "tuple[Step, ...]", folder: Path, what: str, is_done: bool) -> None:
     """What the whole plan comes to."""
     going = [step for step in steps if step.goes]
-    total = size_words(sum(step.bytes for step in going))
-    number = f"{len(going)} session{'s' if len(going) != 1 else ''}"
+    total = file_size(sum(step.bytes for step in going))
+    number = counted(len(going), "session")
     what_goes = f"{number} whole" if what == "all" else f"the {what} of {number}"
     free = shutil.disk_usage(folder).free if folder.exists() else 0
     if is_done:
-        output.say(f"pruned {what_goes}, {total}; {size_words(free)} are free")
+        output.say(f"pruned {what_goes}, {total}; {file_size(free)} are free")
     elif going:
         output.say(
-            f"{what_goes} would go, {total}; {size_words(free)} are free now: "
+            f"{what_goes} would go, {total}; {file_size(free)} are free now: "
             "nothing is done without --yes"
         )
     else:
-        output.say(f"nothing would go; {size_words(free)} are free")
+        output.say(f"nothing would go; {file_size(free)} are free")
 
 
 def _iso(t_utc_ns: int | None) -> str | None:
     from rsoconsole.sky import utc_ns_to_iso
 
     return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns)
-
-
-def size_words(size: float) -> str:
-    """Decimal units, as disks are sold."""
-    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"

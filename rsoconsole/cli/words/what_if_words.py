@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from rsoconsole.words import counted, number
+
 if TYPE_CHECKING:
-    from rsoconsole.night import TrackFigures
+    from rsoconsole.night import TrackFigures, shown
     from rsoconsole.pipeline.batch import Answer
 
 LABEL, COLUMN = 22, 20
@@ -23,7 +25,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
     if answer.rerun is not None:
         kept, gone = answer.rerun.rerun, answer.rerun.not_kept + answer.rerun.unreadable
         rest = f"; {gone} without their pixels stay as recorded" if gone else ""
-        yield f"  {kept} frame{'' if kept == 1 else 's'} reduced again{rest}"
+        yield f"  {counted(kept, 'frame')} reduced again{rest}"
     if not answer.is_reproduced:
         yield (
             "  the recorded settings do not give the recorded track: another version"
@@ -43,7 +45,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
 def figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
     """Both side by side, with a word where one is better."""
     yield f"  {'':{LABEL}}{'recorded':>{COLUMN}}{'what if':>{COLUMN}}"
-    for label, words, worth in _ROWS:
+    for (label, words), worth in _rows():
         mark = _mark(None if worth is None else (worth(then), worth(now)))
         yield f"  {label:{LABEL}}{words(then):>{COLUMN}} {words(now):>{COLUMN - 1}}{mark}".rstrip()
     for state in sorted({*then.states, *now.states}):
@@ -60,22 +62,10 @@ def _mark(worth: tuple[float | None, float | None] | None) -> str:
     return "  + better" if now > then else "  - worse"
 
 
-def _number(value: float | None, form: str, unit: str = "") -> str:
-    return "-" if value is None else f"{value:{form}}{unit}"
-
-
 def _locked(figures: "TrackFigures") -> str:
     if figures.locked_after_frames is None:
         return "never"
-    return f"frame {figures.locked_after_frames}, {_number(figures.locked_after_s, '.0f', ' s')}"
-
-
-def _nis(figures: "TrackFigures") -> str:
-    if figures.nis_band is None:
-        return "-"
-    low, high = figures.nis_band
-    sign = "" if figures.is_nis_sound else " !"
-    return f"{_number(figures.nis_mean, '.3g')} in {low:.2f}..{high:.2f}{sign}"
+    return f"frame {figures.locked_after_frames}, {number(figures.locked_after_s, '.0f', ' s')}"
 
 
 def _nis_worth(figures: "TrackFigures") -> float | None:
@@ -88,39 +78,36 @@ def _nis_worth(figures: "TrackFigures") -> float | None:
 
 
 def _inside_worth(figures: "TrackFigures") -> float | None:
-    """A sound filter's is 0.995; more is no gain."""
-    return None if figures.inside_3sigma is None else min(figures.inside_3sigma, 0.995)
+    """A sound filter's is 0.995; more is no gain, and what is not shown is none."""
+    return None if figures.inside_3sigma is None else round(min(figures.inside_3sigma, 0.99), 2)
 
 
 def _minus(value: float | None) -> float | None:
     return None if value is None else -value
 
 
-_Words = Callable[["TrackFigures"], str]
 _Worth = Callable[["TrackFigures"], float | None]
-_ROWS: tuple[tuple[str, _Words, _Worth | None], ...] = (
-    ("frames", lambda f: str(f.frames), None),
-    ("locked after", _locked, lambda f: _minus(f.locked_after_s)),
-    (
-        "lock held",
-        lambda f: _number(f.lock_held, ".1%"),
-        lambda f: f.lock_held,
-    ),
-    ("updates", lambda f: str(f.updates), lambda f: float(f.updates)),
-    ("misses", lambda f: str(f.misses), lambda f: -float(f.misses)),
-    ("lost", lambda f: str(f.losses), lambda f: -float(f.losses)),
-    (
-        "residual rms",
-        lambda f: _number(f.residual_rms_arcsec, ".2f", '"'),
-        lambda f: _minus(f.residual_rms_arcsec),
-    ),
-    ("  east", lambda f: _number(f.residual_east_rms_arcsec, ".2f", '"'), None),
-    ("  north", lambda f: _number(f.residual_north_rms_arcsec, ".2f", '"'), None),
-    ("NIS mean of 2, band", _nis, _nis_worth),
-    ("inside 3 sigma", lambda f: _number(f.inside_3sigma, ".1%"), _inside_worth),
-    ("widest 3 sigma", lambda f: _number(f.max_3sigma_arcmin, ".3g", "'"), None),
-    ("state in the end", lambda f: f.state or "-", None),
-)
+
+
+def _rows() -> list[tuple["shown.Figure", _Worth | None]]:
+    from rsoconsole.night import shown
+
+    return [
+        (shown.Figure("frames", lambda f: str(f.frames)), None),
+        (shown.Figure("locked after", _locked), lambda f: _minus(f.locked_after_s)),
+        (shown.Figure("lock held", lambda f: number(f.lock_held, ".1%")), lambda f: f.lock_held),
+        (shown.UPDATES, lambda f: float(f.updates)),
+        (shown.MISSES, lambda f: -float(f.misses)),
+        (shown.Figure("lost", lambda f: str(f.losses)), lambda f: -float(f.losses)),
+        (shown.RMS, lambda f: _minus(f.residual_rms_arcsec)),
+        (shown.Figure("  east", lambda f: number(f.residual_east_rms_arcsec, ".2f", "″")), None),
+        (shown.Figure("  north", lambda f: number(f.residual_north_rms_arcsec, ".2f", "″")), None),
+        (shown.NIS_MEAN, _nis_worth),
+        (shown.BAND, None),
+        (shown.INSIDE, _inside_worth),
+        (shown.Figure("widest 3σ", lambda f: number(f.max_3sigma_arcmin, ".3g", "′")), None),
+        (shown.STATE, None),
+    ]
 
 
 def _plain(value: object) -> str:

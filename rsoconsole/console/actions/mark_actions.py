@@ -215,7 +215,7 @@ class MarkActions:
         own = Sender.console(seat.seat_name).words
         for line in seat.log_lines_after(before.seq):
             if line.marked_by == own:
-                seat.say(f"your {line.text.partition(': ')[2]}", "good", MARK_SAID_S)
+                seat.say(f"your {line.words}", "good", MARK_SAID_S)
 
     def marked_lately(self) -> tuple[int | None, bool]:
         """The frame marked last, while it is recalled; whether its details come first, once."""

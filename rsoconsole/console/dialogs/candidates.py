@@ -9,10 +9,9 @@ from textual.binding import Binding, BindingType
 
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs.dialogs import PagedDialog
-from rsoconsole.console.words import short
 from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, is_mark_id
-from rsoconsole.words import name_of, pulse_of, size_of, text
+from rsoconsole.words import name_of, pulse_of, short, size_of, text
 
 COLUMNS = 70
 MARKED = "the frame you marked"

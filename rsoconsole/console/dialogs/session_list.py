@@ -18,8 +18,7 @@ from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.upkeep import SessionSummary, summarise
-from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import clock, span
+from rsoconsole.words import clock, file_size, span
 
 BRANCHES = "branches"
 LEAST_NAME_COLUMNS = 20
@@ -139,18 +138,11 @@ def _facts(entry: Entry) -> tuple[str, ...]:
     if summary is None:
         return ("", "", "", "", "…")
     if summary.fault is not None:
-        return ("", "", "", _size_text(summary.size_bytes), entry.state)
-    first, last = summary.t_first_utc_ns, summary.t_last_utc_ns
+        return ("", "", "", file_size(summary.size_bytes), entry.state)
+    first, length_s = summary.t_first_utc_ns, summary.duration_s
     when = "" if not first else clock(first, "dated minute", "")
-    length = "" if not first or not last else span((last - first) / NS_PER_S)
-    return (when, length, f"{summary.frames}", _size_text(summary.size_bytes), entry.state)
-
-
-def _size_text(size_bytes: int) -> str:
-    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
-        if size_bytes >= factor:
-            return f"{size_bytes / factor:.1f} {unit}"
-    return f"{size_bytes / 1e3:.0f} kB"
+    length = "" if length_s is None else span(length_s)
+    return (when, length, f"{summary.frames}", file_size(summary.size_bytes), entry.state)
 
 
 def _shortened(name: str, columns: int) -> str:

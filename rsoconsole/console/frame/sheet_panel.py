@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.dialogs import fate
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.frame.sheet import Sheet
-from rsoconsole.console.words import clipped, rule, short
+from rsoconsole.console.words import clipped, rule
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import parts_of
+from rsoconsole.words import parts_of, short
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.replay import Compared

@@ -3,10 +3,8 @@
 from rsoconsole.config import Alert
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.night import NightView
+from rsoconsole.records import FOLLOWING
 
-FOLLOWING = {"TRACK", "COAST"}
-MACHINE = "ALARM: machine: "
-"""Under-voltage, or a processor that is slowed down."""
 LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
 
@@ -33,15 +31,14 @@ def alerts_between(
     new_lines = [line for line in night_now.log if line.seq > night.seq]
     if any(line.topic == "limit" for line in new_lines if line.level == "alarm"):
         found.append(("limit", "the mount has met a limit"))
+    rings: dict[tuple[str, str], Alert] = {
+        ("alarm", "machine"): "fault",
+        ("warning", "approach"): "approach",
+    }
     found += [
-        ("fault", line.text.removeprefix(MACHINE).partition(":")[0])
+        (rings[line.level, line.topic], line.words)
         for line in new_lines
-        if line.level == "alarm" and line.topic == "machine"
-    ]
-    found += [
-        ("approach", line.text.removeprefix("warning: ").partition(",")[0])
-        for line in new_lines
-        if line.level == "warning" and line.topic == "approach"
+        if (line.level, line.topic) in rings
     ]
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))

@@ -19,6 +19,7 @@ from rsoconsole.console.words import (
     wrapped,
 )
 from rsoconsole.control import one_line
+from rsoconsole.night import shown
 from rsoconsole.records import CatalogueMatch, OrbitEstimate
 from rsoconsole.sky import NS_PER_S
 from rsoconsole.tracking.filters import NIS_BAND
@@ -26,11 +27,13 @@ from rsoconsole.words import (
     angle,
     called,
     clock,
+    counted,
     eclipse_words,
     format_dec,
     format_ra,
     identity,
     match_words,
+    number,
     plus_minus,
     size_words,
     span,
@@ -143,7 +146,7 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
         lines += _ranked(_said(f"manoeuvre? {found.hint}", "warn", width), 2, 3)
     compared = f"by {found.observations} directions against {found.catalogued} objects"
     if found.named_with:
-        compared += f", with {found.named_with} other track{'s' if found.named_with > 1 else ''}"
+        compared += f", with {counted(found.named_with, 'other track')}"
     return [*lines, (9, [(f" {compared}", "dim")])]
 
 
@@ -224,14 +227,15 @@ def _ink_of(t_utc_ns: int | None, now: int) -> Ink:
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     """How good the track is, whatever its orbit: as the tuning pane has it."""
-    low, high = quality.nis_band
+    low, high = quality.nis_band or (0.0, 0.0)
+    nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
-        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec)}", ""),
-        (f"3σ holds {quality.inside_3sigma:.0%}", ""),
+        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec or 0.0)}", ""),
+        (f"{shown.INSIDE.label} {shown.INSIDE.words(quality)}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
         (
-            f"NIS {quality.nis_mean:.1f} /{quality.measured} (ideal 2, sound {low:.1f}-{high:.1f})",
-            "" if quality.is_sound else "warn",
+            f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})",
+            "" if quality.is_nis_sound else "warn",
         ),
     ]
     lines = _ranked(packed(items, width, MOST_ROWS), 2, 3)

@@ -144,9 +144,8 @@ def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
     head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
-    times = f" ({line.times} times)" if line.times > 1 else ""
     rows = textwrap.wrap(
-        line.text + times,
+        line.whole,
         max(width, len(head) + 8),
         initial_indent=head,
         subsequent_indent=" " * len(head),

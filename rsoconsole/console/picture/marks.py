@@ -10,7 +10,7 @@ from rsoconsole.console.drawing import Numbered, placed_numbers
 from rsoconsole.night import FrameTrack, NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import short_name_of
+from rsoconsole.words import short, short_name_of
 
 OUTLINE_POINTS = 72
 SIGMAS = 3.0
@@ -187,7 +187,7 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
         y_px=detection.y_px,
         ends_px=(min(ends), max(ends)),
         kind="followed" if is_followed else kind,
-        label=f"{detection.confidence:.2f} {short_name_of(detection)}".removeprefix("0").rstrip(),
+        label=f"{short(detection.confidence)} {short_name_of(detection)}".rstrip(),
     )
 
 

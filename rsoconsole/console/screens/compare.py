@@ -21,12 +21,11 @@ from rsoconsole.console.timeline import (
 from rsoconsole.console.words import (
     clipped,
     cos_deg,
-    short,
 )
 from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
 from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import angle, clock, format_dec, format_ra, signed_angle, span
+from rsoconsole.words import angle, clock, format_dec, format_ra, short, signed_angle, span
 
 ABSENT = "-"
 LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12

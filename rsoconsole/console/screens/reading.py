@@ -22,9 +22,8 @@ SAID_COLUMNS = 40
 
 def line_text(line: LogLine) -> str:
     """One line of the log, whole."""
-    times = f" ({line.times} times)" if line.times > 1 else ""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
-    return f"{clock(line.t_utc_ns)}{frame} {line.text}{times}"
+    return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
 
 
 class ReadingDialog(Dialog[str | None]):

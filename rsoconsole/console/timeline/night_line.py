@@ -8,11 +8,11 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.night import FOLLOWING
 from rsoconsole.console.words import refused_of
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
+    FOLLOWING,
     Event,
     FrameTaken,
     LoopState,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
 from rsoconsole.console.words import clipped, rule, wrapped
+from rsoconsole.night import shown
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
@@ -112,20 +113,13 @@ def _figures(
     lines: list[Line] = [
         [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
     ]
-    rows: tuple[tuple[str, Callable[[TrackFigures], tuple[str, Ink]]], ...] = (
-        ("residual rms", lambda f: (_text(f.residual_rms_arcsec, ".2f", "″"), "")),
-        ("NIS mean (2)", _nis),
-        ("log L ↑ is better", lambda f: (_text(f.log_likelihood_mean, "+.2f"), "")),
-        ("3σ holds", lambda f: (_percent(f.inside_3sigma), "")),
-        ("misses", lambda f: (f"{f.misses}", "")),
-        ("state", lambda f: (f.state or "-", "")),
-    )
-    for label, words in rows:
-        line: Line = [(f"  {label:<{LABEL_COLUMNS + 2}}", "")]
+    inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
+    for each in shown.TUNED:
+        line: Line = [(f"  {each.label:<{LABEL_COLUMNS + 2}}", "")]
         for figures, is_coming in ((now, True), (then, has_changes)):
-            absent: tuple[str, Ink] = ("…" if is_coming else "-", "dim")
-            text, ink = absent if figures is None else words(figures)
-            line.append((f"{text:>{VALUE_COLUMNS}}", ink))
+            text = ("…" if is_coming else "-") if figures is None else each.words(figures)
+            is_sound = figures.is_nis_sound if figures and each is shown.NIS_MEAN else None
+            line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if figures is None else inks[is_sound]))
         lines.append(line)
     return lines
 
@@ -197,18 +191,3 @@ def _bar(nis: float | None) -> str:
     if nis is None:
         return "·"
     return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]
-
-
-def _nis(figures: "TrackFigures") -> tuple[str, Ink]:
-    sound = figures.is_nis_sound
-    sign = {True: " ✓", False: " ✗", None: ""}[sound]
-    ink: Ink = {True: "good", False: "warn", None: ""}[sound]  # type: ignore[assignment]
-    return f"{_text(figures.nis_mean, '.2f')}{sign}", ink
-
-
-def _text(value: float | None, form: str, unit: str = "") -> str:
-    return "-" if value is None else f"{value:{form}}{unit}"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0%}"

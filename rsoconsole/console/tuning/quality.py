@@ -1,74 +1,48 @@
 """How good the lead's track is over its last frames, by the tuning pane's figures. Pure."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES
-from rsoconsole.night import FrameRow, NightView
-from rsoconsole.tracking.filters import lag_one, mean_band
+from rsoconsole.night import FrameRow, NightView, Quality, Update, quality_of
+from rsoconsole.tracking.filters import lag_one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackQuality:
+class TrackQuality(Quality):
     """Of the frames in which it was looked for."""
 
     frames: int
     misses: int
-    residual_rms_arcsec: float
-    """Both axes together."""
-    nis_mean: float
-    """2 for a sound filter."""
-    nis_band: tuple[float, float]
-    """Within which that mean lies for a sound filter, 95 times in 100."""
-    inside_3sigma: float
-    """Share of the residuals that lie within 3 sigma on both axes."""
-    measured: int
-    """Of the frames those that have a residual and a NIS."""
     lag_one: float | None
     """Correlation of each residual, in its sigmas, with the next: None where there are too few."""
 
     @property
     def lag_one_bound(self) -> float:
         """Within which that lies for a sound filter, 95 times in 100."""
-        return 2.0 / math.sqrt(self.measured)
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether the mean NIS lies in its band."""
-        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
+        return 2.0 / math.sqrt(self.updates)
 
 
 def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | None:
     """Of the lead's last frames; None before it has been measured against a prediction."""
     rows = frames_of_track(night, last)
-    measured = [
-        (row.residual_arcsec, row.sigma_arcsec, row.nis)
+    updates = [
+        Update(row.residual_arcsec, row.sigma_arcsec, row.nis)
         for row in rows
         if row.residual_arcsec is not None and row.nis is not None
     ]
-    if night.track is None or not measured:
+    if night.track is None or not updates:
         return None
-    nis = [value for _, _, value in measured]
-    squares = [east**2 + north**2 for (east, north), _, _ in measured]
-    inside = [
-        sigma is not None and all(abs(r) <= 3.0 * s for r, s in zip(residual, sigma, strict=True))
-        for residual, sigma, _ in measured
+    in_sigmas = [
+        (each.residual_arcsec[0] / sigma[0], each.residual_arcsec[1] / sigma[1])
+        for each in updates
+        if (sigma := each.sigma_arcsec) is not None and min(sigma) > 0.0
     ]
     return TrackQuality(
+        **asdict(quality_of(updates)),
         frames=len(rows),
         misses=sum(row.miss is not None for row in rows),
-        residual_rms_arcsec=math.sqrt(sum(squares) / len(squares)),
-        nis_mean=sum(nis) / len(nis),
-        nis_band=mean_band(len(nis)),
-        inside_3sigma=sum(inside) / len(inside),
-        measured=len(measured),
-        lag_one=lag_one(
-            [
-                (residual[0] / sigma[0], residual[1] / sigma[1])
-                for residual, sigma, _ in measured
-                if sigma is not None and min(sigma) > 0.0
-            ]
-        ),
+        lag_one=lag_one(in_sigmas),
     )
 
 

@@ -25,5 +25,4 @@ from .words import justified as justified
 from .words import packed as packed
 from .words import present_utc_ns as present_utc_ns
 from .words import rule as rule
-from .words import short as short
 from .words import wrapped as wrapped

@@ -11,13 +11,7 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.leaving import leaving_words
-from rsoconsole.console.words.words import (
-    Item,
-    cos_deg,
-    packed,
-    present_utc_ns,
-    short,
-)
+from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
 from rsoconsole.control import Health
 from rsoconsole.control.words import (
     is_silent,
@@ -30,7 +24,7 @@ from rsoconsole.control.words import (
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
 from rsoconsole.sky import NS_PER_S, separation_deg
-from rsoconsole.words import altaz, angle, clock, direction, due, format_dec, format_ra
+from rsoconsole.words import altaz, angle, clock, direction, due, format_dec, format_ra, short
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -16,11 +16,11 @@ from rsoconsole.console.drawing import (
 )
 from rsoconsole.console.picture import SHOWN_REJECTED
 from rsoconsole.console.words.plot_window import PlotWindow
-from rsoconsole.console.words.words import clipped, rule, short
+from rsoconsole.console.words.words import clipped, rule
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.tracking.filters import NIS_BAND, WINDOW, consistency, summary_words
-from rsoconsole.words import angle, signed_angle
+from rsoconsole.words import angle, short, signed_angle
 
 NEWEST = PlotWindow()
 MISS = "○"

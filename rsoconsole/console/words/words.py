@@ -13,7 +13,7 @@ from rsoconsole.control.words import fault_words, held_words, holder_words
 from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import clock, direction, size_of, span
+from rsoconsole.words import clock, direction, short, size_of, span
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
@@ -150,10 +150,6 @@ def alert_text(night: NightView, engine: EngineView) -> str:
     if engine.is_attached and engine.session is None:
         parts.append("this engine does not say where its session lies: update it")
     return " · ".join(parts)
-
-
-def short(value: float) -> str:
-    return f"{value:.2f}".removeprefix("0")
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:

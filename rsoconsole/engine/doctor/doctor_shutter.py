@@ -5,7 +5,8 @@ from datetime import date
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check, unsure
 from rsoconsole.instruments.observatory import utc_now_ns
-from rsoconsole.pipeline.frame import OLD_DAYS, age_days, day_of, shutter_words, timing_words
+from rsoconsole.sky import day_of
+from rsoconsole.words import OLD_DAYS, age_days, mode_words, shutter_words, timing_words
 
 HOW = "'rsoconsole calibrate-time NIGHT --rinex FILE --write', of nights on navigation satellites"
 
@@ -16,7 +17,7 @@ def check_shutter(config: Config, today: date | None = None) -> Check:
     known = config.exposure.calibrated
     if not known:
         return unsure(shutter_words(config.exposure, today), HOW)
-    detail = "; ".join(f"{each.mode_words}: {timing_words(each, today)}" for each in known)
+    detail = "; ".join(f"{mode_words(each.mode)}: {timing_words(each, today)}" for each in known)
     old = [each for each in known if age_days(each, today) > OLD_DAYS]
     later = [each for each in known if age_days(each, today) < 0]
     if later:

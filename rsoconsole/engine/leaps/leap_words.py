@@ -33,7 +33,7 @@ def awaited_words(awaited: Awaited) -> str:
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
         f"waits for {awaited.name}, which comes by at"
-        f" {utc_ns_to_iso(stare.t_through_utc_ns, 0)} +- {either_s:.0f} s"
+        f" {utc_ns_to_iso(stare.t_through_utc_ns, 0)} ± {either_s:.0f} s"
     )
 
 
@@ -81,7 +81,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
     """What came of it, and what a leap took."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
-    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter +- {track.best.scatter_s:.2f} s"
+    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
     if not parts:
         return words
 
@@ -116,7 +116,7 @@ def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
     )
     if later is not None:
         yield (
-            f"its next pass: {utc_ns_to_iso(later.rise_utc_ns, 0)} +- {later.sigma_s:.1f} s,"
-            f" {60 * later.sigma_across_deg:.1f} arcmin across,"
-            f" up to {later.top_altitude_deg:.0f} deg"
+            f"its next pass: {utc_ns_to_iso(later.rise_utc_ns, 0)} ± {later.sigma_s:.1f} s,"
+            f" ± {later.sigma_across_deg:.2f}° across,"
+            f" up to {later.top_altitude_deg:.0f}°"
         )

@@ -32,10 +32,10 @@ from rsoconsole.instruments import (
     SiteCheck,
     SkyReport,
 )
-from rsoconsole.pipeline.frame import day_of, shutter_words
 from rsoconsole.records import NotSolved, Solution
-from rsoconsole.sky import separation_deg
+from rsoconsole.sky import day_of, separation_deg
 from rsoconsole.tracking import CLIP_ARCSEC
+from rsoconsole.words import shutter_words
 
 Answer = TypeVar("Answer")
 

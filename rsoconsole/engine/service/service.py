@@ -31,10 +31,12 @@ from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments import Instruments, MountPort, return_what_is_freed
 from rsoconsole.instruments.indi import client_library
 from rsoconsole.instruments.observatory import connect_instruments
-from rsoconsole.pipeline.frame import Reduction, day_of, kept_pixels, open_reducer, shutter_words
+from rsoconsole.pipeline.frame import Reduction, kept_pixels, open_reducer
 from rsoconsole.session.upkeep import cut_off_session, new_session_folder
 from rsoconsole.session.writing import SessionWriter
+from rsoconsole.sky import day_of
 from rsoconsole.waits import waits_reported_to
+from rsoconsole.words import shutter_words
 
 log = logging.getLogger(__name__)
 

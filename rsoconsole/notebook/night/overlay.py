@@ -12,7 +12,7 @@ from rsoconsole.night import NightFrame, is_of_streak
 from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import Detection, Measurement, NotSolved, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import parts_of, short_name_of
+from rsoconsole.words import counted, parts_of, short_name_of
 
 _MARGIN = 0.012
 """Of the frame's width: room between a streak and its box."""
@@ -52,7 +52,7 @@ def words_of(frame: NightFrame) -> str:
         parts.append(f"{frame.solution.matched} stars, {frame.solution.rms_arcsec:.2f}″")
     if frame.detections is not None:
         count = len(frame.detections.detections)
-        parts.append("no streak" if not count else f"{count} streak{'s' if count > 1 else ''}")
+        parts.append(counted(count, "streak") if count else "no streak")
     if followed is not None:
         parts.append(f"followed with confidence {followed.confidence:.2f}")
     return " · ".join(parts)

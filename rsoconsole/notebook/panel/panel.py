@@ -1,7 +1,6 @@
 """The live panel: a seat on the running engine inside a notebook. Needs anywidget."""
 
 import contextlib
-import getpass
 import os
 import threading
 import time
@@ -55,9 +54,9 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self, socket: Path | str | None = None, *, read_only: bool = False, wire: Wire | None = None
     ) -> None:
         """``socket``: the engine's, None for this user's own; ``wire``: another way to it."""
-        self._seat = _seat_name()
+        sender = Sender.at(f"notebook-{os.getpid()}")
         path = None if socket is None else Path(socket).expanduser()
-        client = wire or ControlClient(path, sender=Sender.console(self._seat))
+        client = wire or ControlClient(path, sender=sender)
         self._seen_s = time.monotonic()
         self._ticks = 0
         self._lock = threading.RLock()
@@ -66,7 +65,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._unsent: dict[str, Any] = {}
         self._link = Link(
             client,
-            seat=self._seat,
+            seat=sender.name,
             is_watched=lambda: time.monotonic() - self._seen_s < UNSEEN_S,
             on_status=self._show_status,
             on_night=self._show_night,
@@ -155,12 +154,3 @@ def _answers_while_busy() -> bool:
         return int(version("ipykernel").partition(".")[0]) >= SUBSHELLS_SINCE
     except (PackageNotFoundError, ValueError):
         return False
-
-
-def _seat_name() -> str:
-    """Who sits where, as another console shall read it."""
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):
-        user = str(os.getuid())
-    return f"{user}@notebook-{os.getpid()}"

@@ -273,27 +273,11 @@ def effect_rows(
     Raises ConfigError for a value that cannot be. Both are followed again from the record;
     ``config`` is that of the session's beginning.
     """
+    from rsoconsole.night import shown
     from rsoconsole.pipeline.replay import what_if
 
     was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, changes))
-
-    def number(value: float | None, form: str, unit: str = "") -> str:
-        return "-" if value is None else f"{value:{form}}{unit}"
-
-    sign = {True: " ✓", False: " ✗", None: ""}
-    rows = []
-    for each in (was, then):
-        rows.append(
-            [
-                number(each.residual_rms_arcsec, ".2f", "″"),
-                number(each.nis_mean, ".2f") + sign[each.is_nis_sound],
-                number(each.inside_3sigma, ".0%"),
-                str(each.misses),
-                each.state or "-",
-            ]
-        )
-    names = ("residual rms", "NIS mean (2)", "3σ holds", "misses", "state")
-    return [list(row) for row in zip(names, *rows, strict=True)]
+    return [[each.label, each.words(was), each.words(then)] for each in shown.TUNED]
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -13,11 +13,10 @@ from rsoconsole.control.words import (
     mount_words,
     shutter_words,
 )
-from rsoconsole.night import NightFrame
+from rsoconsole.night import NightFrame, consistency_of
 from rsoconsole.notebook.figures import NIS_BAND
 from rsoconsole.notebook.night import DrawnNight, overlay_svg, svg, words_of
 from rsoconsole.notebook.panel.live_night import LiveNight
-from rsoconsole.tracking.filters import consistency
 from rsoconsole.words import altaz, clock, direction
 
 SHOWN_FRAMES = 60
@@ -173,12 +172,7 @@ def _nis(newest: _Newest) -> str:
 
 
 def _nis_words(night: DrawnNight) -> str:
-    states = [f.updated for f in night.frames if f.updated is not None]
-    updates = [s for s in states if s.nis is not None and s.innovation_arcsec is not None]
-    said = consistency(
-        [s.nis for s in updates if s.nis is not None],
-        [s.innovation_arcsec for s in updates if s.innovation_arcsec is not None],
-    )
+    said = consistency_of(night.frames)
     mean = "" if said.mean is None else f"NIS {said.mean:.2f} (ideal 2), "
     return f"{mean}{said.words}"
 

@@ -4,7 +4,6 @@ One HTML file that asks for nothing outside itself, by day, by night and on pape
 wrote (titles, notes) stands in it as text and never as markup.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
-from rsoconsole.night import FRAME_FACTS, Summary, facts_of, span_text, summary_of, tracks_of
+from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
 from rsoconsole.notebook.night import DrawnNight, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
@@ -26,9 +25,18 @@ from rsoconsole.notebook.report.report_field import MOST_PAIRS, field_facts
 from rsoconsole.notebook.report.report_figures import inline_figures
 from rsoconsole.notebook.report.report_passes import pass_facts
 from rsoconsole.notebook.report.report_pictures import shown_frames
-from rsoconsole.pipeline.frame import day_of, shutter_words, usual_sigma_s
+from rsoconsole.pipeline.frame import usual_sigma_s
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.words import clock, format_dec, format_ra, when
+from rsoconsole.sky import day_of
+from rsoconsole.words import (
+    clock,
+    counted,
+    format_dec,
+    format_ra,
+    settings_words,
+    shutter_words,
+    when,
+)
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000
@@ -54,7 +62,7 @@ def render_report(session: Path) -> Report:
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(night.frames)
     field = field_facts(record for _, _, record in SessionReader(session).records())
-    course = read_course(session, night, known)
+    course = read_course(session)
     figures = summary_of(night.frames)
     tracks = track_facts(exported.rows, known)
     said = filter_words(night)
@@ -73,7 +81,7 @@ def render_report(session: Path) -> Report:
             entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
             figures=figures,
             verdict=_conclusion(night, figures, tracks, said),
-            key_figures=_key_figures(night, figures, course),
+            key_figures=_key_figures(figures, course),
             tracks=tracks,
             pairs=field.pairs[:MOST_PAIRS],
             pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
@@ -109,6 +117,7 @@ def _environment() -> Any:
     environment.filters["ra"] = lambda deg: format_ra(deg, 3)
     environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
     environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
+    environment.policies["truncate.leeway"] = 0
     environment.filters["fixed"] = _fixed
     environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
@@ -134,7 +143,7 @@ def _about(exported: ExportedNight) -> dict[str, Any]:
         "is_simulated": exported.is_simulated,
         "is_closed": about.get("is_closed") is True,
         "is_branch": bool(about.get("branch_of")),
-        "tried": changes_words(changes) if isinstance(changes, Mapping) else "",
+        "tried": settings_words(changes) if isinstance(changes, Mapping) else "",
     }
 
 
@@ -142,7 +151,7 @@ def _conclusion(
     night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
 ) -> str:
     """The night in a sentence or three."""
-    exposures = _many(len(night.frames), "exposure")
+    exposures = counted(len(night.frames), "exposure")
     if not tracks:
         measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
         return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
@@ -151,7 +160,7 @@ def _conclusion(
     count = sum(track.count for track in tracks)
     words = (
         f"{objects} followed from {clock(first, zone='')} to {clock(last, zone='')} UTC"
-        f" and measured {_many(count, 'time')} in {exposures}, {_misses(figures.missed)}."
+        f" and measured {counted(count, 'time')} in {exposures}, {_misses(figures.misses)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
         words += " It moves as a geostationary satellite does."
@@ -165,42 +174,24 @@ def _conclusion(
     return words
 
 
-def _many(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def _misses(number: int) -> str:
     if number == 0:
         return "without a miss"
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(night: DrawnNight, figures: Summary, course: Course) -> list[tuple[str, str, str]]:
+def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
     """(what, figure, beside it) of the head's row."""
-    locked = course.locked_frame
-    order = [frame.frame_id for frame in night.frames]
-    after = order.index(locked) + 1 if locked in order else None
-    band = figures.nis_band
-    inside = figures.inside_3sigma
+    beside = {
+        shown.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
+        shown.MISSES: "frames without the object",
+        shown.RMS: "measured − predicted",
+        shown.NIS_MEAN: f"{shown.BAND.label} {shown.BAND.words(figures)}",
+        shown.INSIDE: "of residuals, on both axes",
+    }
     return [
         ("exposures", str(figures.frames), f"{figures.updates} updates of the track"),
-        (
-            "locked after",
-            "–" if after is None else str(after),
-            "never" if after is None else f"exposures, with frame {locked}",
-        ),
-        ("misses", str(figures.missed), "frames without the object"),
-        ("residual", _fixed(figures.residual_rms_arcsec), "arcsec rms, measured − predicted"),
-        (
-            "mean NIS",
-            _fixed(figures.nis_mean),
-            "2 expected" if band is None else f"2 expected, {band[0]:.2f} to {band[1]:.2f} sound",
-        ),
-        (
-            "inside 3 σ",
-            "–" if inside is None else f"{100.0 * inside:.0f} %",
-            "of residuals, on both axes",
-        ),
+        *((each.label, each.words(figures), words) for each, words in beside.items()),
     ]
 
 
@@ -223,7 +214,7 @@ def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
     if measured:
         alts["confidence"] = (
             f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
-            f" {_many(len(measured), 'frame')}, {_misses(figures.missed)}."
+            f" {counted(len(measured), 'frame')}, {_misses(figures.misses)}."
         )
     if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
         share = f"{100.0 * figures.inside_3sigma:.0f} per cent"
@@ -292,8 +283,3 @@ def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     for fact in FRAME_FACTS:
         if said := span_text(fact, [each[fact.name] for each in facts]):
             yield f"{fact.label[0].upper()}{fact.label[1:]}", said
-
-
-def changes_words(changes: Mapping[str, Any]) -> str:
-    """Settings of a branch, as ``name = value``."""
-    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in changes.items())

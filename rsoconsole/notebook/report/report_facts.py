@@ -3,69 +3,42 @@
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.control import command_words
 from rsoconsole.export import MeasuredRow
-from rsoconsole.night import NightFrame, NightTrack
+from rsoconsole.night import LogLine, Night, NightTrack, consistency_of, line_of
 from rsoconsole.notebook.night import DrawnNight
-from rsoconsole.records import (
-    Event,
-    OperatorAction,
-    ParameterChange,
-    Ruling,
-    StateChange,
-)
+from rsoconsole.records import OperatorAction, ParameterChange
 from rsoconsole.session.reading import SessionReader
-from rsoconsole.tracking.filters import consistency
-from rsoconsole.words import clock, text
 
 GEO_RATE_ARCSEC_S = 15.041
 GEO_WITHIN_ARCSEC_S = 0.3
-MOST_TEXT = 400
-"""Letters of one entry."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """A line of the night's course."""
-
-    t_utc: str
-    frame_id: int | None
-    kind: str
-    text: str
-    level: str = "info"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """What happened, in the order of the record."""
+    """What happened, in the order of the record, as the log has it."""
 
-    entries: tuple[Entry, ...]
-    actions: tuple[Entry, ...]
-    changes: tuple[Entry, ...]
+    entries: tuple[LogLine, ...]
+    actions: tuple[LogLine, ...]
+    changes: tuple[LogLine, ...]
     locked_frame: int | None
     """The frame with which a track was first had."""
-    last_state: str
-    alarms: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFacts:
     """One track at a glance."""
 
-    number: int
+    known: NightTrack
     first: MeasuredRow
     last: MeasuredRow
     count: int
     sigma_arcsec: tuple[float, float]
     """Median one sigma of its measurements, right ascension on the sky and declination."""
-    rms_arcsec: float | None
     rate_arcsec_s: tuple[float, float] | None
     """On the sky at its end."""
-    known: NightTrack | None = None
-    """Its orbit, its name and how it ended; None where the record has nothing of that number."""
 
     @property
     def minutes(self) -> float:
@@ -84,10 +57,7 @@ class TrackFacts:
 
 def filter_words(night: DrawnNight) -> str:
     """Whether the filter believed itself rightly at the end, in words."""
-    states = [f.updated for f in night.frames if _innovation(f) is not None]
-    nis = [s.nis for s in states if s is not None and s.nis is not None]
-    residuals = [s.innovation_arcsec for s in states if s is not None and s.innovation_arcsec]
-    judged = consistency(nis, residuals)
+    judged = consistency_of(night.frames)
     words = {
         "sound": "the filter's errors are as large as it says",
         "too few": "too few updates to judge the filter",
@@ -101,23 +71,15 @@ def track_facts(
     rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
 ) -> tuple[TrackFacts, ...]:
     """Every track that took something, in order; ``known``: what the record has of each."""
-    numbers = sorted({row.track for row in rows if row.track is not None})
-    return tuple(
-        replace(_track(number, [r for r in rows if r.track == number]), known=known.get(number))
-        for number in numbers
-    )
+    taken = {number: [row for row in rows if row.track == number] for number in known}
+    return tuple(_track(known[number], own) for number, own in taken.items() if own)
 
 
-def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
-    squares = [
-        row.residual_ra_arcsec**2 + row.residual_dec_arcsec**2
-        for row in rows
-        if row.residual_ra_arcsec is not None and row.residual_dec_arcsec is not None
-    ]
+def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
     last = rows[-1]
     rate = (last.rate_ra_arcsec_s, last.rate_dec_arcsec_s)
     return TrackFacts(
-        number=number,
+        known=known,
         first=rows[0],
         last=last,
         count=len(rows),
@@ -125,91 +87,24 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
             statistics.median(row.sigma_ra_arcsec for row in rows),
             statistics.median(row.sigma_dec_arcsec for row in rows),
         ),
-        rms_arcsec=math.sqrt(statistics.fmean(squares)) if squares else None,
         rate_arcsec_s=None if rate[0] is None or rate[1] is None else (rate[0], rate[1]),
     )
 
 
-def read_course(session: Path, night: DrawnNight, tracks: Mapping[int, NightTrack]) -> Course:
-    """States, events, misses of all tracks, orders and changed settings. Raises SessionError."""
-    kinds = (StateChange, Event, OperatorAction, ParameterChange, Ruling)
-    entries: list[tuple[int, Entry]] = []
-    actions: list[Entry] = []
-    changes: list[Entry] = []
-    locked: int | None = None
-    state, alarms = "", 0
-    for _, t_utc_ns, record in SessionReader(session).records(kinds=kinds):
-        match record:
-            case StateChange():
-                state = record.after
-                locked = record.frame_id if locked is None and state == "TRACK" else locked
-                words = f"{record.before} → {record.after}: {text(record.reason)}"
-                entries.append((t_utc_ns, _entry(t_utc_ns, record.frame_id, "state", words)))
-            case Event():
-                alarms += record.level == "alarm"
-                entry = _entry(t_utc_ns, record.frame_id, record.level, record.text)
-                entries.append((t_utc_ns, entry))
-            case OperatorAction():
-                words = command_words(record.verb, record.arguments)
-                actions.append(
-                    _entry(t_utc_ns, None, record.by, f"{words}: {text(record.outcome)}")
-                )
-            case ParameterChange():
-                words = f"{record.name}: {record.before} → {record.after}"
-                changes.append(_entry(t_utc_ns, None, record.by, words))
-            case Ruling():
-                refused = len(record.refused)
-                words = "one streak taken" if record.taken is not None else "nothing taken"
-                words += f", {refused} refused" if refused else ""
-                words += _of_tracks(record)
-                actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"decision: {words}"))
-    for frame in night.frames:
-        for words in _missed(frame, tracks):
-            entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", words)
-            entries.append((frame.t_mid_utc_ns, entry))
-    entries.sort(key=lambda pair: pair[0])
+def read_course(session: Path) -> Course:
+    """What happened, with every order and every changed setting. Raises SessionError."""
+    reader = SessionReader(session)
+    night = Night(session, reader.about(), reader.config())
+    done: list[LogLine] = []
+    for seq, t_utc_ns, record in reader.records():
+        night.take(t_utc_ns, record, seq)
+        if isinstance(record, OperatorAction | ParameterChange):
+            done += filter(None, [line_of(record, t_utc_ns)])
+    actions, changes = OperatorAction.__name__, ParameterChange.__name__
+    locked = (line.frame_id for line in night.log if line.change[1:2] == ("TRACK",))
     return Course(
-        entries=tuple(entry for _, entry in entries),
-        actions=tuple(actions),
-        changes=tuple(changes),
-        locked_frame=locked,
-        last_state=state,
-        alarms=alarms,
+        entries=tuple(line for line in night.log if line.kind not in {actions, changes}),
+        actions=tuple(line for line in done if line.kind == actions),
+        changes=tuple(line for line in done if line.kind == changes),
+        locked_frame=next(locked, None),
     )
-
-
-def _of_tracks(decision: Ruling) -> str:
-    """What a decision says of whole tracks."""
-    said = (("dropped", decision.dropped), ("kept", decision.kept), ("released", decision.released))
-    return "".join(f", track {n} {what}" for what, numbers in said for n in numbers)
-
-
-def _missed(frame: NightFrame, tracks: Mapping[int, NightTrack]) -> list[str]:
-    """Why a frame did not show what was followed: once for tracks with the same reason."""
-    if len(tracks) < 2:
-        return [] if frame.missed is None else [frame.missed]
-    numbers: dict[str, list[int]] = {}
-    for each in tracks.values():
-        if frame.frame_id in each.missed:
-            numbers.setdefault(each.missed[frame.frame_id], []).append(each.number)
-    if not numbers:
-        return [] if frame.missed is None else [frame.missed]
-    return [
-        f"track{'s' if len(of) > 1 else ''} {' '.join(map(str, of))}: {why}"
-        for why, of in numbers.items()
-    ]
-
-
-def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
-    is_bad = kind in {"alarm", "warning", "missed"}
-    return Entry(
-        t_utc=clock(t_utc_ns, zone=""),
-        frame_id=frame_id or None,
-        kind=kind,
-        text=text if len(text) <= MOST_TEXT else text[: MOST_TEXT - 1] + "…",
-        level=kind if is_bad else "info",
-    )
-
-
-def _innovation(frame: NightFrame) -> tuple[float, float] | None:
-    return None if frame.updated is None else frame.updated.innovation_arcsec

@@ -5,7 +5,7 @@ The engine knows it by its clock (``engine/tasks/kept.py``) and puts it on recor
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.reasons import CauseKind
-from rsoconsole.records import LoopState, StateChange
+from rsoconsole.records import FOLLOWING, StateChange
 from rsoconsole.tracking.association import Following
 
 NS = 1_000_000_000
@@ -23,7 +23,6 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
     )
 )
 """Nobody may follow again what ended so; and what is resumed is kept no more."""
-_TRACKS: tuple[LoopState, ...] = ("TRACK", "COAST")
 
 
 def kept_until_utc_ns(
@@ -48,7 +47,7 @@ class KeptOnRecord:
 
     def folded(self, after: Following) -> None:
         """A frame was folded into what is followed: a new track takes the place of the old one."""
-        if after.state in _TRACKS:
+        if after.state in FOLLOWING:
             self.following = None
 
     def given_up(self) -> None:
@@ -63,7 +62,7 @@ class KeptOnRecord:
         """The state has changed from outside. ``before``: what was followed until then."""
         if change.reason.kind in _LEAVES_NOTHING:
             self.following = None
-        elif before.state in _TRACKS:
+        elif before.state in FOLLOWING:
             self.following = before
-        elif change.before in _TRACKS:
+        elif change.before in FOLLOWING:
             self.following = None  # there was a track then; under what is tried there is not

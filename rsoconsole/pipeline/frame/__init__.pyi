@@ -35,9 +35,3 @@ from .shutter_state import calibrated_for as calibrated_for
 from .shutter_state import read_out_of as read_out_of
 from .shutter_state import shutter_time as shutter_time
 from .shutter_state import usual_sigma_s as usual_sigma_s
-from .shutter_text import OLD_DAYS as OLD_DAYS
-from .shutter_text import age_days as age_days
-from .shutter_text import day_of as day_of
-from .shutter_text import errors_words as errors_words
-from .shutter_text import shutter_words as shutter_words
-from .shutter_text import timing_words as timing_words

@@ -32,6 +32,7 @@ from rsoconsole.orbits.first import (
 from rsoconsole.orbits.motion import propagate
 from rsoconsole.pipeline.orbits.sightings_of import Observed, arcs
 from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import counted
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
@@ -199,7 +200,7 @@ def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: flo
 
 def _why_none(seen: Sightings) -> str:
     if len(seen) < LEAST_SIGHTINGS:
-        return f"{len(seen)} direction(s): at least {LEAST_SIGHTINGS} are needed"
+        return f"{counted(len(seen), 'direction')}: at least {LEAST_SIGHTINGS} are needed"
     if seen.t_s[-1] <= seen.t_s[0]:
         return "all directions are of one instant: they tell no motion"
     return "no bound orbit fits the directions"

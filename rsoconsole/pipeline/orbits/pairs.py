@@ -10,6 +10,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.pipeline.orbits.approaches import Approaches
 from rsoconsole.records import (
+    FOLLOWING,
     Event,
     FloatArray,
     FollowedAgain,
@@ -131,7 +132,7 @@ class Pairs:
         elif isinstance(record, TrackState):
             self._receive_state(record)
         elif isinstance(record, StateChange):
-            if record.after not in {"TRACK", "COAST"}:
+            if record.after not in FOLLOWING:
                 self._alive, self.last = [], ()
         elif isinstance(record, Miss) and _is_lost(record):
             self._alive = [each for each in self._alive if each != record.track_id]

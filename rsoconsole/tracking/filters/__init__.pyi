@@ -25,6 +25,7 @@ from .estimator import predict as predict
 from .filter_update import inverted as inverted
 from .innovations import NIS_BAND as NIS_BAND
 from .innovations import WINDOW as WINDOW
+from .innovations import Consistency as Consistency
 from .innovations import consistency as consistency
 from .innovations import lag_one as lag_one
 from .innovations import mean_band as mean_band

@@ -1,12 +1,25 @@
 """What is known of the shutter, in words, with its age."""
 
-from datetime import date, timedelta
+from datetime import date
 
 from rsoconsole.config import CalibratedTiming, ExposureConfig
-from rsoconsole.sky import NS_PER_DAY
+from rsoconsole.words.numbers import counted
 
 OLD_DAYS = 180
 """Drivers are updated, cables changed: by then it is worth another look."""
+
+
+def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
+    """A camera's mode, ``2 s, 1x1, 4656 x 3520 px, gain 139``; ``others``: of no one length."""
+    exposure_s, binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode
+    parts = [others if exposure_s is None else f"{exposure_s:g} s"]
+    parts += [str(binning)] if binning else []
+    if width_px and height_px:
+        at = f" from {x0_px}, {y0_px}" if x0_px or y0_px else ""
+        parts.append(f"{width_px} x {height_px} px{at}")
+    parts += [f"gain {gain:g}"] if isinstance(gain, int | float) else []
+    parts += ["times by the camera's GPS"] if time_by == "gps" else []
+    return ", ".join(parts)
 
 
 def timing_words(timing: CalibratedTiming, today: date) -> str:
@@ -47,11 +60,6 @@ def age_words(timing: CalibratedTiming, today: date) -> str:
     return "of today" if days == 0 else "1 day old" if days == 1 else f"{days} days old"
 
 
-def day_of(t_utc_ns: int) -> date:
-    """The day (UTC) of an instant."""
-    return date(1970, 1, 1) + timedelta(days=t_utc_ns // NS_PER_DAY)
-
-
 def shutter_words(exposure: ExposureConfig, today: date) -> str:
     """What is known of the shutter, for a line that has room for one mode: the newest one's."""
     if not exposure.calibrated:
@@ -61,5 +69,5 @@ def shutter_words(exposure: ExposureConfig, today: date) -> str:
         )
     newest = max(exposure.calibrated, key=lambda each: each.measured_on)
     others = len(exposure.calibrated) - 1
-    more = f" (and {others} other mode{'s' if others > 1 else ''})" if others else ""
-    return f"shutter at {newest.mode_words}: {timing_words(newest, today)}{more}"
+    more = f" (and {counted(others, 'other mode')})" if others else ""
+    return f"shutter at {mode_words(newest.mode)}: {timing_words(newest, today)}{more}"

@@ -1,0 +1,103 @@
+"""How well measurements met what was predicted of them, in figures. Pure."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import NamedTuple
+
+from rsoconsole.night.frame import NightFrame
+from rsoconsole.records import TrackState
+from rsoconsole.tracking.filters import Consistency, consistency, mean_band
+
+
+class Update(NamedTuple):
+    """A measurement that was predicted, and the prediction."""
+
+    residual_arcsec: tuple[float, float]
+    """Measured minus predicted: right ascension on the sky, declination."""
+    sigma_arcsec: tuple[float, float] | None
+    nis: float | None
+
+    @property
+    def is_inside(self) -> bool:
+        """Whether it lies within 3 sigma on both axes."""
+        if self.sigma_arcsec is None:
+            return False
+        pairs = zip(self.residual_arcsec, self.sigma_arcsec, strict=True)
+        return all(abs(off) <= 3.0 * sigma for off, sigma in pairs)
+
+    @property
+    def log_likelihood(self) -> float | None:
+        """Of its innovation. Source: Bar-Shalom et al. 2001, ch. 5.4."""
+        if self.sigma_arcsec is None or self.nis is None or min(self.sigma_arcsec) <= 0.0:
+            return None
+        return -math.log(2.0 * math.pi * math.prod(self.sigma_arcsec)) - 0.5 * self.nis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quality:
+    """Of the updates looked at; None where there is nothing to go by.
+
+    Residuals are measured minus predicted, of every measurement that the track took.
+    """
+
+    updates: int
+    residual_rms_arcsec: float | None
+    """Both axes together."""
+    residual_east_rms_arcsec: float | None
+    residual_north_rms_arcsec: float | None
+    nis_mean: float | None
+    """2 for a sound filter."""
+    nis_band: tuple[float, float] | None
+    """Within which that mean lies for a sound filter, 95 times in 100."""
+    inside_3sigma: float | None
+    """Share of updates whose residual lies within 3 sigma on both axes; 0.995 for a sound one."""
+    log_likelihood_mean: float | None
+    """Of an update's innovation in arcsec under its own sigmas; the larger, the likelier. The
+    correlation of the two axes counts in the NIS alone."""
+
+    @property
+    def is_nis_sound(self) -> bool | None:
+        """Whether the mean NIS lies in its band."""
+        if self.nis_mean is None or self.nis_band is None:
+            return None
+        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
+
+
+def updates_of(states: Iterable[TrackState | None]) -> list[Update]:
+    """The updates among them."""
+    return [
+        Update(each.innovation_arcsec, each.sigma_innovation_arcsec, each.nis)
+        for each in states
+        if each is not None and each.innovation_arcsec is not None
+    ]
+
+
+def quality_of(updates: Sequence[Update]) -> Quality:
+    """Their figures."""
+    nis = [each.nis for each in updates if each.nis is not None]
+    terms = [term for each in updates if (term := each.log_likelihood) is not None]
+    east, north = (rms([each.residual_arcsec[axis] for each in updates]) for axis in (0, 1))
+    return Quality(
+        updates=len(updates),
+        residual_rms_arcsec=None if east is None or north is None else math.hypot(east, north),
+        residual_east_rms_arcsec=east,
+        residual_north_rms_arcsec=north,
+        nis_mean=fmean(nis) if nis else None,
+        nis_band=mean_band(len(nis)) if nis else None,
+        inside_3sigma=fmean(each.is_inside for each in updates) if updates else None,
+        log_likelihood_mean=fmean(terms) if terms else None,
+    )
+
+
+def rms(values: Sequence[float]) -> float | None:
+    """Root of the mean square; None of nothing."""
+    return math.sqrt(fmean(value**2 for value in values)) if values else None
+
+
+def consistency_of(frames: Iterable[NightFrame]) -> Consistency:
+    """What the newest updates of what was followed say of the filter."""
+    updates = [each for each in updates_of(f.updated for f in frames) if each.nis is not None]
+    nis = [each.nis for each in updates if each.nis is not None]
+    return consistency(nis, [each.residual_arcsec for each in updates])
