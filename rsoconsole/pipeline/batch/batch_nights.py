@@ -5,10 +5,10 @@ however hard, leaves nothing that could be taken for a night, and is begun again
 """
 
 import contextlib
-import fcntl
 import glob
 import hashlib
 import json
+import os
 import re
 import shutil
 import uuid
@@ -19,6 +19,7 @@ from typing import Any, Literal, TypeAlias
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
+from rsoconsole.durable_files import lock_file
 from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.batch.batch import Processed, process_files
 from rsoconsole.pipeline.batch.batch_pool import WorkerPool, share_out
@@ -166,15 +167,15 @@ def working_in(root: Path) -> Iterator[None]:
     """Keep other batches out of a folder. Raises BatchError where there is one, or no folder."""
     try:
         root.mkdir(parents=True, exist_ok=True)
-        lock = (root / LOCK).open("w")
+        lock = lock_file(root / LOCK)
+    except BlockingIOError as error:
+        raise BatchError(f"another batch works in {root}: wait for it to end") from error
     except OSError as error:
         raise BatchError(f"{root} cannot hold sessions: {error}") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise BatchError(f"another batch works in {root}: wait for it to end") from error
+    try:
         yield
+    finally:
+        os.close(lock)
 
 
 def _processed(night: Night) -> NightOutcome:

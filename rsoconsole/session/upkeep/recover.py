@@ -25,8 +25,8 @@ from rsoconsole.session.files import (
     Row,
     add_note,
     content_fault,
+    found_row,
     mark_closed,
-    sha256_of,
 )
 from rsoconsole.session.log import (
     BESIDE_DATABASE,
@@ -51,6 +51,7 @@ from rsoconsole.session.log import (
     decode,
     leave_wal,
     role_of,
+    transaction,
 )
 from rsoconsole.session.reading import SessionReader, expect_schema
 
@@ -149,11 +150,9 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
         raise OSError("no record and no fact can be read any more")
     facts = {**_facts(meta, folder), "recovered_from": folder.name}
     create_database(target / DATABASE, facts)
-    with closing(connect_to_write(target / DATABASE)) as connection:
-        connection.execute("BEGIN IMMEDIATE")
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
         connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
         connection.executemany(INSERT_FILE, files.values())
-        connection.execute("COMMIT")
     return len(log), max(log, default=0) - len(log)
 
 
@@ -298,20 +297,14 @@ def _save_files(folder: Path, target: Path) -> int:
         place = role_of(path)
         if place is not None:
             saved[path] = place
-    with closing(connect_to_write(target / DATABASE)) as connection:
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
         rows = connection.execute("SELECT path FROM files WHERE path IS NOT NULL").fetchall()
         named = {str(row[0]) for row in rows}
-        connection.execute("BEGIN IMMEDIATE")
         for path, (role, frame_id) in saved.items():
             content = b"" if path in named else (target / path).read_bytes()
             if path in named or content_fault(path, content) is not None:
                 continue
-            connection.execute(
-                "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, sha256)"
-                " VALUES (?, ?, ?, ?, ?)",
-                (frame_id, role, path, len(content), sha256_of(content)),
-            )
-        connection.execute("COMMIT")
+            connection.execute(INSERT_FILE, found_row(path, role, frame_id, content))
     return len(saved)
 
 

@@ -18,6 +18,7 @@ from rsoconsole.session.log import (
     LogPlace,
     connect_to_read,
     encode,
+    transaction,
 )
 from rsoconsole.session.writing.rescue import Rescue, Statement
 
@@ -184,8 +185,7 @@ class LogWriter:
             try:
                 if self._connection is None:
                     self._connection = self._connect(self._path)
-                with self._connection:
-                    self._connection.execute("BEGIN IMMEDIATE")
+                with transaction(self._connection):
                     for sql, values in batch:
                         self._connection.execute(sql, values)
             except (sqlite3.Error, OSError) as error:
