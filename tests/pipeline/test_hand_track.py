@@ -18,7 +18,6 @@ from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
@@ -28,6 +27,7 @@ from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_rulings import night, replayed, say
 from tests.rigs.engine_rig import START_DEG, PlainCamera, Rig, rig
+from tests.rigs.rewritten import rewrite_log
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 WIDE, HIGH = 6000, 2000

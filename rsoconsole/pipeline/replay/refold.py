@@ -28,38 +28,30 @@ from rsoconsole.pipeline.cycle import (
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
 from rsoconsole.records import (
-    Closeup,
+    BesideRecord,
     CycleTiming,
     Detections,
     Event,
-    ExpectedMembers,
+    FoldInput,
     FoldRecord,
     FollowedAgain,
     FrameTaken,
-    Identified,
-    LeapDone,
     LoopState,
-    LowPass,
     Measurement,
     Miss,
-    NotFollowed,
     NotSolved,
     OperatorAction,
     OrbitEstimate,
-    PairMotions,
+    OrbitRecord,
     ParameterChange,
     Record,
     Ruling,
-    SlewCommand,
     Solution,
     StateChange,
-    TrackState,
 )
 from rsoconsole.tracking.association import Following
 
 TAU = "detector.tau"
-FOLDS = (TrackState, NotFollowed, Miss, StateChange)
-"""What the fold puts on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,26 +223,14 @@ class Walk:
             case OrbitEstimate():
                 if not self.is_another_night:
                     self.orbits = {**self.orbits, record.track_id: record}
-            case Solution() | NotSolved() | Measurement():
-                self.part = self._receive_of_frame(record)
-            case TrackState() | NotFollowed() | Miss() | StateChange():
+            case _ if isinstance(record, (FoldInput, FoldRecord)):
                 self.part = self._receive_of_frame(record)
             case Event() if record.topic == "kept":
                 yield from self.close()
                 self.kept.given_up()
             case OperatorAction() if record.verb == BEGIN_MARK:
                 self._hold(record)
-            case (
-                SlewCommand()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | OperatorAction()
-                | Closeup()
-                | Event()
-            ):
+            case _ if isinstance(record, (OrbitRecord, BesideRecord)):
                 pass  # led to by what is followed, or beside it
             case _:
                 assert_never(record)
@@ -268,7 +248,7 @@ class Walk:
 
     def _receive_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
         """What was seen in a frame, or what the fold made of it."""
-        is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
+        is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
         if self.open_again is not None:
             if is_folds:
                 self.open_again[1].append(record)
@@ -283,7 +263,7 @@ class Walk:
                 self.open.solution = record
             case Measurement():
                 self.open.measurements.append(record)
-            case TrackState() | NotFollowed() | Miss() | StateChange():
+            case _ if isinstance(record, FoldRecord):
                 return "other"
             case _:
                 assert_never(record)
