@@ -298,7 +298,8 @@ def _digest(value: Any) -> str:
 def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
     if (folder / DATABASE).exists():
         reader = SessionReader(folder)
-        numbers = [record.frame_id for _, _, record in _taken(reader)]
+        taken = (record for _, _, record in reader.records(kinds=(FrameTaken,)))
+        numbers = [each.frame_id for each in taken if isinstance(each, FrameTaken)]
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
     try:
@@ -306,12 +307,6 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
     except OSError as error:
         raise BatchError(f"{folder} cannot be looked into: {error}") from error
     return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
-
-
-def _taken(reader: SessionReader) -> Iterator[tuple[int, int, FrameTaken]]:
-    for seq, t_utc_ns, record in reader.records(kinds=(FrameTaken,)):
-        if isinstance(record, FrameTaken):
-            yield seq, t_utc_ns, record
 
 
 def _is_frame(name: str) -> bool:

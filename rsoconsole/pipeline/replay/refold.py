@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.night import FOLDED, is_from_outside, is_instruments
 from rsoconsole.pipeline.cycle import (
     Fold,
@@ -191,10 +191,12 @@ class Walk:
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
         """At the beginning of a log. Raises ConfigError as ``replay`` does."""
-        held = dict(changes or {})
-        for name, value in held.items():
-            config = with_setting(config, name, value)
-        return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
+        changes = changes or {}
+        return cls(
+            config=with_changes(config, changes),
+            held=frozenset(changes),
+            reduce_again=reduce_again,
+        )
 
     def receive(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
         """One record; gives the frame that it shows to be complete."""
