@@ -36,6 +36,7 @@ from rsoconsole.session.log import (
     FOLDERS,
     INSERT_FILE,
     INSERT_RECORD,
+    JOURNAL,
     KINDS,
     LOG_COLUMNS,
     MAGIC,
@@ -131,9 +132,9 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
     """Make the new database; returns (records saved, places in the log that stay empty)."""
     with TemporaryDirectory(prefix="rsoconsole-", dir=target) as scratch:
         copy = Path(scratch) / DATABASE
-        for name in (DATABASE, *BESIDE_DATABASE):
-            # The shared-memory file is only an index of the log beside it: SQLite makes it again.
-            if (folder / name).exists() and not name.endswith("-shm"):
+        # The shared-memory file is only an index of the log beside it: SQLite makes it again.
+        for name in (DATABASE, WAL, JOURNAL):
+            if (folder / name).exists():
                 _copy_readable(folder / name, Path(scratch) / name)
         # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.
         parts = [_scanned(copy, Path(scratch) / WAL)]

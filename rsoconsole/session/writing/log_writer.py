@@ -36,11 +36,11 @@ class KeptFile:
 
     frame_id: int
     role: str
-    path: str | None
-    bytes: int | None
-    ms: float | None
-    reason: str | None
-    sha256: str | None
+    path: str | None = None
+    bytes: int | None = None
+    ms: float | None = None
+    reason: str | None = None
+    sha256: str | None = None
 
 
 _Entry = tuple[int, int, Record] | KeptFile

@@ -224,7 +224,6 @@ class SessionWriter:
                 path=str(path.relative_to(self.folder)),
                 bytes=len(content),
                 ms=(time.perf_counter() - began) * 1e3,
-                reason=None,
                 sha256=sha256_of(content),
             )
         )
@@ -235,17 +234,7 @@ class SessionWriter:
         self._put_absent(frame_id, role, reason)
 
     def _put_absent(self, frame_id: int, role: str, reason: str) -> None:
-        self._log.put_file(
-            KeptFile(
-                frame_id=frame_id,
-                role=role,
-                path=None,
-                bytes=None,
-                ms=None,
-                reason=reason,
-                sha256=None,
-            )
-        )
+        self._log.put_file(KeptFile(frame_id=frame_id, role=role, reason=reason))
 
 
 def _reason(error: BaseException) -> str:
