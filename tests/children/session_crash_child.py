@@ -22,7 +22,6 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Event, Frame, Miss
 from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.rigs.drained import drained
 
 SAID = struct.Struct("=BQ")
 BEGUN, RECORD, FRAME, CLOSING, CLOSED = range(5)
@@ -69,8 +68,8 @@ def live(folder: Path, pipe: int, is_to_close: bool) -> None:
         writer.save_frame(Frame(frame_id=frame_id, name="", pixels=pixels(frame_id)))
         writer.save_preview(frame_id, preview(frame_id))
         if frame_id % 2:
-            assert drained(writer._frames, LONGEST_S)
-            assert drained(writer._previews, LONGEST_S)
+            assert writer._frames.drain(LONGEST_S)
+            assert writer._previews.drain(LONGEST_S)
             if writer.flush():
                 say(FRAME, frame_id)
         if is_to_close and frame_id == FRAMES_BEFORE_CLOSING:

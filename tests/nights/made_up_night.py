@@ -24,7 +24,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.makers import NS, T0_UTC_NS, geo_measurement, straight_detection
-from tests.rigs.drained import drained
 
 CADENCE_S = 30
 WIDTH_PX, HEIGHT_PX = 4656, 3520
@@ -71,7 +70,7 @@ def add_previews(writer: SessionWriter, frames: range) -> None:
         place = Closeup(frame_id=frame_id, x0_px=1872, y0_px=1405, width_px=256, height_px=192)
         writer.append(place, t_of(frame_id))
         assert writer.save_closeup(frame_id, closeup)
-        assert drained(writer._previews, 20)
+        assert writer._previews.drain(20)
     assert writer.flush()
 
 

@@ -26,7 +26,6 @@ from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.measured_night import record_night
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
 from tests.nights.samples import SAMPLE
-from tests.rigs.drained import drained
 
 MOST_BYTES = 8_000_000
 NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'
@@ -293,7 +292,7 @@ def test_pictures_keep_to_their_budget_and_no_missed_frame_is_left_out(tmp_path:
     for frame_id in range(1, 91):
         assert writer.save_preview(frame_id, noise)
         if frame_id % 10 == 0:
-            assert drained(writer._previews, 20.0)
+            assert writer._previews.drain(20.0)
     writer.close()
     (writer.folder / "previews" / "000001.png").write_bytes(b"no picture")
     html = render_report(writer.folder).html

@@ -9,7 +9,6 @@ import numpy as np
 from rsoconsole.records import Frame
 from rsoconsole.session.files.verification import Verification
 from tests.nights.made_up_night import add_frames, add_previews, armed, begin
-from tests.rigs.drained import drained
 
 NOW_UTC_NS = 1_900_000_000_000_000_000
 
@@ -23,7 +22,7 @@ def make(folder: Path, frames: int = 4) -> Path:
     for frame_id in range(1, frames + 1):
         noise = np.random.default_rng(frame_id).integers(0, 4000, (64, 64), dtype=np.uint16)
         writer.save_frame(Frame(frame_id=frame_id, name="", pixels=noise << 4))
-        assert drained(writer._frames, 10)
+        assert writer._frames.drain(10)
     writer.close()
     assert writer.faults == ()
     return folder

@@ -58,7 +58,6 @@ from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.orbit_night import estimate_of, identified_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
-from tests.rigs.drained import drained
 
 T0_UTC_NS = 1_800_000_000_123_456_789
 ABOUT = {"title": "test", "model_sha256": "ab" * 32, "clock_offset_s": 0.002}
@@ -541,7 +540,7 @@ def test_where_only_the_last_frames_are_kept_the_disk_they_take_is_bounded(folde
     count = writer_module.LAST_KEPT + 5
     for number in range(1, count + 1):
         assert writer.save_frame(small_frame(number))
-        assert drained(writer._frames, 20)
+        assert writer._frames.drain(20)
     kept = frozenset(range(6, count + 1))
     # One file may wait for the next frame to be removed: nothing names it any more.
     assert len(list((folder / "frames").iterdir())) <= writer_module.LAST_KEPT + 1
@@ -573,8 +572,8 @@ def test_whatever_a_frame_raises_is_its_reason_and_the_next_one_is_kept(
     for frame_id in range(1, 13):
         writer.save_frame(small_frame(frame_id))
         writer.save_preview(frame_id, np.zeros((4, 5), np.uint8))
-        assert drained(writer._frames, 10)
-        assert drained(writer._previews, 10)
+        assert writer._frames.drain(10)
+        assert writer._previews.drain(10)
     assert len(writer.faults) == 2
     assert all(type(error).__name__ in fault for fault in writer.faults)
     monkeypatch.setattr(writer_module, "compress_frame", compress)
@@ -642,7 +641,6 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.rigs.drained import drained
 
 alarms = []
 writer = SessionWriter.create(Path(sys.argv[1]), Config(), {}, on_fault=alarms.append)
@@ -656,7 +654,7 @@ writer.save_frame(Frame(frame_id=1, name="", pixels=noise))
 for i in range(2, 5001):
     writer.append(Miss(frame_id=i, reason=Missed(kind="not solved", detail="x" * 100)), i)
 is_flushed_when_full = writer.flush(1.0)
-assert drained(writer._frames, 60)
+assert writer._frames.drain(60)
 faults_when_full = writer.faults
 resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 is_flushed_when_free = writer.flush(20.0)
@@ -669,11 +667,7 @@ print(json.dumps([is_flushed_when_full, faults_when_full, alarms, is_flushed_whe
 
 def test_a_full_disk_raises_nothing_and_loses_no_record_once_it_has_room(folder: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(folder)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).parents[2],
+        [sys.executable, "-c", FULL_DISK, str(folder)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     when_full, faults, alarms, when_free, faults_at_end = json.loads(done.stdout)

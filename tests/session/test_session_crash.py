@@ -271,7 +271,6 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session.writing.writer import SessionWriter
-from tests.rigs.drained import drained
 
 def say(text):
     os.write(2, f"SAID {text}\\n".encode())
@@ -283,7 +282,7 @@ writer.append(Miss(frame_id=1, reason=Missed(kind="not solved", detail="cloud"))
 assert writer.flush()
 say("flushed")
 writer.save_frame(Frame(frame_id=1, name="", pixels=np.ones((64, 64), np.uint16)))
-assert drained(writer._frames, 10) and writer.flush()
+assert writer._frames.drain(10) and writer.flush()
 say("frame")
 writer.close()
 say("closed")

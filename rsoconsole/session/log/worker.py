@@ -37,6 +37,13 @@ class BoundedWorker:
             self._changed.notify_all()
         return True
 
+    def drain(self, timeout_s: float) -> bool:
+        """Wait until nothing is left to do; False when that takes longer."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: not self._jobs and not self._is_running_job, timeout_s
+            )
+
     def close(self, timeout_s: float) -> bool:
         """Finish what was taken and end the thread; False when it would not end in time."""
         with self._changed:
@@ -58,6 +65,7 @@ class BoundedWorker:
             finally:
                 with self._changed:
                     self._is_running_job = False
+                    self._changed.notify_all()
 
 
 def _do(job: Job, on_error: OnError) -> None:
