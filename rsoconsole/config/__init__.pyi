@@ -45,6 +45,7 @@ from .settings import state_dir as state_dir
 from .settings import unknown_setting as unknown_setting
 from .settings import variables_set as variables_set
 from .settings import walk as walk
+from .settings import with_changes as with_changes
 from .settings import with_setting as with_setting
 from .shutter import CalibratedTiming as CalibratedTiming
 from .source_names import SourceKind as SourceKind

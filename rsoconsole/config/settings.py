@@ -255,6 +255,16 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
         raise ConfigError(f"{name} = {value}: {plain_fault(error.errors()[0]['msg'])}") from error
 
 
+def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
+    """The configuration with settings, by their dotted names, at other values.
+
+    Raises ConfigError as ``with_setting`` does.
+    """
+    for name, value in changes.items():
+        config = with_setting(config, name, value)
+    return config
+
+
 def environment_warnings() -> list[str]:
     """For each variable that looks like a setting and is none, a line with the one meant."""
     return list(unknown_variables(Config, os.environ))

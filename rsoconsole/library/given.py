@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from rsoconsole.config import Config, effective_settings, load_config, with_setting
+from rsoconsole.config import Config, effective_settings, load_config, with_changes
 from rsoconsole.errors import InputError
 from rsoconsole.records import Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns
@@ -71,9 +71,7 @@ def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Co
     """The configuration meant. Raises ConfigError with every fault."""
     wanted = {name: value for name, value in (overrides or {}).items() if value is not None}
     if isinstance(config, Config):
-        for name, value in wanted.items():
-            config = with_setting(config, name, value)
-        return config
+        return with_changes(config, wanted)
     return load_config(None if config is None else Path(config).expanduser(), wanted)
 
 

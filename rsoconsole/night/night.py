@@ -14,13 +14,12 @@ from rsoconsole.night.log_merging import append_line
 from rsoconsole.night.night_view import (
     KeptNight,
     NightView,
-    Now,
     Pointing,
     above_horizon,
     is_same_name,
 )
 from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
-from rsoconsole.night.track_fold import pairs_after, tracks_after
+from rsoconsole.night.track_fold import TracksNow, pairs_after, tracks_after
 from rsoconsole.records import (
     FOLLOWING,
     CycleTiming,
@@ -52,14 +51,15 @@ class Night:
         newest: int | None = NEWEST,
     ) -> None:
         """``newest``: of how many of the last frames everything is kept; None: of all."""
-        self._about = NightView(
+        self._now = NightView(
             folder=folder,
             title=str(about.get("title") or ""),
+            is_closed=about.get("is_closed") is True,
             is_simulated=about.get("is_simulated") is True,
             config=config,
         )
-        """What no record changes."""
-        self._now = Now(is_closed=about.get("is_closed") is True)
+        """Without what ``view`` adds of the frames, the tracks and the lines."""
+        self._tracks = TracksNow()
         self._site = config.site.to_site() if config is not None else None
         self.frames = NightFrames(config, newest=newest, on_past=self._keep_row)
         """Each exposure; all that is on record of the last ones."""
@@ -72,17 +72,14 @@ class Night:
         """What has been taken so far."""
         rows = self._all_rows()
         self._see_horizon()
-        now = self._now
+        frame = self._now.frame
         return replace(
-            self._about,
-            **now.shown(),
+            self._now,
             tau=self.frames.tau,
             changed=self.frames.settings,
             measured=last_measured(self.frames.seen(), rows),
-            tracks=now.tracks_now.in_order(),
-            dropped=now.tracks_now.can_be_taken_back(
-                0 if now.frame is None else now.frame.frame_id
-            ),
+            tracks=self._tracks.in_order(),
+            dropped=self._tracks.can_be_taken_back(0 if frame is None else frame.frame_id),
             rows=tuple(rows.values()),
             log=tuple(self._log),
         )
@@ -93,6 +90,7 @@ class Night:
         self._kept_log = in_chunks(self._log, self._kept_log)
         return KeptNight(
             now=replace(self._now),
+            tracks=self._tracks,
             rows=self._kept_rows,
             frames=self.frames.keep(),
             log=self._kept_log,
@@ -100,7 +98,7 @@ class Night:
 
     def go_back(self, kept: KeptNight) -> None:
         """As it was when that was kept, by this fold or by another one of the same night."""
-        self._now = replace(kept.now)
+        self._now, self._tracks = replace(kept.now), kept.tracks
         self.frames.go_back(kept.frames)
         self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
         self._log = [line for chunk in kept.log for line in chunk]
@@ -167,9 +165,9 @@ class Night:
         self.frames.take(record, t_utc_ns)
         self._fold(record, t_utc_ns)
         frame = self.frames.of(getattr(record, "frame_id", None) or 0)
-        is_one_of_several = len(now.tracks_now.tracks) > 1
-        now.tracks_now = tracks_after(
-            now.tracks_now, record, t_utc_ns, frame.all_measured, frame.detections
+        is_one_of_several = len(self._tracks.tracks) > 1
+        self._tracks = tracks_after(
+            self._tracks, record, t_utc_ns, frame.all_measured, frame.detections
         )
         line = line_of(
             record, t_utc_ns, self._beside(record, frame), is_one_of_several=is_one_of_several
@@ -246,7 +244,7 @@ class Night:
 
     def _another_leads(self, track_id: int) -> None:
         """What is known of it from when it was no lead."""
-        now, known = self._now, self._now.tracks_now.tracks.get(track_id)
+        now, known = self._now, self._tracks.tracks.get(track_id)
         if known is None:
             return
         now.track_frame_id, now.track_since_utc_ns = known.began_frame_id, known.since_utc_ns

@@ -1,7 +1,7 @@
 """What a night's fold knows at one instant, to be shown."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,9 @@ class Pointing:
     """None where the session does not say its site."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class NightView:
-    """A session at one instant; nothing in it changes any more."""
+    """A session at one instant; what ``Night.view`` gives of it changes no more."""
 
     folder: Path | None = None
     title: str = ""
@@ -134,49 +134,6 @@ class NightView:
         return getattr(getattr(self.config, section, None), key, None)
 
 
-@dataclass(slots=True, kw_only=True)
-class Now:
-    """What the records add up to so far, beside rows and log.
-
-    What it has under a name of ``NightView`` is that.
-    """
-
-    is_closed: bool
-    seq: int = 0
-    is_read: bool = False
-    has_ended: bool = False
-    state: LoopState | None = None
-    state_since_utc_ns: int | None = None
-    last_utc_ns: int | None = None
-    frame: FrameTaken | None = None
-    pointing: Pointing | None = None
-    track: TrackState | None = None
-    beside: Mapping[int, TrackState] = field(default_factory=dict)
-    timing: CycleTiming | None = None
-    slew: SlewCommand | None = None
-    track_frame_id: int = 0
-    track_since_utc_ns: int | None = None
-    orbit: OrbitEstimate | None = None
-    orbit_utc_ns: int | None = None
-    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    identified: Identified | None = None
-    identifications: Mapping[int, Identified] = field(default_factory=dict)
-    kept_track: TrackState | None = None
-    tracks_now: TracksNow = field(default_factory=TracksNow)
-    pairs: tuple[PairMotion, ...] = ()
-    expected: ExpectedMembers | None = None
-    being_fitted_again: frozenset[int] = frozenset()
-
-    def shown(self) -> dict[str, Any]:
-        """What a view takes over as it is, by its name there."""
-        return {name: getattr(self, name) for name in _SHOWN}
-
-
-_SHOWN = tuple(
-    sorted({each.name for each in fields(Now)} & {each.name for each in fields(NightView)})
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptNight:
     """A night as it was at one place of the log: what ``Night.go_back`` returns to.
@@ -184,7 +141,8 @@ class KeptNight:
     Rows, frames and lines are shared with the night and among those that are kept.
     """
 
-    now: Now
+    now: NightView
+    tracks: TracksNow
     rows: Chunks[FrameRow]
     frames: tuple[Any, ...]
     log: Chunks[LogLine]

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, with_changes
 from rsoconsole.night import NightFrames, Summary, shown, summary_of
 from rsoconsole.notebook.figures import NightPlots
 from rsoconsole.notebook.night import DrawnNight, night_of, text
@@ -59,7 +59,7 @@ class WhatIf(NightPlots):
         log = session.records
         self.frames = tuple(replay((r for _, _, r in log), session.config, changes=changes))
         """Every folded frame; ``recorded`` is what was made of it then, ``records`` now."""
-        config = _with(session.config, changes)
+        config = with_changes(session.config, changes)
         title = f"tried {self.words}" if changes else "as recorded"
         self._night = _night_of(title, config, log, self.frames)
         self._recorded = session.nights()[0]
@@ -120,12 +120,6 @@ class WhatIf(NightPlots):
             f'<th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
             f"{rows}</table></div>"
         )
-
-
-def _with(config: Config, changes: Mapping[str, float | str]) -> Config:
-    for name, value in changes.items():
-        config = with_setting(config, name, value)
-    return config
 
 
 def _night_of(

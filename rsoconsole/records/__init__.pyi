@@ -38,9 +38,11 @@ from .leaps import LeapResult as LeapResult
 from .leaps import LowPass as LowPass
 from .steps import FOLLOWING as FOLLOWING
 from .steps import OFF_RECORD as OFF_RECORD
+from .steps import BesideRecord as BesideRecord
 from .steps import CatalogueMatch as CatalogueMatch
 from .steps import CycleTiming as CycleTiming
 from .steps import Event as Event
+from .steps import FoldInput as FoldInput
 from .steps import FoldRecord as FoldRecord
 from .steps import FollowedAgain as FollowedAgain
 from .steps import FrameTaken as FrameTaken
@@ -53,6 +55,7 @@ from .steps import Mixture as Mixture
 from .steps import NotFollowed as NotFollowed
 from .steps import OperatorAction as OperatorAction
 from .steps import OrbitEstimate as OrbitEstimate
+from .steps import OrbitRecord as OrbitRecord
 from .steps import ParameterChange as ParameterChange
 from .steps import Record as Record
 from .steps import Ruling as Ruling

@@ -421,5 +421,11 @@ Record: TypeAlias = (
 )
 """What the log of a session holds."""
 
+FoldInput: TypeAlias = Detections | Solution | NotSolved | Measurement
+"""What was seen in a frame."""
 FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
 """What the fold over the frames puts on record."""
+OrbitRecord: TypeAlias = OrbitEstimate | Identified | PairMotions | ExpectedMembers
+"""What is made of the tracks, beside the fold."""
+BesideRecord: TypeAlias = SlewCommand | LeapDone | LowPass | OperatorAction | Closeup | Event
+"""What else happens beside it."""

@@ -18,7 +18,6 @@ from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.frame.refine_mark import refined_mark
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
@@ -28,6 +27,7 @@ from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_rulings import night, replayed, say
 from tests.rigs.engine_rig import START_DEG, PlainCamera, Rig, rig
+from tests.rigs.rewritten import rewrite_log
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 WIDE, HIGH = 6000, 2000
@@ -247,7 +247,7 @@ def test_a_frame_that_was_not_solved_says_so_before_anything_is_made_of_it():
     blind = dataclasses.replace(
         shown, solution=NotSolved(frame_id=3, reason="4 stars, 8 needed", ms=1.0)
     )
-    hand._looked = (dataclasses.replace(hand._looked[-1], shown=blind),)
+    hand._frames = (dataclasses.replace(hand._frames[-1], shown=blind),)
     outcome = say(r, "mark", frame=3, x_a=1.0, y_a=1.0, x_b=9.0, y_b=1.0)
     assert not outcome.ok
     assert "not solved" in outcome.message

@@ -10,7 +10,6 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.miss_reasons import direction_at
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
 from rsoconsole.records import (
     Event,
@@ -28,6 +27,7 @@ from rsoconsole.tracking.association.following import Following
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_orbit_online import INCLINED, SITE, TLE, flight, measured_at
 from tests.rigs.engine_rig import Rig, rig
+from tests.rigs.rewritten import rewrite_log
 from tests.truth.orbit_truth import Flight
 
 HIDDEN = range(24, 64)

@@ -22,7 +22,6 @@ from rsoconsole.pipeline.calibrations.timing_settings import put_together
 from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns
 from rsoconsole.pipeline.frame.shutter_state import shutter_time
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -31,6 +30,7 @@ from tests.makers import straight_detection
 from tests.nights.export_nights import closed_night
 from tests.nights.samples import SAMPLE
 from tests.pipeline.test_measure import solution
+from tests.rigs.rewritten import rewrite_log
 from tests.truth.navigation_truth import Plan, Shutter, constellation, night
 
 NS = 1_000_000_000

@@ -19,7 +19,6 @@ from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline.replay import branches as branches_module
 from rsoconsole.pipeline.replay.branches import branches_of, drop_branch, save_branch
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import figures_of
 from rsoconsole.pipeline.replay.what_if_log import rewritten_log, what_if_session
 from rsoconsole.pipeline.replay.what_if_process import LogOfOneSession
@@ -41,6 +40,7 @@ from tests.nights.measured_night import record_night
 from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented
 from tests.pipeline.test_replay import CONFIG, Night, busy_night
+from tests.rigs.rewritten import rewrite_log
 from tests.tiers import plain_first
 
 __all__ = ["busy_night"]  # a fixture that is asked for by name

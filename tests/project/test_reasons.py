@@ -17,7 +17,6 @@ from rsoconsole.console.timeline.night_line import TimelineFold
 from rsoconsole.night import frames_of
 from rsoconsole.night.night import Night
 from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.rewrite_log import rewrite_log
 from rsoconsole.pipeline.replay.what_if_figures import what_if
 from rsoconsole.reasons import (
     Cause,
@@ -43,6 +42,7 @@ from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.engine_nights import CONFIG, busy, ruled
 from tests.rigs.engine_rig import rig
+from tests.rigs.rewritten import rewrite_log
 
 PACKAGE = Path(said_by.__file__).parents[1]
 TRIED: tuple[dict[str, float | str], ...] = (

@@ -1,6 +1,5 @@
 """A session as one writer makes it and any reader sees it."""
 
-import io
 import json
 import os
 import signal
@@ -473,23 +472,6 @@ def test_a_frame_comes_back_pixel_for_pixel_with_its_header(
     assert "OBSERVER" not in header
 
 
-def test_the_cards_of_the_camera_s_own_file_are_kept(writer: SessionWriter, folder: Path) -> None:
-    frame = small_frame()
-    camera = fits.PrimaryHDU(frame.pixels)
-    camera.header["EXPTIME"] = (10.0, "Total Exposure Time (s)")
-    camera.header["HISTORY"] = "from the camera"
-    content = io.BytesIO()
-    camera.writeto(content)
-    writer.save_frame(frame, content.getvalue())
-    writer.close()
-    path = SessionReader(folder).frame_path(1)
-    assert path is not None
-    pixels, header = read_back(path)
-    assert np.array_equal(pixels, frame.pixels)
-    assert header.comments["EXPTIME"] == "Total Exposure Time (s)"
-    assert str(header["HISTORY"]) == "from the camera"
-
-
 def test_real_valued_and_flat_frames_are_kept_without_loss(
     writer: SessionWriter, folder: Path
 ) -> None:
@@ -535,9 +517,9 @@ def test_frames_that_come_too_fast_are_given_up_and_said_so(
     may_go_on = threading.Event()
     compress = writer_module.compress_frame
 
-    def slow(frame: Frame, content: bytes | None = None) -> bytes:
+    def slow(frame: Frame) -> bytes:
         may_go_on.wait(20)
-        return compress(frame, content)
+        return compress(frame)
 
     monkeypatch.setattr(writer_module, "compress_frame", slow)
     taken = [writer.save_frame(small_frame(i)) for i in range(1, 6)]

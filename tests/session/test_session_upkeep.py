@@ -1,20 +1,14 @@
 """Archives and pruning lose nothing that was not asked for; the list says what there is."""
 
 import errno
-import hashlib
-import io
 import os
 import shutil
-import sqlite3
 import subprocess
 import tarfile
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from astropy.io import fits
 
 from rsoconsole.errors import SessionError
 from rsoconsole.session.files import upkeep_log as upkeep
@@ -124,34 +118,6 @@ def test_what_is_damaged_or_cut_off_or_there_already_is_not_archived(
     flip(night / "previews/000001.png")
     with pytest.raises(SessionError, match=r"is damaged \(previews/000001.png"):
         archive_session(night, tmp_path / "out", NOW_UTC_NS)
-
-
-def test_a_plain_frame_is_compressed_on_the_way_pixel_for_pixel(
-    night: Path, tmp_path: Path
-) -> None:
-    pixels = np.random.default_rng(5).integers(0, 4000, (64, 64), dtype=np.uint16) << 4
-    card = fits.PrimaryHDU(pixels)
-    card.header["EXPTIME"] = (10.0, "as the camera says")
-    card.writeto(night / "frames/000002.fits")
-    content = (night / "frames/000002.fits").read_bytes()
-    (night / "frames/000002.fits.fz").unlink()
-    with closing(sqlite3.connect(night / "session.db")) as connection, connection:
-        connection.execute(
-            "UPDATE files SET path = 'frames/000002.fits', bytes = ?, sha256 = ?"
-            " WHERE role = 'frame' AND frame_id = 2",
-            (len(content), hashlib.sha256(content).hexdigest()),
-        )
-    made = archive_session(night, tmp_path, NOW_UTC_NS)
-    assert made.compressed == 1
-    assert verify_session(made.path).findings == []
-    with tarfile.open(made.path) as tar:
-        assert "night/frames/000002.fits" not in tar.getnames()
-        packed = tar.extractfile("night/frames/000002.fits.fz")
-        assert packed is not None
-        with fits.open(io.BytesIO(packed.read())) as hdus:
-            assert np.array_equal(hdus[1].data, pixels)
-            assert hdus[1].header.comments["EXPTIME"] == "as the camera says"
-    assert (night / "frames/000002.fits").read_bytes() == content
 
 
 def is_sound_or_none(path: Path) -> bool:

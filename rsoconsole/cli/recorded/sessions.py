@@ -160,9 +160,9 @@ def archive(
     """Pack sessions into one plain tar each, with the hash of every file in it.
 
     The session is verified first, the archive is read back afterwards; only then
-    is the original removed, and only with --remove. Frames are compressed
-    without loss where they are not yet. 'tar xf' makes a session of it again,
-    'sha256sum -c MANIFEST.sha256' checks it, and so does 'sessions verify'.
+    is the original removed, and only with --remove. 'tar xf' makes a session of
+    it again, 'sha256sum -c MANIFEST.sha256' checks it, and so does
+    'sessions verify'.
 
     Example: rsoconsole sessions archive NIGHT --out /media/usb --remove
     """

@@ -8,7 +8,7 @@ The loop's own thread executes them, the wire's only checks.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
+from typing import TypeAlias
 
 from rsoconsole.config import Config
 from rsoconsole.control import (
@@ -38,7 +38,7 @@ from rsoconsole.engine.operator.hand_marks import (
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.operator.track_decisions import frame_of, on_track, ruled_of, with_tracks_of
 from rsoconsole.engine.tasks import SessionLog
-from rsoconsole.pipeline.cycle import Cycle, Shown
+from rsoconsole.pipeline.cycle import Cycle, Folds, HandTrack, Shown
 from rsoconsole.pipeline.frame import refined_mark
 from rsoconsole.reasons import BelowTau, Cause, CommandResult
 from rsoconsole.records import (
@@ -60,29 +60,8 @@ PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
-class Frames(Protocol):
-    """The last frames on which something may be said; each raises ValueError where nothing can."""
-
-    def shown(self, frame_id: int) -> Shown:
-        """What a frame showed."""
-
-    def newest(self) -> Shown:
-        """The last one."""
-
-    def taken(self, frame_id: int) -> Measurement | None:
-        """What the track has of a frame."""
-
-    def frame_ids(self) -> tuple[int, ...]:
-        """The frames on which something can still be said, oldest first."""
-
-    def said_last(self) -> int | None:
-        """The newest frame that a word was said on."""
-
-    def hold(self, frame_id: int) -> None:
-        """Keep a frame to be ruled on."""
-
-    def let_go(self, frame_id: int) -> None:
-        """It need not be kept any more."""
+Frames: TypeAlias = Folds | HandTrack
+"""The last frames on which something may be said; each raises ValueError where nothing can."""
 
 
 class Decisions:

@@ -28,7 +28,6 @@ from .single import Compared as Compared
 from .single import Identification as Identification
 from .single import Match as Match
 from .single import compared_with as compared_with
-from .single import identify as identify
 from .uncorrelated import SURE_SAME as SURE_SAME
 from .uncorrelated import Recognised as Recognised
 from .uncorrelated import SeenBefore as SeenBefore

@@ -5,10 +5,10 @@ however hard, leaves nothing that could be taken for a night, and is begun again
 """
 
 import contextlib
-import fcntl
 import glob
 import hashlib
 import json
+import os
 import re
 import shutil
 import uuid
@@ -19,6 +19,7 @@ from typing import Any, Literal, TypeAlias
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
+from rsoconsole.durable_files import lock_file
 from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.batch.batch import Processed, process_files
 from rsoconsole.pipeline.batch.batch_pool import WorkerPool, share_out
@@ -166,15 +167,15 @@ def working_in(root: Path) -> Iterator[None]:
     """Keep other batches out of a folder. Raises BatchError where there is one, or no folder."""
     try:
         root.mkdir(parents=True, exist_ok=True)
-        lock = (root / LOCK).open("w")
+        lock = lock_file(root / LOCK)
+    except BlockingIOError as error:
+        raise BatchError(f"another batch works in {root}: wait for it to end") from error
     except OSError as error:
         raise BatchError(f"{root} cannot hold sessions: {error}") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise BatchError(f"another batch works in {root}: wait for it to end") from error
+    try:
         yield
+    finally:
+        os.close(lock)
 
 
 def _processed(night: Night) -> NightOutcome:
@@ -297,7 +298,8 @@ def _digest(value: Any) -> str:
 def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
     if (folder / DATABASE).exists():
         reader = SessionReader(folder)
-        numbers = [record.frame_id for _, _, record in _taken(reader)]
+        taken = (record for _, _, record in reader.records(kinds=(FrameTaken,)))
+        numbers = [each.frame_id for each in taken if isinstance(each, FrameTaken)]
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
     try:
@@ -305,12 +307,6 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
     except OSError as error:
         raise BatchError(f"{folder} cannot be looked into: {error}") from error
     return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
-
-
-def _taken(reader: SessionReader) -> Iterator[tuple[int, int, FrameTaken]]:
-    for seq, t_utc_ns, record in reader.records(kinds=(FrameTaken,)):
-        if isinstance(record, FrameTaken):
-            yield seq, t_utc_ns, record
 
 
 def _is_frame(name: str) -> bool:

@@ -9,7 +9,6 @@ moves as what the telescope keeps pace with does. The order of the frames is tha
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
 
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.pipeline.comparison.known_stars import KnownStars
@@ -44,16 +43,6 @@ _LED_TO: dict[NotAStreakKind, Compared | None] = {
 _NOTHING = Word()
 
 
-class Comparison(Protocol):
-    """What compares a solved frame's streaks with what is known beside the frame."""
-
-    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """The frame's streaks with what the comparison makes of them; raises nothing.
-
-        ``frame``: with its pixels as ``analysis`` has seen them.
-        """
-
-
 class FixedLight:
     """Knows the last solved frame, whose pixels it holds until the next one."""
 
@@ -63,7 +52,11 @@ class FixedLight:
         self._before: SolvedField | None = None
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """As ``Comparison`` has it; frames come in the order of the record."""
+        """The frame's streaks with what the comparison makes of them; raises nothing.
+
+        ``frame``: with its pixels as ``analysis`` has seen them; they come in the order of the
+        record.
+        """
         here = SolvedField(
             frame=frame,
             stars=analysis.stars,
@@ -88,7 +81,7 @@ class RecordedComparison:
         ]
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """As ``Comparison`` has it; the catalogue is asked once more."""
+        """As ``FixedLight`` has it; the catalogue is asked once more."""
         here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
         asked = _worth_a_look(analysis)
         return _after(here, analysis, lambda: words_of(here, None, asked) | self._words(asked))

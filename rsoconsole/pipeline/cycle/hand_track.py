@@ -5,22 +5,15 @@ marks or chooses in two of them starts a track as two detections do; it is kept,
 the mount is given back. Engine and replay keep one of these each: they come to the same track.
 """
 
-import threading
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import KEPT, Fold
+from rsoconsole.pipeline.cycle.decisions import KEPT, Fold, LastFrames, Looked
 from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
-from rsoconsole.pipeline.frame import HELD, HeldFrames, shutter_mid_utc_ns
+from rsoconsole.pipeline.frame import HELD, shutter_mid_utc_ns
 from rsoconsole.records import Measurement, Ruling, StateChange
 from rsoconsole.tracking.association import Following
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Looked:
-    shown: Shown
-    config: Config
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,16 +25,15 @@ class _Made:
     last_track_id: int
 
 
-class HandTrack:
+class HandTrack(LastFrames[Looked]):
     """The last frames that were looked at, and what the operator said of them."""
 
+    DONE = "looked at"
+
     def __init__(self) -> None:
-        self._looked: tuple[_Looked, ...] = ()
-        # Replaced as a whole, never changed: other threads look in.
+        super().__init__(HELD)  # the second mark of a track may take as long as the first
         self._base: _Made | None = None
         """Before the first word; None while none was said."""
-        self._held = HeldFrames(HELD)  # the second mark of a track may take as long as the first
-        self._lock = threading.Lock()
 
     def add(self, shown: Shown, config: Config) -> None:
         """One more frame; one without a time can be no part of a track."""
@@ -49,55 +41,17 @@ class HandTrack:
             plain = replace(shown, orbits={}, decision=None, decisions=0)
             with self._lock:
                 self._held.count()
-                looked = (*self._looked, _Looked(shown=plain, config=config))
-                self._looked = tuple(
-                    each
-                    for n, each in enumerate(looked)
-                    if n >= len(looked) - KEPT or each.shown.taken.frame_id in self._held
-                )
-
-    def hold(self, frame_id: int) -> None:
-        """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
-        with self._lock:
-            self._held.hold(frame_id)
-
-    def let_go(self, frame_id: int) -> None:
-        """It need not be kept any more (any thread)."""
-        with self._lock:
-            known = [each.shown for each in self._looked if each.shown.taken.frame_id == frame_id]
-            is_ruled = any(shown.decision is not None for shown in known)
-            (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
+                looked = (*self._frames, Looked(shown=plain, config=config))
+                self._frames = self._within_reach(looked)
 
     def forget(self) -> None:
         """Somebody else has the mount: what was said led to what is kept, and to no more."""
         self._base = None
         with self._lock:
             self._held.forget()
-            self._looked = tuple(
-                replace(each, shown=replace(each.shown, decision=None)) for each in self._looked
+            self._frames = tuple(
+                replace(each, shown=replace(each.shown, decision=None)) for each in self._frames
             )[-KEPT:]
-
-    def shown(self, frame_id: int) -> Shown:
-        """What a frame showed. Raises ValueError where nothing can be said on it any more."""
-        return self._looked[self._place(frame_id)].shown
-
-    def newest(self) -> Shown:
-        """The last frame. Raises ValueError where there is none."""
-        looked = self._looked
-        if not looked:
-            raise ValueError("no frame has been looked at yet that a word could be said on")
-        return looked[-1].shown
-
-    def said_last(self) -> int | None:
-        """The newest frame that a word was said on; None where there is none."""
-        said = [
-            each.shown.taken.frame_id for each in self._looked if each.shown.decision is not None
-        ]
-        return said[-1] if said else None
-
-    def frame_ids(self) -> tuple[int, ...]:
-        """The frames on which something can still be said, oldest first."""
-        return tuple(each.shown.taken.frame_id for each in self._looked)
 
     def taken(self, frame_id: int) -> Measurement | None:
         """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
@@ -112,20 +66,20 @@ class HandTrack:
         ``kept``: what was kept before the first word; ``last_track_id``: of the session. Raises
         ValueError as ``shown`` does.
         """
-        place = self._place(decision.frame_id)
-        old = self._looked[place]
+        place = self._place(self._frames, decision.frame_id)
+        old = self._frames[place]
         shown = replace(old.shown, decision=decision, decisions=old.shown.decisions + 1)
-        self._looked = (
-            *self._looked[:place],
+        self._frames = (
+            *self._frames[:place],
             replace(old, shown=shown),
-            *self._looked[place + 1 :],
+            *self._frames[place + 1 :],
         )
         with self._lock:
             self._held.ruled(decision.frame_id)
         if self._base is None:
             self._base = _Made(kept=kept, last_track_id=last_track_id)
         made, again = self._base, list[Fold]()
-        for number, looked in enumerate(self._looked):
+        for number, looked in enumerate(self._frames):
             if looked.shown.decision is None:
                 continue
             before = made
@@ -134,16 +88,11 @@ class HandTrack:
                 again.append(_fold_of(before, looked, folded))
         return made.kept, tuple(again)
 
-    def _place(self, frame_id: int) -> int:
-        for number, each in enumerate(self._looked):
-            if each.shown.taken.frame_id == frame_id:
-                return number
-        raise ValueError(
-            f"frame {frame_id} is none of those looked at since nobody follows: mark a newer one"
-        )
+    def _why_not(self, _frames: tuple[Looked, ...], frame_id: int) -> str:
+        return f"frame {frame_id} is none of those looked at since nobody follows: mark a newer one"
 
 
-def _with(made: _Made, looked: _Looked) -> tuple[_Made, Folded]:
+def _with(made: _Made, looked: Looked) -> tuple[_Made, Folded]:
     """One marked frame more: the second of a track, one of a track that is kept, or a first."""
     decision = looked.shown.decision
     nothing = Folded(following=Following(state="MANUAL"), stars=StarHistory(), records=())
@@ -164,7 +113,7 @@ def _with(made: _Made, looked: _Looked) -> tuple[_Made, Folded]:
     return replace(made, candidates=folded.following.candidates), folded
 
 
-def _goes_on(made: _Made, looked: _Looked) -> bool:
+def _goes_on(made: _Made, looked: Looked) -> bool:
     """Whether a frame comes after all that the kept track has."""
     if made.kept is None or made.kept.track is None:
         return False
@@ -185,14 +134,14 @@ def _begun(folded: Folded) -> _Made:
     return _Made(kept=folded.following, last_track_id=folded.following.last_track_id)
 
 
-def _folded(before: Following, looked: _Looked) -> Folded:
+def _folded(before: Following, looked: Looked) -> Folded:
     """By what the operator gave alone; who has the mount does not change by it."""
     folded = fold(before, StarHistory(), replace(looked.shown, measurements=()), looked.config)
     kept = tuple(each for each in folded.records if not isinstance(each, StateChange))
     return replace(folded, records=kept)
 
 
-def _fold_of(before: _Made, looked: _Looked, folded: Folded) -> Fold:
+def _fold_of(before: _Made, looked: Looked, folded: Folded) -> Fold:
     return Fold(
         before=before.kept or _waiting(before),
         stars_before=StarHistory(),

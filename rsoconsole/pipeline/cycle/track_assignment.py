@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from rsoconsole.pipeline.frame import BEGIN_MARK, HELD
 from rsoconsole.records import (
@@ -48,13 +48,6 @@ class _Steps:
         return state is not None and state.is_lead
 
 
-@dataclass(slots=True)
-class _Frame:
-    """By track."""
-
-    steps: dict[int, _Steps] = field(default_factory=dict)
-
-
 class TracksTaken:
     """Takes a session's records in order."""
 
@@ -62,7 +55,8 @@ class TracksTaken:
     """Those that it needs; others pass by."""
 
     def __init__(self) -> None:
-        self._frames: dict[int, _Frame] = {}
+        self._frames: dict[int, dict[int, _Steps]] = {}
+        """By frame, then by track."""
         self._measured: dict[str, Measurement] = {}
         """By id."""
         self._whole: dict[int, deque[_Steps]] = {}
@@ -83,8 +77,8 @@ class TracksTaken:
             case TrackState():
                 if record.frame_id <= self._known_to:
                     self._begin_again()
-                frame = self._frames.setdefault(record.frame_id, _Frame())
-                steps = frame.steps.setdefault(record.track_id, _Steps())
+                of_frame = self._frames.setdefault(record.frame_id, {})
+                steps = of_frame.setdefault(record.track_id, _Steps())
                 if record.kind == "predicted":
                     steps.predicted = record
                 else:
@@ -96,7 +90,7 @@ class TracksTaken:
     def tracks(self) -> list[Track]:
         """All of them, in order of time."""
         for number in sorted(each for each in self._frames if each > self._known_to):
-            for track_id, steps in self._frames[number].steps.items():
+            for track_id, steps in self._frames[number].items():
                 if steps.corrected is not None:
                     self._go_on(self._known, track_id, steps.corrected, steps.predicted)
             self._known_to = number
@@ -126,7 +120,7 @@ class TracksTaken:
         """Those of the newest frame that any track was predicted to, the lead first."""
         if not self._frames:
             return []
-        newest = self._frames[max(self._frames)].steps
+        newest = self._frames[max(self._frames)]
         is_again = any(
             each.corrected is not None and each.corrected.kind == "initial" and each.is_lead
             for each in newest.values()

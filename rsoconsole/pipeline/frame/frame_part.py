@@ -46,7 +46,7 @@ class Part:
 
     def streaks_of_frame(self, found: Detections, frame: Frame) -> Detections:
         """Streaks that lie wholly in the part, where they are in the whole frame."""
-        whole = tuple(self._moved(each) for each in found.detections if not each.is_clipped)
+        whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
         return replace(
             found,
             width_px=frame.width_px,
@@ -55,7 +55,8 @@ class Part:
             rejected=(),
         )
 
-    def _moved(self, each: Detection) -> Detection:
+    def moved(self, each: Detection) -> Detection:
+        """The part's streak in the frame's pixels."""
         x, y = self.x0_px, self.y0_px
         left, top, right, bottom = each.box_px
         return replace(

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.comparison import Comparison, FixedLight
+from rsoconsole.pipeline.comparison import FixedLight, RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.frame_part import Part, middle_of
@@ -70,7 +70,7 @@ class FrameReducer:
         config: Config,
         *,
         calibration: Calibration | None = None,
-        comparison: Comparison | None = None,
+        comparison: FixedLight | RecordedComparison | None = None,
     ) -> None:
         """``calibration``: of the same configuration, where it has been made already;
         ``comparison``: None for the frame before and the shipped stars.

@@ -9,7 +9,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from rsoconsole.pipeline.frame.frame_part import Part
 from rsoconsole.records import Detection, PixelArray
+from rsoconsole.vision.detector import with_fit, with_trace
 from rsoconsole.vision.frame import Background, local_background
 from rsoconsole.vision.lines import Box
 from rsoconsole.vision.stars import StarList, find_stars
@@ -40,8 +42,7 @@ class _Piece:
     pixels: PixelArray
     sky: Background
     stars: StarList
-    x0: int
-    y0: int
+    place: Part
 
 
 def refined_mark(
@@ -100,11 +101,13 @@ def _piece_of(pixels: PixelArray, mark: Detection, sigma: float) -> _Piece | Non
         return None
     piece = pixels[y0:y1, x0:x1]
     sky = local_background(piece)
-    return _Piece(pixels=piece, sky=sky, stars=find_stars(piece, sky), x0=x0, y0=y0)
+    place = Part(x0_px=x0, y0_px=y0, size_px=(x1 - x0, y1 - y0))
+    return _Piece(pixels=piece, sky=sky, stars=find_stars(piece, sky), place=place)
 
 
 def _shifted(ends: Box, piece: _Piece) -> Box:
-    return ends[0] - piece.x0, ends[1] - piece.y0, ends[2] - piece.x0, ends[3] - piece.y0
+    x0, y0 = piece.place.x0_px, piece.place.y0_px
+    return ends[0] - x0, ends[1] - y0, ends[2] - x0, ends[3] - y0
 
 
 def _is_believed(trace: Trace, sigma: float) -> bool:
@@ -118,8 +121,9 @@ def _is_believed(trace: Trace, sigma: float) -> bool:
 def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> bool:
     """Whether its ends lie where they were marked, as well as the mark is good for."""
     reach = ENDS_SIGMAS * sigma + OFFS_PX[0]
-    a = trace.x_a_px + piece.x0, trace.y_a_px + piece.y0
-    b = trace.x_b_px + piece.x0, trace.y_b_px + piece.y0
+    x0, y0 = piece.place.x0_px, piece.place.y0_px
+    a = trace.x_a_px + x0, trace.y_a_px + y0
+    b = trace.x_b_px + x0, trace.y_b_px + y0
     marked = (mark.x_a_px, mark.y_a_px), (mark.x_b_px, mark.y_b_px)
     return any(
         math.dist(one, marked[0]) <= reach and math.dist(other, marked[1]) <= reach
@@ -128,51 +132,22 @@ def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> boo
 
 
 def _measured(trace: Trace, piece: _Piece, mark: Detection, fwhm: float) -> Detection:
-    ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
-    length = math.dist(ends[:2], ends[2:])
-    is_clipped = any(trace.is_open)
-    sigma_along = 0.5 * math.hypot(*trace.sigma_end_px)
-    found = replace(
-        mark,
-        x_px=piece.x0 + 0.5 * (ends[0] + ends[2]),
-        y_px=piece.y0 + 0.5 * (ends[1] + ends[3]),
-        x_a_px=piece.x0 + ends[0],
-        y_a_px=piece.y0 + ends[1],
-        x_b_px=piece.x0 + ends[2],
-        y_b_px=piece.y0 + ends[3],
-        length_px=length,
-        width_px=trace.width_px,
-        snr=trace.snr,
-        sigma_along_px=max(sigma_along, length) if is_clipped else sigma_along,
-        sigma_across_px=trace.sigma_across_px,
-        sigma_angle_deg=trace.sigma_angle_deg,
-        is_clipped=is_clipped,
-        kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
-    )
-    if length > LONGEST_FIT_PX or is_clipped:
-        return found
-    box = min(ends[0], ends[2]), min(ends[1], ends[3]), max(ends[0], ends[2]), max(ends[1], ends[3])
-    fit = fit_streak(piece.pixels, piece.sky, box, stars=piece.stars, psf_fwhm_px=fwhm, ends=ends)
-    if not isinstance(fit, StreakFit) or math.dist((fit.x_px, fit.y_px), _middle(ends)) > length:
-        return found
-    return replace(
-        found,
-        x_px=piece.x0 + fit.x_px,
-        y_px=piece.y0 + fit.y_px,
-        x_a_px=piece.x0 + fit.x_a_px,
-        y_a_px=piece.y0 + fit.y_a_px,
-        x_b_px=piece.x0 + fit.x_b_px,
-        y_b_px=piece.y0 + fit.y_b_px,
-        length_px=fit.length_px,
-        width_px=fit.width_px,
-        snr=fit.snr,
-        sigma_along_px=fit.sigma_along_px,
-        sigma_across_px=fit.sigma_across_px,
-        sigma_angle_deg=fit.sigma_angle_deg,
-        is_clipped=fit.is_clipped,
-        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
-    )
-
-
-def _middle(ends: Box) -> tuple[float, float]:
-    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
+    found = with_trace(mark, trace, least_open_px=0.5 * math.hypot(*trace.sigma_end_px))
+    if found.length_px <= LONGEST_FIT_PX and not found.is_clipped:
+        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        (left, right), (top, bottom) = sorted(ends[::2]), sorted(ends[1::2])
+        fit = fit_streak(
+            piece.pixels,
+            piece.sky,
+            (left, top, right, bottom),
+            stars=piece.stars,
+            psf_fwhm_px=fwhm,
+            ends=ends,
+        )
+        middle = found.x_px, found.y_px
+        if (
+            isinstance(fit, StreakFit)
+            and math.dist((fit.x_px, fit.y_px), middle) <= found.length_px
+        ):
+            found = with_fit(found, fit)
+    return replace(piece.place.moved(found), box_px=mark.box_px)

@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig
 from rsoconsole.orbits.motion import KnownOrbit, predict
+from rsoconsole.pipeline.outlook import margin_deg
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import NS_PER_S, IntArray, astrometric_places, icrs_to_altaz, lit_fraction
-from rsoconsole.sky.limits import horizon_altitude_deg
 
 AHEAD_S = 86_400
 _STEP_S = 60
@@ -60,10 +60,7 @@ def orbit_outlook(
 
     places = astrometric_places(position_of, site, t)
     altitude_deg, azimuth_deg = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t)
-    floor_deg = np.full(altitude_deg.shape, limits.min_altitude_deg)
-    if limits.horizon:
-        floor_deg = np.maximum(floor_deg, horizon_altitude_deg(limits.horizon, azimuth_deg))
-    excess_deg = altitude_deg - floor_deg
+    excess_deg = margin_deg(altitude_deg, azimuth_deg, limits)
     lit = lit_fraction(r, t)
     return OrbitOutlook(
         ahead=_ahead(orbit, site, from_utc_ns + np.array(ahead_s, np.int64) * NS_PER_S),

@@ -10,20 +10,17 @@ from rsoconsole.errors import OrbitError
 from rsoconsole.orbits.elements import CatalogueEntry
 from rsoconsole.orbits.first import Sightings
 from rsoconsole.orbits.identification import (
-    ASSUMED,
     Compared,
-    ElementErrors,
     Identification,
     Match,
     compared_with,
-    identify,
     name_together,
 )
 from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
 from rsoconsole.pipeline.orbits.element_errors_of import errors_of
 from rsoconsole.pipeline.orbits.sightings_of import longest_arc
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
-from rsoconsole.records import CatalogueMatch, Identified, LedgerName, Site
+from rsoconsole.records import CatalogueMatch, Identified, LedgerName
 from rsoconsole.words import ledger_words
 
 FIRST_AT = 3
@@ -157,21 +154,6 @@ class Naming:
                 self._asked[track_id] = replace(asked, said=said)
                 name = on_record(frame_id, track_id, found, len(asked.compared.seen))
                 yield _with_past(name, past.get(track_id))
-
-
-def identified(
-    frame_id: int,
-    track_id: int,
-    seen: Sightings,
-    site: Site,
-    entries: Sequence[CatalogueEntry],
-    *,
-    gate_deg: float,
-    errors: ElementErrors = ASSUMED,
-) -> Identified:
-    """What is put on record of an identification of one track by itself."""
-    found = identify(seen, site, entries, gate_deg=gate_deg, errors=errors)
-    return on_record(frame_id, track_id, found, len(seen))
 
 
 def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:

@@ -7,7 +7,7 @@ import numpy as np
 
 from rsoconsole.records import FrameTaken, Measurement, Record, TrackState
 from rsoconsole.tracking.association import expected_motion
-from rsoconsole.tracking.filters import Motion, motion_between, remembered_with, with_part_error
+from rsoconsole.tracking.filters import Motion, motion_in_exposure, remembered_with, with_part_error
 
 _BESIDE, _BESIDE_S = 5, 600.0
 """Measurements to either side, and seconds, over which a satellite's rate is taken for one."""
@@ -80,9 +80,6 @@ def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion |
         if abs(each.t_mid_utc_ns - here_ns) <= _BESIDE_S * 1e9
     ]
     first, last = near[0], near[-1]
-    between_s = (last.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
-    if between_s <= exposure_s:
+    if (last.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9 <= exposure_s:
         return None
-    way = motion_between(first.ra_icrs_deg, first.dec_icrs_deg, last.ra_icrs_deg, last.dec_icrs_deg)
-    share = exposure_s / between_s
-    return Motion(way.east_arcsec * share, way.north_arcsec * share)
+    return motion_in_exposure(first, last, exposure_s)

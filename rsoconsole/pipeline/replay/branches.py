@@ -11,7 +11,7 @@ import re
 import shutil
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +43,10 @@ class Branch:
 
     name: str
     folder: Path
-    changes: dict[str, Any]
-    figures: dict[str, Any]
+    changes: dict[str, Any] = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)
     """``recorded`` and ``what_if``, as they were when it was made."""
-    t_made_utc_ns: int | None
+    t_made_utc_ns: int | None = None
     fault: str | None = None
     """Why it cannot be read; the other members are then empty."""
 
@@ -135,14 +135,7 @@ def _branch(folder: Path) -> Branch:
     try:
         about = SessionReader(folder).about()
     except SessionError as error:
-        return Branch(
-            name=folder.name,
-            folder=folder,
-            changes={},
-            figures={},
-            t_made_utc_ns=None,
-            fault=str(error),
-        )
+        return Branch(name=folder.name, folder=folder, fault=str(error))
     made = about.get("t_made_utc_ns")
     return Branch(
         name=folder.name,
@@ -162,10 +155,7 @@ def _write(what_if: WhatIf, name: str, folder: Path) -> None:
         "branch_of": "../..",
         "tried": dict(what_if.changes),
         "rerun": None if what_if.rerun is None else asdict(what_if.rerun),
-        "figures": {
-            "recorded": asdict(what_if.recorded),
-            "what_if": asdict(what_if.what_if),
-        },
+        "figures": {"recorded": asdict(what_if.recorded), "what_if": asdict(what_if.what_if)},
         "t_made_utc_ns": time.time_ns(),
         "versions": {"rsoconsole": __version__},
     }

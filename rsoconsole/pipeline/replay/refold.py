@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.night import FOLDED, is_from_outside, is_instruments
 from rsoconsole.pipeline.cycle import (
     Fold,
@@ -28,38 +28,30 @@ from rsoconsole.pipeline.cycle import (
 from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
 from rsoconsole.records import (
-    Closeup,
+    BesideRecord,
     CycleTiming,
     Detections,
     Event,
-    ExpectedMembers,
+    FoldInput,
     FoldRecord,
     FollowedAgain,
     FrameTaken,
-    Identified,
-    LeapDone,
     LoopState,
-    LowPass,
     Measurement,
     Miss,
-    NotFollowed,
     NotSolved,
     OperatorAction,
     OrbitEstimate,
-    PairMotions,
+    OrbitRecord,
     ParameterChange,
     Record,
     Ruling,
-    SlewCommand,
     Solution,
     StateChange,
-    TrackState,
 )
 from rsoconsole.tracking.association import Following
 
 TAU = "detector.tau"
-FOLDS = (TrackState, NotFollowed, Miss, StateChange)
-"""What the fold puts on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,10 +191,12 @@ class Walk:
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
         """At the beginning of a log. Raises ConfigError as ``replay`` does."""
-        held = dict(changes or {})
-        for name, value in held.items():
-            config = with_setting(config, name, value)
-        return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
+        changes = changes or {}
+        return cls(
+            config=with_changes(config, changes),
+            held=frozenset(changes),
+            reduce_again=reduce_again,
+        )
 
     def receive(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
         """One record; gives the frame that it shows to be complete."""
@@ -231,26 +225,14 @@ class Walk:
             case OrbitEstimate():
                 if not self.is_another_night:
                     self.orbits = {**self.orbits, record.track_id: record}
-            case Solution() | NotSolved() | Measurement():
-                self.part = self._receive_of_frame(record)
-            case TrackState() | NotFollowed() | Miss() | StateChange():
+            case _ if isinstance(record, (FoldInput, FoldRecord)):
                 self.part = self._receive_of_frame(record)
             case Event() if record.topic == "kept":
                 yield from self.close()
                 self.kept.given_up()
             case OperatorAction() if record.verb == BEGIN_MARK:
                 self._hold(record)
-            case (
-                SlewCommand()
-                | Identified()
-                | PairMotions()
-                | ExpectedMembers()
-                | LeapDone()
-                | LowPass()
-                | OperatorAction()
-                | Closeup()
-                | Event()
-            ):
+            case _ if isinstance(record, (OrbitRecord, BesideRecord)):
                 pass  # led to by what is followed, or beside it
             case _:
                 assert_never(record)
@@ -268,7 +250,7 @@ class Walk:
 
     def _receive_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
         """What was seen in a frame, or what the fold made of it."""
-        is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
+        is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
         if self.open_again is not None:
             if is_folds:
                 self.open_again[1].append(record)
@@ -283,7 +265,7 @@ class Walk:
                 self.open.solution = record
             case Measurement():
                 self.open.measurements.append(record)
-            case TrackState() | NotFollowed() | Miss() | StateChange():
+            case _ if isinstance(record, FoldRecord):
                 return "other"
             case _:
                 assert_never(record)

@@ -23,7 +23,7 @@ from rsoconsole.pipeline.frame import (
     PlateFinder,
     calibration_warnings,
 )
-from rsoconsole.pipeline.replay.rerun import RecordedPlate
+from rsoconsole.pipeline.replay.rerun import RecordedPlate, as_recorded
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -201,15 +201,7 @@ def read_pixels(recorded: RecordedFrame) -> Frame:
             f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
             " it is another's file"
         )
-    # What the camera's process said of the frame counts, not what a card may have rounded.
-    return replace(
-        frame,
-        t_start_utc_ns=taken.t_start_utc_ns,
-        exposure_s=taken.exposure_s,
-        pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
-        pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
-        camera=taken.camera,
-    )
+    return replace(as_recorded(frame, taken), camera=taken.camera)
 
 
 class Reprocessor:

@@ -21,7 +21,7 @@ from rsoconsole.pipeline.frame import (
     numbered_like,
     open_reducer,
 )
-from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.records import Frame, FrameTaken, NotSolved, Solution
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.vision.detector import ConfidenceCurve, Network
 from rsoconsole.vision.stars import StarList
@@ -100,15 +100,18 @@ class Rerun:
         except FrameError:
             self.counts.unreadable += 1
             return None
-        # What the camera's process said of the frame counts, not what a card may have rounded.
-        return replace(
-            frame,
-            name=taken.name,
-            t_start_utc_ns=taken.t_start_utc_ns,
-            exposure_s=taken.exposure_s,
-            pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
-            pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
-        )
+        return replace(as_recorded(frame, taken), name=taken.name)
+
+
+def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
+    """What the camera's process said of it counts, not what a card may have rounded."""
+    return replace(
+        frame,
+        t_start_utc_ns=taken.t_start_utc_ns,
+        exposure_s=taken.exposure_s,
+        pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
+        pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
+    )
 
 
 class RecordedPlate:

@@ -5,8 +5,8 @@ it now. A log rewritten with no changes is the log itself, and a rewritten log r
 changed configuration gives its own records again (on another processor: to the last digits).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import assert_never
 
 from rsoconsole.config import Config
@@ -16,73 +16,32 @@ from rsoconsole.pipeline.frame import at_its_row, shutter_mid_utc_ns, shutter_ti
 from rsoconsole.pipeline.replay.refold import (
     LookedAt,
     Part,
-    ReduceAgain,
     ReplayedFrame,
     Walk,
 )
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (
-    Closeup,
+    BesideRecord,
     CycleTiming,
     Detections,
     Event,
-    ExpectedMembers,
+    FoldInput,
+    FoldRecord,
     FollowedAgain,
     FrameTaken,
-    Identified,
-    LeapDone,
     LoopState,
-    LowPass,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    PairMotions,
+    OrbitRecord,
     ParameterChange,
     Record,
     Ruling,
-    SlewCommand,
     Solution,
     StateChange,
     TrackState,
 )
-
-OF_TRACK = (OrbitEstimate, Identified, PairMotions, ExpectedMembers)
-"""What was made of the track as it was."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RewrittenLog:
-    """A log, and the replayed frames in it."""
-
-    log: tuple[tuple[int, Record], ...]
-    """(t_utc_ns, record), in order."""
-    frames: tuple[ReplayedFrame, ...]
-    config: Config
-    """With the changes: the log begins with it."""
-
-
-def rewrite_log(
-    log: Iterable[tuple[int, Record]],
-    config: Config,
-    *,
-    changes: Mapping[str, float | str] | None = None,
-    reduce_again: ReduceAgain | None = None,
-) -> RewrittenLog:
-    """Retell a log of (t_utc_ns, record); arguments and errors beside it as ``replay``'s."""
-    rewritten: list[tuple[int, Record]] = []
-    frames: list[ReplayedFrame] = []
-    rewriter = LogRewriter(
-        Walk.begin(config, changes, reduce_again),
-        on_record=lambda t_utc_ns, record: rewritten.append((t_utc_ns, record)),
-        on_frame=frames.append,
-    )
-    for t_utc_ns, record in log:
-        rewriter.receive(t_utc_ns, record)
-    rewriter.close()
-    return RewrittenLog(log=tuple(rewritten), frames=tuple(frames), config=rewriter.config)
 
 
 class LogRewriter:
@@ -155,7 +114,7 @@ class LogRewriter:
             case TrackState() | NotFollowed() | Miss():
                 if self._is_void:
                     return
-            case OrbitEstimate() | Identified() | PairMotions() | ExpectedMembers():
+            case _ if isinstance(record, OrbitRecord):
                 if self._is_void or self._is_another_night:
                     return
             case ParameterChange():
@@ -163,18 +122,8 @@ class LogRewriter:
                     record = _without_force(record, self._walk.config)
             case Measurement():
                 record = self._at_instant(record)
-            case (
-                FrameTaken()
-                | Detections()
-                | Solution()
-                | NotSolved()
-                | Closeup()
-                | SlewCommand()
-                | LeapDone()
-                | LowPass()
-                | CycleTiming()
-                | OperatorAction()
-                | Event()
+            case _ if isinstance(
+                record, (FrameTaken, Detections, Solution, NotSolved, CycleTiming, BesideRecord)
             ):
                 pass  # told as it was
             case _:
@@ -252,7 +201,7 @@ def _without_orbits(
     """Without orbits and names, and the words that were said on them."""
     is_theirs = False
     for each in held:
-        is_theirs = isinstance(each[1], OF_TRACK) or (is_theirs and isinstance(each[1], Event))
+        is_theirs = isinstance(each[1], OrbitRecord) or (is_theirs and isinstance(each[1], Event))
         if not is_theirs:
             yield each
 
@@ -271,24 +220,7 @@ def _closes(record: Record) -> bool:
             return is_from_outside(record)
         case Event():
             return record.topic == "kept"
-        case (
-            Detections()
-            | Solution()
-            | NotSolved()
-            | Measurement()
-            | NotFollowed()
-            | Miss()
-            | TrackState()
-            | SlewCommand()
-            | OperatorAction()
-            | Closeup()
-            | OrbitEstimate()
-            | Identified()
-            | PairMotions()
-            | ExpectedMembers()
-            | LeapDone()
-            | LowPass()
-        ):
+        case _ if isinstance(record, (FoldInput, FoldRecord, OrbitRecord, BesideRecord)):
             return False
         case _:
             assert_never(record)

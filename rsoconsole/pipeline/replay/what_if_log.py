@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.night import FigureSum, TrackFigures
 from rsoconsole.pipeline.replay.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk
@@ -83,9 +83,7 @@ def what_if_session(
     both = _Both(config, keep=(frames, log) if keep else None)
     counts, sha256 = None, None
     if detector or solver:
-        begun_with = config
-        for name, value in changes.items():
-            begun_with = with_setting(begun_with, name, value)
+        begun_with = with_changes(config, changes)
         with open_rerun(
             reader, begun_with, with_detector=detector, with_solver=solver, on_frame=on_frame
         ) as (rerun, sha256):

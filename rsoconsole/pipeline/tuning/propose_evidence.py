@@ -1,7 +1,7 @@
 """What a proposal of Q and R says, and what it rests on."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -76,21 +76,21 @@ class Proposal:
     verdict: Verdict
     words: str
     """The verdict in a sentence."""
-    changes: Mapping[str, float]
+    changes: Mapping[str, float] = field(default_factory=dict)
     """Settings that are proposed, by dotted name; empty where none is."""
     innovations: int
     tracks: int
-    gain: float | None
+    gain: float | None = None
     """In log L, of the likeliest Q and R over the recorded ones; None where none were sought."""
-    needed: float | None
-    parameters: tuple[Proposed, ...]
-    terms: tuple[Term, ...]
-    before: Soundness | None
-    after: Soundness | None
+    needed: float | None = None
+    parameters: tuple[Proposed, ...] = ()
+    terms: tuple[Term, ...] = ()
+    before: Soundness | None = None
+    after: Soundness | None = None
     """As ``before`` where no change is called for."""
-    autocorrelation_bound: float | None
+    autocorrelation_bound: float | None = None
     """Within which that of white innovations lies, 95 times in 100."""
-    hold_out: HoldOut | None
-    rounds: int
-    evaluations: int
-    warnings: tuple[str, ...]
+    hold_out: HoldOut | None = None
+    rounds: int = 0
+    evaluations: int = 0
+    warnings: tuple[str, ...] = ()

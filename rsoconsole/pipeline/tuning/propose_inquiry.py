@@ -1,6 +1,7 @@
 """What one set of tracks says of Q and R: models compared, and their evidence. Pure."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ of log L said 0.09, and the sandwich of its scores no more.
 WORTH_A_FIT = 0.3
 """Share of the gain that is needed which a term must show alone, before all is sought with it."""
 _ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
+"""Where a parameter is looked for first, in units of what was recorded."""
 FLAT_DECADES = 4.0
 """Width of a 68 % interval, in powers of ten, from which the likelihood counts as flat."""
 
@@ -111,9 +113,8 @@ class Inquiry:
 
     def _rounded(self, fit: Fit) -> Fit:
         """To three digits: no night tells more."""
-        values = tuple(float(f"{value:.3g}") for value in fit.values)
-        found = self._run(dict(_pairs(fit.parameters, values)))
-        return Fit(parameters=fit.parameters, values=values, log_likelihood=_total(found))
+        rounded = replace(fit, values=tuple(float(f"{value:.3g}") for value in fit.values))
+        return replace(rounded, log_likelihood=_total(self._run(rounded.settings())))
 
     def _try_term(self, other: Parameter) -> None:
         needed = self._gain_needed(CHANCE_OF_A_TERM, 1)
@@ -242,7 +243,7 @@ class Inquiry:
             low: float,
             high: float,
             *names: str,
-            scan: tuple[float, ...] = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0),
+            scan: tuple[float, ...] = _ABOUT,
         ) -> Parameter:
             dotted = tuple(f"filter.{name}" for name in names)
             recorded = _in_force(self._configs(), names[0])
@@ -261,23 +262,11 @@ class Inquiry:
             return q, r, (r_dec, q_dec)
         decades = tuple(10.0**n for n in range(-11, 3, 1))
         q = parameter("Q", 1e-12, 1e6, "q_multiplier", scan=decades)
-        rates = parameter("Q of the rates", 1e-6, 1e6, "q_ra_rate_multiplier")
-        rates = Parameter(
-            label=rates.label,
-            names=(*rates.names, "filter.q_dec_rate_multiplier"),
-            recorded=rates.recorded,
-            low=rates.low,
-            high=rates.high,
-            scan=rates.scan,
+        rates = parameter(
+            "Q of the rates", 1e-6, 1e6, "q_ra_rate_multiplier", "q_dec_rate_multiplier"
         )
         q_dec = parameter("Q of declination's place", 1e-6, 1e6, "q_dec_multiplier")
         return q, r, (rates, q_dec, r_dec)
-
-
-def _pairs(parameters: Sequence[Parameter], values: Sequence[float]) -> Iterator[tuple[str, float]]:
-    for parameter, value in zip(parameters, values, strict=True):
-        for name in parameter.names:
-            yield name, value
 
 
 def _total(found: Innovations | None) -> float:

@@ -1,5 +1,6 @@
 from . import upkeep_log as upkeep_log
 from .contents import content_fault as content_fault
+from .contents import found_row as found_row
 from .digest import META_KEY as META_KEY
 from .digest import Digester as Digester
 from .digest import LogDigest as LogDigest

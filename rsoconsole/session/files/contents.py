@@ -1,12 +1,19 @@
-"""Whether the bytes of a session's file are whole, where no hash of them was kept."""
+"""Whether the bytes of a session's file are whole, where no hash of them was kept; its row."""
 
 import io
 import zlib
 from pathlib import PurePosixPath
 
+from rsoconsole.session.files.digest import sha256_of
+
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _CHUNK_BYTES_BESIDE_DATA = 12
 """Length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
+
+
+def found_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
+    """The row of the table ``files`` for a file that was found without one."""
+    return frame_id, role, path, len(content), None, None, sha256_of(content)
 
 
 def content_fault(name: str, content: bytes) -> str | None:

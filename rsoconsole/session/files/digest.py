@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from rsoconsole.session.log import LOG_ROWS
+from rsoconsole.session.log import LOG_ROWS, transaction
 
 META_KEY = "log_digest"
 
@@ -74,24 +74,17 @@ def digest_log(connection: sqlite3.Connection) -> LogDigest:
     return digest_rows(connection.execute(LOG_ROWS))
 
 
-def mark_closed(connection: sqlite3.Connection) -> LogDigest:
+def mark_closed(connection: sqlite3.Connection) -> None:
     """Say in ``meta`` that the session is complete, with the digest of its log, in one commit.
 
     ``connection`` is in autocommit mode. Raises sqlite3.Error.
     """
-    connection.execute("BEGIN IMMEDIATE")
-    try:
+    with transaction(connection):
         digest = digest_log(connection)
         connection.executemany(
             "INSERT OR REPLACE INTO meta (key, value) VALUES (?, ?)",
             [(META_KEY, digest.to_json()), ("is_closed", "true")],
         )
-        connection.execute("COMMIT")
-    except BaseException:
-        if connection.in_transaction:
-            connection.execute("ROLLBACK")
-        raise
-    return digest
 
 
 def sha256_of(content: bytes) -> str:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from typing import IO, Protocol
+from typing import IO, TypeAlias
 
 from rsoconsole.errors import SessionError
 from rsoconsole.session.log import DATABASE
@@ -18,23 +18,6 @@ from rsoconsole.session.log import DATABASE
 PIECE_BYTES = 1 << 20
 MANIFEST = "MANIFEST.sha256"
 """Hashes of an archive's files, as ``sha256sum`` writes and checks them."""
-
-
-class Holdings(Protocol):
-    """What lies beside a session's database, and the database as a file that SQLite can open."""
-
-    @property
-    def place(self) -> Path:
-        """Where it is, for messages."""
-
-    def sizes(self) -> Mapping[str, int]:
-        """Bytes of every file by its path in the session, with /. Raises OSError."""
-
-    def open(self, path: str) -> IO[bytes]:
-        """The file's bytes. Raises OSError."""
-
-    def folder(self) -> Path:
-        """A folder with the database in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +59,6 @@ class TarHoldings:
     """A session as a tar file with one folder in it, not compressed as a whole."""
 
     def __init__(self, place: Path, tar: tarfile.TarFile, scratch: Path) -> None:
-        self.place = place
         self._tar = tar
         self._members: dict[str, tarfile.TarInfo] = {}
         for member in tar:
@@ -104,6 +86,10 @@ class TarHoldings:
     def folder(self) -> Path:
         """A scratch folder with the database alone."""
         return self._scratch
+
+
+Holdings: TypeAlias = FolderHoldings | TarHoldings
+"""What lies beside a session's database, and the database as a file that SQLite can open."""
 
 
 @contextmanager

@@ -27,30 +27,19 @@ _STRUCTURE = {
 _KEYWORD = re.compile("[A-Z0-9_-]{1,8}")
 
 
-def compress_frame(frame: Frame, fits: bytes | None = None) -> bytes:
+def compress_frame(frame: Frame) -> bytes:
     """The frame as a FITS file with a Rice-coded image in its first extension.
 
-    ``fits`` is the file the camera gave, whose cards are kept with their comments; without it
-    the cards come from ``frame.header``. Real-valued pixels are coded without loss by GZIP.
-    Raises OSError or ValueError when ``fits`` is no FITS file with an image.
+    Real-valued pixels are coded without loss by GZIP.
     """
-    from astropy.io import fits as astropy_fits
+    from astropy.io import fits
 
-    pixels: npt.NDArray[Any] = frame.pixels
-    header = astropy_fits.Header()
-    if fits is not None:
-        with astropy_fits.open(io.BytesIO(fits)) as hdus:
-            first = next((hdu for hdu in hdus if hdu.is_image and len(hdu.shape) == 2), None)
-            if first is None:
-                raise ValueError("it holds no two-dimensional image")
-            pixels = np.array(first.data)
-            header = _without_structure(first.header)
-    else:
-        for key, value in _cards(frame.header):
-            header[key] = value
-    stored, shift_bits = _shift_down(pixels)
+    header = fits.Header()
+    for key, value in _cards(frame.header):
+        header[key] = value
+    stored, shift_bits = _shift_down(frame.pixels)
     is_real = stored.dtype.kind == "f"
-    hdu = astropy_fits.CompImageHDU(
+    hdu = fits.CompImageHDU(
         data=stored,
         header=header,
         compression_type="GZIP_2" if is_real else "RICE_1",
@@ -61,7 +50,7 @@ def compress_frame(frame: Frame, fits: bytes | None = None) -> bytes:
         hdu.header["BSCALE"] = (float(1 << shift_bits), "the camera's low bits are empty")
         hdu.header["BZERO"] = 0.0
     buffer = io.BytesIO()
-    astropy_fits.HDUList([astropy_fits.PrimaryHDU(), hdu]).writeto(buffer)
+    fits.HDUList([fits.PrimaryHDU(), hdu]).writeto(buffer)
     return buffer.getvalue()
 
 
@@ -87,13 +76,6 @@ def _shift_down(pixels: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], int]:
     if shift_bits == 0:
         return pixels, 0
     return (pixels >> np.uint16(shift_bits)).view(np.int16), shift_bits
-
-
-def _without_structure(header: Any) -> Any:
-    kept = header.copy()
-    for keyword in _STRUCTURE - {"COMMENT", "HISTORY"}:
-        kept.remove(keyword, ignore_missing=True, remove_all=True)
-    return kept
 
 
 def _cards(header: Mapping[str, Any]) -> Iterator[tuple[str, bool | int | float | str]]:

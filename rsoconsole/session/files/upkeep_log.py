@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.durable_files import sync_folder, write_durably
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.foreign_text import json_of
 from rsoconsole.sky import utc_ns_to_iso
 
@@ -27,12 +27,11 @@ def read_notes(folder: Path) -> list[Note]:
 
     Raises SessionError when the file is there and cannot be read.
     """
-    try:
-        return parse_notes((folder / UPKEEP).read_bytes())
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise SessionError(f"{folder / UPKEEP} cannot be read: {error.strerror}") from error
+    with said_as(SessionError, f"{folder / UPKEEP} cannot be read: "):
+        try:
+            return parse_notes((folder / UPKEEP).read_bytes())
+        except FileNotFoundError:
+            return []
 
 
 def parse_notes(content: bytes) -> list[Note]:
@@ -78,16 +77,12 @@ def is_kept(folder: Path) -> bool:
 
 def keep(folder: Path, why: str) -> None:
     """Mark the session so that nothing of it is ever pruned. Raises SessionError."""
-    try:
+    with said_as(SessionError, f"{folder} cannot be marked: "):
         write_durably(folder / KEEP, (why.strip() + "\n").encode() if why.strip() else b"")
-    except OSError as error:
-        raise SessionError(f"{folder} cannot be marked: {error.strerror or error}") from error
 
 
 def release(folder: Path) -> None:
     """Take the mark away again. Raises SessionError."""
-    try:
+    with said_as(SessionError, f"{folder} cannot be released: "):
         (folder / KEEP).unlink(missing_ok=True)
         sync_folder(folder)
-    except OSError as error:
-        raise SessionError(f"{folder} cannot be released: {error.strerror or error}") from error

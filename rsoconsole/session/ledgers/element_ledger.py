@@ -4,19 +4,16 @@ A file of lines (``line_file``): each a row, a track of a night against its obje
 of the same track takes the place of the one before.
 """
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from rsoconsole.config import state_dir
-from rsoconsole.orbits.identification import ElementRow, Regime
-from rsoconsole.session.log import LineFile, Lines, frozen, objects_of
+from rsoconsole.orbits.identification import ElementRow
+from rsoconsole.session.log import LineFile, Lines, from_json_value, objects_of
 
 FORMAT = 1
-_TEXT = ("session", "track", "name", "regime")
-_ABOVE_0 = ("sigma_along_s", "sigma_along_km", "sigma_across_arcsec", "sigma_across_km")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,22 +93,10 @@ def _folded(file: LineFile, lines: Lines) -> ElementLedger:
     )
 
 
-def _row(said: Mapping[str, Any]) -> ElementRow:
+def _row(said: object) -> ElementRow:
     """Raises ValueError, KeyError or TypeError for what nothing could be computed with."""
-    known = {each.name for each in fields(ElementRow)}
-    values = {key: frozen(value) for key, value in said.items() if key in known}
-    row = ElementRow(**values)
-    if row.regime not in get_args(Regime):
-        raise ValueError(f"{row.regime!r} is no kind of orbit")
-    if not all(isinstance(values[key], str) for key in _TEXT):
-        raise TypeError("a name is text")
-    numbers = [
-        value for key, value in values.items() if key not in (*_TEXT, "along_by", "across_by")
-    ]
-    if len(row.along_by) != 3 or len(row.across_by) != 3:
-        raise ValueError("slopes are by three errors")
-    if not all(math.isfinite(each) for each in (*numbers, *row.along_by, *row.across_by)):
-        raise ValueError("a value is not a number")
-    if min(values[key] for key in _ABOVE_0) <= 0.0:
+    row: ElementRow = from_json_value(ElementRow, said)
+    sigmas = (row.sigma_along_s, row.sigma_along_km, row.sigma_across_arcsec, row.sigma_across_km)
+    if min(sigmas) <= 0.0:
         raise ValueError("an error of a measurement is above 0")
     return row

@@ -5,15 +5,14 @@ given, an object that was forgotten; what holds is a fold over them. A track tha
 session and track id) takes its own place.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
 from rsoconsole.errors import SessionError
-from rsoconsole.session.log import LineFile, Lines, frozen, objects_of
+from rsoconsole.session.log import LineFile, Lines, from_json_value, objects_of
 
 FORMAT = 1
 _MOST_NAME = 40
@@ -237,40 +236,17 @@ def _whole(value: object) -> int:
     return value
 
 
-def _track(said: Mapping[str, Any]) -> LedgerTrack:
-    known = {each.name for each in fields(LedgerTrack)}
-    values = {key: frozen(value) for key, value in said.items() if key in known}
-    orbit = said.get("orbit")
-    if orbit is not None:
-        of_orbit = {each.name for each in fields(LedgerOrbit)}
-        values["orbit"] = LedgerOrbit(
-            **{key: frozen(value) for key, value in orbit.items() if key in of_orbit}
-        )
-    track = LedgerTrack(**values)
-    _expect_numbers(track)
+def _track(said: object) -> LedgerTrack:
+    """Raises ValueError, KeyError or TypeError for what nothing could be computed with."""
+    track: LedgerTrack = from_json_value(LedgerTrack, said)
+    _expect_square(track.covariance, 4)
+    if track.orbit is not None:
+        _expect_square(track.orbit.covariance, 6)
+        if len(track.orbit.r_gcrs_km) != 3 or len(track.orbit.v_gcrs_km_s) != 3:
+            raise ValueError("a state has three and three numbers")
     return track
 
 
-def _expect_numbers(track: LedgerTrack) -> None:
-    """Raises ValueError or TypeError for what nothing could be computed with."""
-    numbers = [
-        *(track.latitude_deg, track.longitude_deg, track.elevation_m, track.t_utc_ns),
-        *(track.ra_icrs_deg, track.dec_icrs_deg),
-        *(track.rate_east_arcsec_s, track.rate_north_arcsec_s),
-        *_square(track.covariance, 4),
-        *(value for row in track.directions for value in row),
-    ]
-    orbit = track.orbit
-    if orbit is not None:
-        numbers += [*orbit.r_gcrs_km, *orbit.v_gcrs_km_s, orbit.epoch_utc_ns]
-        numbers += _square(orbit.covariance, 6)
-        if len(orbit.r_gcrs_km) != 3 or len(orbit.v_gcrs_km_s) != 3:
-            raise ValueError("a state has three and three numbers")
-    if not all(math.isfinite(each) for each in numbers):
-        raise ValueError("a value is not a number")
-
-
-def _square(rows: Sequence[Sequence[float]], size: int) -> list[float]:
-    if len(rows) != size or any(len(row) != size for row in rows):
+def _expect_square(rows: Sequence[Sequence[float]], size: int) -> None:
+    if [len(row) for row in rows] != [size] * size:
         raise ValueError(f"a covariance is {size} by {size}")
-    return [value for row in rows for value in row]

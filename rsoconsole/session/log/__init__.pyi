@@ -5,6 +5,7 @@ from .bounds import is_interrupted as is_interrupted
 from .codec import KINDS as KINDS
 from .codec import decode as decode
 from .codec import encode as encode
+from .codec import from_json_value as from_json_value
 from .codec import to_json_value as to_json_value
 from .database import Database as Database
 from .database import connect_to_read as connect_to_read
@@ -12,10 +13,10 @@ from .database import connect_to_write as connect_to_write
 from .database import create_database as create_database
 from .database import finish_copy as finish_copy
 from .database import leave_wal as leave_wal
+from .database import transaction as transaction
 from .faults import Faults as Faults
 from .line_file import LineFile as LineFile
 from .line_file import Lines as Lines
-from .line_file import frozen as frozen
 from .line_file import objects_of as objects_of
 from .liveness import META_KEY as META_KEY
 from .liveness import is_written as is_written

@@ -65,6 +65,14 @@ def to_json_value(value: Any, where: str = "value") -> Any:
     return _plain(value, where)
 
 
+def from_json_value(hint: Any, value: Any) -> Any:
+    """What ``to_json_value`` was given, of the type ``hint``.
+
+    Raises ValueError, TypeError or KeyError for what is none.
+    """
+    return _decoder(hint)(value)
+
+
 def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
     if value is None or isinstance(value, (bool, str)):
         return value

@@ -4,7 +4,8 @@ import json
 import shutil
 import sqlite3
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,14 @@ def connect_to_write(path: Path) -> sqlite3.Connection:
         connection.close()
         raise
     return connection
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """All that is written within, on the disk behind it or undone; in autocommit mode."""
+    connection.execute("BEGIN IMMEDIATE")
+    with connection:
+        yield
 
 
 def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connection:

@@ -5,22 +5,19 @@ as it is, and goes on with the lines that can be read. The first line says the f
 """
 
 import contextlib
-import fcntl
 import json
 import os
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import SessionError
+from rsoconsole.durable_files import lock_file, sync_folder, write_durably
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.foreign_text import json_of
 
 _WAIT_S = 20.0
 """For another writer."""
-_POLL_S = 0.05
 _MOST_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
@@ -39,16 +36,13 @@ class LineFile:
 
     def lines(self) -> list[bytes]:
         """All of them; none where there is no file. Raises SessionError."""
-        try:
-            if self.path.stat().st_size > _MOST_BYTES:
-                raise SessionError(f"{self.path} is larger than any ledger: move it away")
-            return self.path.read_bytes().split(b"\n")
-        except FileNotFoundError:
-            return []
-        except OSError as error:
-            raise SessionError(
-                f"{self.called} {self.path} cannot be read: {error.strerror}"
-            ) from error
+        with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
+            try:
+                if self.path.stat().st_size > _MOST_BYTES:
+                    raise SessionError(f"{self.path} is larger than any ledger: move it away")
+                return self.path.read_bytes().split(b"\n")
+            except FileNotFoundError:
+                return []
 
     def change(self, step: Step) -> tuple[list[bytes], Path | None]:
         """Add what ``step`` makes of the lines, on the disk when this returns.
@@ -56,7 +50,11 @@ class LineFile:
         Nobody else writes meanwhile. Returns the lines, and where a damaged file was moved. Raises
         SessionError where another writer takes too long, and where the file cannot be written.
         """
-        try:
+        with said_as(
+            SessionError,
+            f"{self.called} {self.path} cannot be written: ",
+            "; free space there, or set its permissions",
+        ):
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             with _locked(self.path):
                 lines = self.lines()
@@ -66,11 +64,6 @@ class LineFile:
                 if added:
                     self._append(added)
                 return self.lines(), aside
-        except OSError as error:
-            raise SessionError(
-                f"{self.called} {self.path} cannot be written: {error.strerror or error}; free"
-                " space there, or set its permissions"
-            ) from error
 
     def expect_format(self, found: object) -> None:
         """Raises SessionError for a file that a later version has written."""
@@ -103,11 +96,7 @@ class LineFile:
             file.flush()
             os.fsync(file.fileno())
         if is_new:
-            descriptor = os.open(self.path.parent, os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
+            sync_folder(self.path.parent)
 
     def _moved_aside(self, lines: Lines, unreadable: Sequence[int]) -> Path:
         """A copy of the damaged file, byte by byte; the lines that can be read take its place."""
@@ -140,26 +129,16 @@ def objects_of(lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple
     return tuple(bad)
 
 
-def frozen(value: Any) -> Any:
-    """Lists as tuples, all the way down."""
-    return tuple(frozen(each) for each in value) if isinstance(value, list) else value
-
-
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """A file of its own: that of the lines is replaced where it is damaged."""
-    lock = path.with_suffix(".lock")
-    with lock.open("a") as file:
-        deadline = time.monotonic() + _WAIT_S
-        while True:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError as error:
-                if time.monotonic() > deadline:
-                    raise SessionError(
-                        f"another process has written {path} for {_WAIT_S:.0f} s: wait for it, or"
-                        " end it"
-                    ) from error
-                time.sleep(_POLL_S)
+    try:
+        lock = lock_file(path.with_suffix(".lock"), wait_s=_WAIT_S)
+    except BlockingIOError as error:
+        raise SessionError(
+            f"another process has written {path} for {_WAIT_S:.0f} s: wait for it, or end it"
+        ) from error
+    try:
         yield
+    finally:
+        os.close(lock)

@@ -31,7 +31,7 @@ def is_written(about: Mapping[str, Any]) -> bool:
         return False
     mark = about.get(META_KEY)
     if not isinstance(mark, Mapping):
-        return _is_running(about.get("pid"))
+        return False
     if mark.get("boot_id") is not None and mark["boot_id"] != _boot_id():
         return False
     pid = mark.get("pid")

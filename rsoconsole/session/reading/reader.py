@@ -29,13 +29,13 @@ from rsoconsole.records import Event, Record
 from rsoconsole.session.files import pruned_on, read_notes
 from rsoconsole.session.log import (
     APPLICATION_ID,
-    BESIDE_DATABASE,
     DATABASE,
     FOLDERS,
     JOURNAL,
     KINDS,
     SCHEMA_VERSION,
     VIEWS,
+    WAL,
     computed_part,
     connect_to_read,
     decode,
@@ -345,7 +345,7 @@ class SessionReader:
 
     def _is_unfinished(self) -> bool:
         """Whether part of the database lies in a file beside it, where a cut has left it."""
-        beside = (self.folder / name for name in BESIDE_DATABASE if not name.endswith("-shm"))
+        beside = (self.folder / WAL, self.folder / JOURNAL)
         return any(path.exists() and path.stat().st_size > 0 for path in beside)
 
     def _is_left(self) -> bool:

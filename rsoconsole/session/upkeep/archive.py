@@ -1,8 +1,8 @@
 """A session as one file to be carried away: a plain tar with the hash of everything in it.
 
 Plain, because what is large in it is compressed already: any tool unpacks it, and one frame is
-read without unpacking the others. Frames that lie there as plain FITS are compressed without loss
-on the way; the database is one file without free pages. The original is not touched.
+read without unpacking the others. The database is one file without free pages. The original is not
+touched.
 """
 
 import hashlib
@@ -15,23 +15,18 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, TypeAlias
-
-import numpy as np
+from typing import IO, TypeAlias
 
 from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
-from rsoconsole.records import Frame
 from rsoconsole.session.files import (
     MANIFEST,
     UPKEEP,
     FolderHoldings,
     Verification,
     add_note,
-    compress_frame,
-    sha256_of,
 )
-from rsoconsole.session.log import BESIDE_DATABASE, DATABASE, file_name
+from rsoconsole.session.log import BESIDE_DATABASE, DATABASE
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import verify_session
@@ -40,7 +35,6 @@ OnBytes: TypeAlias = Callable[[str, int, int], None]
 """Is told (what is being done, bytes so far, bytes in all)."""
 ROOM = 1.02
 """An archive takes what its files take and a little more."""
-_PLAIN = (".fits", ".fit", ".fts")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,8 +45,6 @@ class Archive:
     path: Path
     files: int
     bytes: int
-    compressed: int
-    """Frames that were plain FITS before."""
     verification: Verification
     """Of the archive, as it lies on its disk."""
     is_removed: bool
@@ -85,7 +77,7 @@ def archive_session(
         _check_room(folder, out)
         try:
             with _scratch_beside(beside) as scratch:
-                sources, compressed = _stage(folder, scratch, now_utc_ns)
+                sources = _stage(folder, scratch, now_utc_ns)
                 _pack(folder.name, beside, sources, report)
             read_back = verify_session(
                 beside, lambda done, total: report("reading back", done, total)
@@ -110,7 +102,6 @@ def archive_session(
         path=target,
         files=len(sources),
         bytes=target.stat().st_size,
-        compressed=compressed,
         verification=read_back,
         is_removed=remove,
     )
@@ -150,46 +141,19 @@ def _scratch_beside(beside: Path) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> tuple[dict[str, Path], int]:
-    """(where each file of the archive is taken from, how many frames were compressed for it)."""
+def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> dict[str, Path]:
+    """Where each file of the archive is taken from."""
     sources = {path: folder / path for path in FolderHoldings(folder).sizes()}
     for name in (*BESIDE_DATABASE, MANIFEST):
         sources.pop(name, None)
     with closing(SessionReader(folder).connect()) as connection:
         connection.execute("VACUUM main INTO ?", (str(scratch / DATABASE),))
-    compressed = _compress_plain(sources, scratch)
     if UPKEEP in sources:
         shutil.copyfile(sources[UPKEEP], scratch / UPKEEP)
-    add_note(scratch, "archive", now_utc_ns, {"compressed": compressed})
+    add_note(scratch, "archive", now_utc_ns, {})
     sources[DATABASE] = scratch / DATABASE
     sources[UPKEEP] = scratch / UPKEEP
-    return sources, len(compressed)
-
-
-def _compress_plain(sources: dict[str, Path], scratch: Path) -> list[str]:
-    """Compress frames that lie there as plain FITS, and have the database's copy name those."""
-    with closing(sqlite3.connect(scratch / DATABASE)) as connection, connection:
-        columns = {str(row[1]) for row in connection.execute("PRAGMA table_info(files)")}
-        rows = connection.execute(
-            "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
-        ).fetchall()
-        compressed: list[str] = []
-        for frame_id, path in rows:
-            if not path.lower().endswith(_PLAIN) or path not in sources:
-                continue
-            content = _compressed(sources.pop(path).read_bytes(), frame_id)
-            smaller = scratch / f"{frame_id}"
-            smaller.write_bytes(content)
-            name = file_name("frame", frame_id)
-            sources[name] = smaller
-            compressed.append(path)
-            connection.execute(
-                "UPDATE files SET path = ?, bytes = ? WHERE path = ?", (name, len(content), path)
-            )
-            if "sha256" in columns:
-                sql = "UPDATE files SET sha256 = ? WHERE path = ?"
-                connection.execute(sql, (sha256_of(content), name))
-    return compressed
+    return sources
 
 
 def _pack(name: str, beside: Path, sources: Mapping[str, Path], report: OnBytes) -> None:
@@ -218,22 +182,6 @@ def _add(tar: tarfile.TarFile, name: str, content: IO[bytes], mtime_s: float) ->
     member.mtime = int(mtime_s)
     tar.addfile(member, content)
     return member.size
-
-
-def _compressed(plain: bytes, frame_id: int) -> bytes:
-    """The same pixels and cards in fewer bytes. Raises OSError where they would not be the same."""
-    nothing = np.zeros((1, 1), np.uint16)
-    content = compress_frame(Frame(frame_id=frame_id, name="", pixels=nothing), plain)
-    if not np.array_equal(_pixels(plain), _pixels(content), equal_nan=True):
-        raise OSError(f"frame {frame_id} cannot be compressed without loss")
-    return content
-
-
-def _pixels(content: bytes) -> Any:
-    from astropy.io import fits
-
-    with fits.open(io.BytesIO(content)) as hdus:
-        return next(np.array(hdu.data) for hdu in hdus if hdu.is_image and len(hdu.shape) == 2)
 
 
 def _report_nothing(_doing: str, _done: int, _total: int) -> None:

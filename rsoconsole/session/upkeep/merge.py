@@ -27,6 +27,7 @@ from rsoconsole.session.log import (
     connect_to_write,
     is_written,
     leave_wal,
+    transaction,
 )
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
@@ -136,18 +137,12 @@ def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
             f"{2 * needed_bytes / 1e6:.0f} are needed"
         )
     with closing(connect_to_write(database)) as connection:
-        connection.execute("BEGIN IMMEDIATE")
-        try:
+        with transaction(connection):
             records = sum(_take_record(connection, row) for row in _rows(source, LOG_ROWS))
             files = sum(_take_file(connection, row) for row in _rows(source, FILE_ROWS))
             # Until its end is marked again it counts as cut off.
             connection.execute("DELETE FROM meta WHERE key = ?", (DIGEST_KEY,))
             connection.execute("UPDATE meta SET value = 'false' WHERE key = 'is_closed'")
-            connection.execute("COMMIT")
-        except BaseException:
-            if connection.in_transaction:
-                connection.execute("ROLLBACK")
-            raise
         mark_closed(connection)
     return records, files
 

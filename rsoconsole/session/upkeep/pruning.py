@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.session.files import add_note
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.reading import SessionReader
@@ -100,16 +100,12 @@ def prune(steps: Iterable[Step], policy: Policy, now_utc_ns: int) -> None:
             sweep_removed(step.session.parent)
             remove_folder(step.session)
             continue
-        try:
+        remedy = "; see that you may write there, and prune again"
+        with said_as(SessionError, f"{step.session} cannot be pruned: ", remedy):
             note = {"what": policy.what, "files": list(step.files), "bytes": step.bytes}
             add_note(step.session, "prune", now_utc_ns, note)
             for path in step.files:
                 (step.session / path).unlink(missing_ok=True)
-        except OSError as error:
-            raise SessionError(
-                f"{step.session} cannot be pruned: {error.strerror or error}; "
-                "see that you may write there, and prune again"
-            ) from error
 
 
 def _by_age(pair: tuple[int, SessionSummary]) -> tuple[int, str]:

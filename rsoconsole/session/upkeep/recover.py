@@ -25,8 +25,8 @@ from rsoconsole.session.files import (
     Row,
     add_note,
     content_fault,
+    found_row,
     mark_closed,
-    sha256_of,
 )
 from rsoconsole.session.log import (
     BESIDE_DATABASE,
@@ -36,6 +36,7 @@ from rsoconsole.session.log import (
     FOLDERS,
     INSERT_FILE,
     INSERT_RECORD,
+    JOURNAL,
     KINDS,
     LOG_COLUMNS,
     MAGIC,
@@ -51,6 +52,7 @@ from rsoconsole.session.log import (
     decode,
     leave_wal,
     role_of,
+    transaction,
 )
 from rsoconsole.session.reading import SessionReader, expect_schema
 
@@ -130,9 +132,9 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
     """Make the new database; returns (records saved, places in the log that stay empty)."""
     with TemporaryDirectory(prefix="rsoconsole-", dir=target) as scratch:
         copy = Path(scratch) / DATABASE
-        for name in (DATABASE, *BESIDE_DATABASE):
-            # The shared-memory file is only an index of the log beside it: SQLite makes it again.
-            if (folder / name).exists() and not name.endswith("-shm"):
+        # The shared-memory file is only an index of the log beside it: SQLite makes it again.
+        for name in (DATABASE, WAL, JOURNAL):
+            if (folder / name).exists():
                 _copy_readable(folder / name, Path(scratch) / name)
         # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.
         parts = [_scanned(copy, Path(scratch) / WAL)]
@@ -149,11 +151,9 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
         raise OSError("no record and no fact can be read any more")
     facts = {**_facts(meta, folder), "recovered_from": folder.name}
     create_database(target / DATABASE, facts)
-    with closing(connect_to_write(target / DATABASE)) as connection:
-        connection.execute("BEGIN IMMEDIATE")
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
         connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
         connection.executemany(INSERT_FILE, files.values())
-        connection.execute("COMMIT")
     return len(log), max(log, default=0) - len(log)
 
 
@@ -298,20 +298,14 @@ def _save_files(folder: Path, target: Path) -> int:
         place = role_of(path)
         if place is not None:
             saved[path] = place
-    with closing(connect_to_write(target / DATABASE)) as connection:
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
         rows = connection.execute("SELECT path FROM files WHERE path IS NOT NULL").fetchall()
         named = {str(row[0]) for row in rows}
-        connection.execute("BEGIN IMMEDIATE")
         for path, (role, frame_id) in saved.items():
             content = b"" if path in named else (target / path).read_bytes()
             if path in named or content_fault(path, content) is not None:
                 continue
-            connection.execute(
-                "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, sha256)"
-                " VALUES (?, ?, ?, ?, ?)",
-                (frame_id, role, path, len(content), sha256_of(content)),
-            )
-        connection.execute("COMMIT")
+            connection.execute(INSERT_FILE, found_row(path, role, frame_id, content))
     return len(saved)
 
 

@@ -12,16 +12,18 @@ from typing import Any
 
 from rsoconsole.durable_files import PART
 from rsoconsole.errors import SessionError
-from rsoconsole.session.files import FolderHoldings, add_note, content_fault, mark_closed, sha256_of
+from rsoconsole.session.files import FolderHoldings, add_note, content_fault, found_row, mark_closed
 from rsoconsole.session.log import (
     BRANCHES,
     DATABASE,
+    INSERT_FILE,
     JOURNAL,
     WAL,
     connect_to_write,
     is_written,
     leave_wal,
     role_of,
+    transaction,
 )
 from rsoconsole.session.reading import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep.merge import Merged, merge_rescue, rescued_session, rescues_of
@@ -58,15 +60,6 @@ class Repair:
         """False where there was nothing to do."""
         done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stray:
-    path: str
-    frame_id: int
-    role: str
-    bytes: int
-    sha256: str
 
 
 def repair_session(folder: Path, now_utc_ns: int) -> Repair:
@@ -136,7 +129,10 @@ def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) ->
     is_split = any((folder / name).exists() for name in (WAL, JOURNAL))
     if strays or is_open or is_split:
         with closing(connect_to_write(folder / DATABASE)) as connection:
-            _adopt(connection, strays, done)
+            if strays:
+                with transaction(connection):
+                    connection.executemany(INSERT_FILE, strays.values())
+                done.adopted = list(strays)
             if is_open:
                 mark_closed(connection)
                 done.closed = True
@@ -155,11 +151,11 @@ def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) ->
     return done
 
 
-def _strays(reader: SessionReader, done: Repair) -> list[_Stray]:
-    """Whole frames and pictures on the disk that the table ``files`` does not know."""
+def _strays(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
+    """Rows for whole frames and pictures that the table ``files`` does not know, by their path."""
     with closing(reader.connect()) as connection:
         known = {tuple(row) for row in connection.execute("SELECT role, frame_id FROM files")}
-    found: list[_Stray] = []
+    found: dict[str, tuple[object, ...]] = {}
     for path in sorted(FolderHoldings(reader.folder).sizes()):
         place = role_of(path)
         if place is None or place in known:
@@ -168,38 +164,9 @@ def _strays(reader: SessionReader, done: Repair) -> list[_Stray]:
         fault = content_fault(path, content)
         if fault is not None:
             done.left[path] = fault
-            continue
-        role, frame_id = place
-        found.append(
-            _Stray(
-                path=path,
-                frame_id=frame_id,
-                role=role,
-                bytes=len(content),
-                sha256=sha256_of(content),
-            )
-        )
+        else:
+            found[path] = found_row(path, *place, content)
     return found
-
-
-def _adopt(connection: sqlite3.Connection, strays: Sequence[_Stray], done: Repair) -> None:
-    if not strays:
-        return
-    columns = {str(row[1]) for row in connection.execute("PRAGMA table_info(files)")}
-    with_hash = "sha256" in columns
-    sql = "INSERT OR IGNORE INTO files (frame_id, role, path, bytes{}) VALUES (?, ?, ?, ?{})"
-    sql = sql.format(", sha256", ", ?") if with_hash else sql.format("", "")
-    connection.execute("BEGIN IMMEDIATE")
-    try:
-        for stray in strays:
-            row: tuple[Any, ...] = (stray.frame_id, stray.role, stray.path, stray.bytes)
-            connection.execute(sql, (*row, stray.sha256) if with_hash else row)
-        connection.execute("COMMIT")
-    except BaseException:
-        if connection.in_transaction:
-            connection.execute("ROLLBACK")
-        raise
-    done.adopted = [stray.path for stray in strays]
 
 
 def _remove_parts(folder: Path, done: Repair) -> None:

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rsoconsole.durable_files import PART, sync_folder
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.session.files import State, is_kept, state_of
 from rsoconsole.session.log import BRANCHES, DATABASE, SCHEMA_VERSION, is_written
 from rsoconsole.session.reading import OtherSchemaError, SessionReader
@@ -29,15 +29,15 @@ class SessionSummary:
     """One session at a glance."""
 
     folder: Path
-    title: str | None
-    t_first_utc_ns: int | None
-    t_last_utc_ns: int | None
-    frames: int
-    records: int
+    title: str | None = None
+    t_first_utc_ns: int | None = None
+    t_last_utc_ns: int | None = None
+    frames: int = 0
+    records: int = 0
     size_bytes: int
-    is_closed: bool
+    is_closed: bool = False
     """False: live, or cut off before its end; every committed record is there all the same."""
-    fault: str | None
+    fault: str | None = None
     """Why the session cannot be read; the other members are then empty."""
     state: State = "unreadable"
     schema: int | None = None
@@ -126,13 +126,7 @@ def summarise(folder: Path) -> SessionSummary:
     except SessionError as error:
         return SessionSummary(
             folder=folder,
-            title=None,
-            t_first_utc_ns=None,
-            t_last_utc_ns=None,
-            frames=0,
-            records=0,
             size_bytes=size_bytes(folder),
-            is_closed=False,
             fault=str(error),
             state="other version" if isinstance(error, OtherSchemaError) else "unreadable",
             is_kept=is_kept(folder),
@@ -148,7 +142,6 @@ def summarise(folder: Path) -> SessionSummary:
         records=counts.records,
         size_bytes=size_bytes(folder),
         is_closed=about.get("is_closed") is True,
-        fault=None,
         state=state_of(about),
         schema=SCHEMA_VERSION,
         is_simulated=is_simulated if isinstance(is_simulated, bool) else None,
@@ -174,12 +167,10 @@ def remove_folder(folder: Path) -> None:
     Raises SessionError.
     """
     going = folder.with_name(f"{REMOVED}{folder.name}")
-    try:
+    with said_as(SessionError, f"{folder} cannot be removed: "):
         folder.rename(going)
         shutil.rmtree(going)
         sync_folder(folder.parent)
-    except OSError as error:
-        raise SessionError(f"{folder} cannot be removed: {error.strerror or error}") from error
 
 
 def sweep_removed(root: Path) -> None:

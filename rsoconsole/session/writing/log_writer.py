@@ -18,6 +18,7 @@ from rsoconsole.session.log import (
     LogPlace,
     connect_to_read,
     encode,
+    transaction,
 )
 from rsoconsole.session.writing.rescue import Rescue, Statement
 
@@ -35,11 +36,11 @@ class KeptFile:
 
     frame_id: int
     role: str
-    path: str | None
-    bytes: int | None
-    ms: float | None
-    reason: str | None
-    sha256: str | None
+    path: str | None = None
+    bytes: int | None = None
+    ms: float | None = None
+    reason: str | None = None
+    sha256: str | None = None
 
 
 _Entry = tuple[int, int, Record] | KeptFile
@@ -184,8 +185,7 @@ class LogWriter:
             try:
                 if self._connection is None:
                     self._connection = self._connect(self._path)
-                with self._connection:
-                    self._connection.execute("BEGIN IMMEDIATE")
+                with transaction(self._connection):
                     for sql, values in batch:
                         self._connection.execute(sql, values)
             except (sqlite3.Error, OSError) as error:

@@ -25,6 +25,7 @@ from rsoconsole.session.log import (
     LOG_ROWS,
     connect_to_write,
     create_database,
+    transaction,
 )
 
 Statement = tuple[str, tuple[object, ...]]
@@ -107,8 +108,7 @@ class Rescue:
         assert self._connection is not None
         rows = source.execute(table[0])
         while some := rows.fetchmany(_AT_A_TIME):
-            with self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
+            with transaction(self._connection):
                 self._connection.executemany(table[1], some)
 
     def write(self, statements: Sequence[Statement]) -> bool:
@@ -116,8 +116,7 @@ class Rescue:
         if self._connection is None:
             return False
         try:
-            with self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
+            with transaction(self._connection):
                 for sql, values in statements:
                     self._connection.execute(sql, values)
         except sqlite3.Error:

@@ -127,14 +127,14 @@ class SessionWriter:
         """
         return self._log.put(record, t_utc_ns)
 
-    def save_frame(self, frame: Frame, fits: bytes | None = None) -> bool:
+    def save_frame(self, frame: Frame) -> bool:
         """Keep a frame's pixels, compressed without loss on another thread.
 
-        ``fits`` is the file as the camera gave it. The pixels must not be changed afterwards.
+        The pixels must not be changed afterwards.
         False when the frame is given up because too many wait; the session says so too.
         """
         is_taken = self._frames.submit(
-            lambda: self._keep_frame(frame, fits),
+            lambda: self._keep_frame(frame),
             lambda error: self._give_up(frame.frame_id, "frame", _reason(error)),
         )
         if not is_taken:
@@ -184,13 +184,13 @@ class SessionWriter:
             self._give_up(frame_id, role, f"{role}s come faster than the disk takes them")
         return is_taken
 
-    def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
+    def _keep_frame(self, frame: Frame) -> None:
         path = self.folder / file_name("frame", frame.frame_id)
         free_bytes = shutil.disk_usage(self.folder).free
         if free_bytes < self._reserve_bytes:
             raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
         began = time.perf_counter()
-        content = compress_frame(frame, fits)
+        content = compress_frame(frame)
         write_durably(path, content)
         self._faults.clear("frame")
         self._kept(frame.frame_id, "frame", path, content, began)
@@ -224,7 +224,6 @@ class SessionWriter:
                 path=str(path.relative_to(self.folder)),
                 bytes=len(content),
                 ms=(time.perf_counter() - began) * 1e3,
-                reason=None,
                 sha256=sha256_of(content),
             )
         )
@@ -235,17 +234,7 @@ class SessionWriter:
         self._put_absent(frame_id, role, reason)
 
     def _put_absent(self, frame_id: int, role: str, reason: str) -> None:
-        self._log.put_file(
-            KeptFile(
-                frame_id=frame_id,
-                role=role,
-                path=None,
-                bytes=None,
-                ms=None,
-                reason=reason,
-                sha256=None,
-            )
-        )
+        self._log.put_file(KeptFile(frame_id=frame_id, role=role, reason=reason))
 
 
 def _reason(error: BaseException) -> str:

@@ -16,17 +16,16 @@ def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
     return box.x0_px, box.y0_px, box.x1_px, box.y1_px
 
 
-def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
-    return Detection(
-        frame_id=frame.frame_id,
-        confidence=box.confidence,
+def with_fit(detection: Detection, fit: StreakFit) -> Detection:
+    """The same candidate, measured by a fit."""
+    return replace(
+        detection,
         x_px=fit.x_px,
         y_px=fit.y_px,
         x_a_px=fit.x_a_px,
         y_a_px=fit.y_a_px,
         x_b_px=fit.x_b_px,
         y_b_px=fit.y_b_px,
-        box_px=_corners(box),
         length_px=fit.length_px,
         width_px=fit.width_px,
         snr=fit.snr,
@@ -35,8 +34,11 @@ def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         is_clipped=fit.is_clipped,
         kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
         sigma_angle_deg=fit.sigma_angle_deg,
-        method="line",
     )
+
+
+def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
+    return with_fit(replace(from_box(frame, box), method="line"), fit)
 
 
 def light_of(trace: Trace | None) -> LineLight:
@@ -50,30 +52,35 @@ def light_of(trace: Trace | None) -> LineLight:
     )
 
 
-def from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -> Detection:
+    """The same candidate, measured by a trace.
+
+    ``least_open_px``: sigma along one that leaves the frame, where it is not longer than that.
+    """
     length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
     is_clipped = any(trace.is_open)
     along = 0.5 * math.hypot(*trace.sigma_end_px)
-    return Detection(
-        frame_id=frame.frame_id,
-        confidence=box.confidence,
+    return replace(
+        detection,
         x_px=0.5 * (trace.x_a_px + trace.x_b_px),
         y_px=0.5 * (trace.y_a_px + trace.y_b_px),
         x_a_px=trace.x_a_px,
         y_a_px=trace.y_a_px,
         x_b_px=trace.x_b_px,
         y_b_px=trace.y_b_px,
-        box_px=_corners(box),
         length_px=length_px,
         width_px=trace.width_px,
         snr=trace.snr,
-        sigma_along_px=max(length_px, 100.0) if is_clipped else along,
+        sigma_along_px=max(length_px, least_open_px) if is_clipped else along,
         sigma_across_px=trace.sigma_across_px,
         is_clipped=is_clipped,
         kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
         sigma_angle_deg=trace.sigma_angle_deg,
-        method="line",
     )
+
+
+def from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+    return with_trace(replace(from_box(frame, box), method="line"), trace, 100.0)
 
 
 def at_box_centre(detection: Detection) -> Detection:
