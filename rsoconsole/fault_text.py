@@ -4,6 +4,7 @@ import difflib
 import re
 from collections.abc import Iterable
 
+NOT_FINITE = "must be a number that can be worked with"
 _PHRASES: tuple[tuple[str, str], ...] = (
     (r"Input should be a valid number, unable to parse string as a number", "must be a number"),
     (
@@ -13,7 +14,7 @@ _PHRASES: tuple[tuple[str, str], ...] = (
     ),
     (r"Input should be a valid boolean, unable to interpret input", "must be true or false"),
     (r"Input should be a valid (integer|list|tuple|number|string|boolean)", r"must be a \1"),
-    (r"Input should be a finite number", "must be a number that can be worked with"),
+    (r"Input should be a finite number", NOT_FINITE),
     (r"Input should be greater than or equal to", "must be at least"),
     (r"Input should be less than or equal to", "must be at most"),
     (r"Input should be greater than", "must be above"),

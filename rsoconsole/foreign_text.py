@@ -33,6 +33,17 @@ def read_foreign(path: Path, *, most_bytes: int = MOST_BYTES, encoding: str = "u
     return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
+def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
+    """The lines of a file that nobody else can read. Raises ``fault``; no line is ever in it."""
+    try:
+        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            raise fault(f"{path} can be read by others: 'chmod 600 {path}' first")
+        lines = [line.strip() for line in read_foreign(path).splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise fault(f"{path} cannot be read ({type(error).__name__}): {remedy}") from error
+    return [line for line in lines if line]
+
+
 def json_of(text: str | bytes) -> Any:
     """What a text of JSON says. Raises ValueError, also where it is nested too deeply."""
     try:

@@ -16,7 +16,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.words import called, match_words, text
+from rsoconsole.words import IN_FAULT, called, match_words, text
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""
@@ -71,7 +71,7 @@ class News:
         if cause == "night ended":
             yield "dawn", f"the night is over: {words}"
         elif change.after == "FAULT" != change.before:
-            yield "fault", f"the engine is in FAULT: {words}"
+            yield "fault", f"{IN_FAULT}: {words}"
         elif cause in {"limit met", "too many limits"}:
             yield "limit", words
         elif change.after == "TRACK" and change.before not in FOLLOWING:

@@ -1,7 +1,6 @@
 """The services of the configuration, each by apprise; nothing of an address is in any message."""
 
 import logging
-import stat
 import threading
 import warnings
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
 from rsoconsole.errors import ConfigError
-from rsoconsole.foreign_text import read_foreign
+from rsoconsole.foreign_text import read_private
 
 SEND_S = 30.0
 
@@ -94,16 +93,8 @@ def call(url: str, *, limit_s: float = SEND_S) -> Sent:
 
 
 def _of_file(path: Path) -> Sequence[str]:
-    what = "write one address a line into it"
-    try:
-        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-            raise ConfigError(f"{path} can be read by others: 'chmod 600 {path}' first")
-        lines = [line.strip() for line in read_foreign(path).splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"alerts.services_file {path} cannot be read ({type(error).__name__}): {what}"
-        ) from error
-    urls = [line for line in lines if line and not line.startswith("#")]
+    lines = read_private(path, ConfigError, "alerts.services_file has one address a line")
+    urls = [line for line in lines if not line.startswith("#")]
     for number, url in enumerate(urls, start=1):
         try:
             expect_service(url)

@@ -31,6 +31,7 @@ from .observatory import OpticsConfig as OpticsConfig
 from .observatory import SiteConfig as SiteConfig
 from .observatory import WaitsConfig as WaitsConfig
 from .settings import APP as APP
+from .settings import INIT_WRITES as INIT_WRITES
 from .settings import Alert as Alert
 from .settings import Config as Config
 from .settings import ConsoleConfig as ConsoleConfig
@@ -40,6 +41,7 @@ from .settings import data_dir as data_dir
 from .settings import default_config_path as default_config_path
 from .settings import environment_warnings as environment_warnings
 from .settings import load_config as load_config
+from .settings import read_toml as read_toml
 from .settings import runtime_dir as runtime_dir
 from .settings import state_dir as state_dir
 from .settings import unknown_setting as unknown_setting

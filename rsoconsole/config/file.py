@@ -15,7 +15,7 @@ from rsoconsole.config.environment import VariableError, sections_of
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import Config, Layers, default_config_path, load_config, walk
 from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, said_as
 from rsoconsole.fault_text import plain_fault
 
 Origin = Literal["default", "file", "environment", "command line"]
@@ -98,12 +98,10 @@ def write_initial_config(path: Path | None = None, *, force: bool = False) -> Pa
     target = path or default_config_path()
     if target.exists() and not force:
         raise ConfigError(f"{target} exists already: --force writes over it")
-    try:
+    with said_as(ConfigError, f"{target} cannot be written: "):
         target.parent.mkdir(parents=True, exist_ok=True)
         # It may come to hold an address with a password.
         write_durably(target, initial_config_text().encode(), mode=0o600)
-    except OSError as error:
-        raise ConfigError(f"{target} cannot be written: {error}") from error
     return target
 
 
@@ -203,7 +201,7 @@ def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFaul
         remedy = (
             f"did you mean {near[0]}?" if near else "'rsoconsole config show' lists the settings"
         )
-        return ConfigFault(name=name, problem="there is no such setting", remedy=remedy)
+        return ConfigFault(name=name, problem=plain_fault(found["msg"]), remedy=remedy)
     given = found.get("input")
     shown_name = variables.get(name, name)
     info = _field(place)

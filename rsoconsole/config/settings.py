@@ -46,6 +46,7 @@ from rsoconsole.fault_text import nearest, plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 APP = "rsoconsole"
+INIT_WRITES = "'rsoconsole config init' writes one"
 
 
 class AlertConfig(Section):
@@ -222,7 +223,7 @@ class Layers:
     ) -> Self:
         """As ``load_config`` takes them. Raises ConfigError."""
         source = path or default_config_path()
-        in_file = _read_toml(source) if path is not None or source.exists() else {}
+        in_file = read_toml(source) if path is not None or source.exists() else {}
         table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}
         given = list(given_settings(Config, os.environ if environ is None else environ))
         of_environment = {each.name: each.value for each in given}
@@ -282,13 +283,14 @@ def unknown_setting(name: str, known: Iterable[str]) -> str:
     return f"there is no setting {name!r}: {remedy}"
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path, absent: str = INIT_WRITES, holds: str = "") -> dict[str, Any]:
+    """What a file says. Raises ConfigError with what to do, and with what it should hold."""
     try:
         return toml_of(read_foreign(path))
     except FileNotFoundError as error:
-        raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
+        raise ConfigError(f"{path} does not exist: {absent}") from error
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
+        raise ConfigError(f"{path} cannot be read as TOML ({error}){holds}") from error
 
 
 def walk(config: Config) -> Iterator[tuple[str, Any, str]]:

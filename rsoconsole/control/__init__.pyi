@@ -1,3 +1,4 @@
+from .client import STILL_STOPS as STILL_STOPS
 from .client import ControlClient as ControlClient
 from .client import Wire as Wire
 from .command import COMMANDS as COMMANDS
@@ -58,6 +59,7 @@ from .status import TrackNow as TrackNow
 from .status import read_status as read_status
 from .status import status_json as status_json
 from .stop import IN_ENGINE as IN_ENGINE
+from .stop import SUPERSEDED as SUPERSEDED
 from .stop import DirectStop as DirectStop
 from .stop import Found as Found
 from .stop import StopNews as StopNews

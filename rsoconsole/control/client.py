@@ -14,6 +14,8 @@ from rsoconsole.control.sender import Sender
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
+STILL_STOPS = "'rsoconsole stop' works without it"
+
 CROWDED_S = 0.01
 """So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
@@ -77,13 +79,13 @@ class ControlClient:
             if pid is not None:
                 raise ControlError(
                     f"the engine is starting (process {pid}) and does not listen yet: try again "
-                    "in a moment; 'rsoconsole stop' works without it"
+                    f"in a moment; {STILL_STOPS}"
                 ) from error
             raise ControlError(_no_engine(self._path)) from error
         except TimeoutError as error:
             raise ControlError(
                 f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang, or "
-                "still be at it; 'rsoconsole stop' works without it"
+                f"still be at it; {STILL_STOPS}"
             ) from error
         except OSError as error:
             raise ControlError(f"the engine cannot be reached: {error}") from error
@@ -113,7 +115,7 @@ def _no_engine(path: Path) -> str:
     if behind is not None:
         return (
             f"the engine (process {behind.pid}) runs and its socket is gone; it makes a new one"
-            " within a second: try again; 'rsoconsole stop' works without it"
+            f" within a second: try again; {STILL_STOPS}"
         )
     others = running_engines()
     if not others:

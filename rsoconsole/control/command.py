@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field
 from typing import Any, ClassVar, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from rsoconsole.fault_text import NOT_FINITE
+
 LARGEST_WHOLE = 2**53
 """Above it a whole number is not kept exactly by everything that reads JSON."""
 _EMPTY: tuple[Any, ...] = (None, "", [], (), {})
@@ -167,7 +169,7 @@ def _value(key: str, hint: Any, given: Any) -> Any:
     """What JSON gave for a field. Raises ValueError in words."""
     is_whole = isinstance(given, int) and abs(given) > LARGEST_WHOLE
     if is_whole or (isinstance(given, float) and not math.isfinite(given)):
-        raise ValueError(f"{key} must be a number that can be worked with, not {given}")
+        raise ValueError(f"{key} {NOT_FINITE}, not {given}")
     kinds = _kinds(hint)
     if given is None and type(None) in kinds:
         return None

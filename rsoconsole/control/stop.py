@@ -16,7 +16,14 @@ from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.reasons import StopOutcome
-from rsoconsole.words import STOP_PATHS, answered_text, measured_text, ordered_text, unmeasured_text
+from rsoconsole.words import (
+    CUT_POWER,
+    STOP_PATHS,
+    answered_text,
+    measured_text,
+    ordered_text,
+    unmeasured_text,
+)
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +34,8 @@ LATE_S = 0.3
 MEASURED_S = 12.0
 """How long the engine's word on how the mount moves is waited for."""
 _ASK_EVERY_S = 0.25
-REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
+REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
+SUPERSEDED = "another order came before STOP was measured to its end"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """From when the times of a STOP count: where it was given, and where it was carried out."""

@@ -1,11 +1,10 @@
 """Space-Track's account: in a file of its own that nobody else can read, never in a message."""
 
-import stat
 from pathlib import Path
 
 from rsoconsole.element_sources.fetch import Fetcher, FetchError
 from rsoconsole.errors import OrbitError
-from rsoconsole.foreign_text import read_foreign
+from rsoconsole.foreign_text import read_private
 
 NEEDED = (
     "write your Space-Track user name and password as two lines of a file, 'chmod 600' it, and name"
@@ -17,12 +16,7 @@ def read_login(path: Path | None) -> tuple[str, str]:
     """User name and password. Raises OrbitError with what to do; neither is ever in it."""
     if path is None:
         raise OrbitError(f"Space-Track wants an account: {NEEDED}")
-    try:
-        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-            raise OrbitError(f"{path} can be read by others: 'chmod 600 {path}' first")
-        lines = [line.strip() for line in read_foreign(path).splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrbitError(f"{path} cannot be read ({type(error).__name__}): {NEEDED}") from error
+    lines = read_private(path, OrbitError, NEEDED)
     if len(lines) != 2:
         raise OrbitError(f"{path} has {len(lines)} lines: {NEEDED}")
     return lines[0], lines[1]

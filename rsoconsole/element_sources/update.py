@@ -14,6 +14,7 @@ from rsoconsole.element_sources.unpack import expect_elements_not_a_page, text_o
 from rsoconsole.errors import OrbitError, said_as
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import NAME_ELEMENTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +142,7 @@ def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
 def _file_content(path: Path) -> bytes:
     with said_as(OrbitError, f"{path} cannot be read: "):
         if not path.is_file():
-            raise OrbitError(f"{path} is no file: name a file of element sets")
+            raise OrbitError(f"{path} is no file: {NAME_ELEMENTS}")
         if path.stat().st_size > MOST_BYTES:
             raise OrbitError(f"{path} is larger than {MOST_BYTES >> 20} MB: name element sets")
         return path.read_bytes()

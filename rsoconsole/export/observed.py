@@ -25,6 +25,7 @@ from rsoconsole.orbits.first import sightings
 from rsoconsole.pipeline.orbits import Observed, read_observed
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import NS_PER_S, chart_to_icrs, wrap_180
+from rsoconsole.words import no_direction
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
@@ -219,11 +220,8 @@ def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple
             for each in rows
         )
     for each in rows:
-        if not (-360.0 <= each.ra_icrs_deg <= 360.0 and abs(each.dec_icrs_deg) <= 90.0):
-            raise ExportError(
-                f"{each.where}: RA {each.ra_icrs_deg:g}, Dec {each.dec_icrs_deg:g} is no direction"
-                " in degrees"
-            )
+        if fault := no_direction(each.ra_icrs_deg, each.dec_icrs_deg):
+            raise ExportError(f"{each.where}: {fault}")
     if ask.is_radians is None and not all(each.is_degrees for each in rows):
         ra = np.array([each.ra_icrs_deg for each in rows])
         _expect_degrees(path, ra, np.array([each.dec_icrs_deg for each in rows]))

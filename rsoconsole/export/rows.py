@@ -94,12 +94,17 @@ class MeasuredRow:
         return east**2, self.correlation * east * north, north**2
 
 
-_OWN: tuple[Column, ...] = columns_of("""
-frame_id integer number of the exposure
+_RECORDED = {
+    column.name: column
+    for name in ("image_quality", "frames", "measurements")
+    for column in TABLES[name].columns
+}
+_OWN_LINES = """
+frame_id
 track integer track that took it, from 1 in order of time
 t_mid_utc text mid-exposure by the shutter, UTC
 t_mid_utc_ns integer the same since 1970-01-01, POSIX count
-exposure_s real length of the exposure
+exposure_s
 ra_icrs_deg real measured right ascension, astrometric
 dec_icrs_deg real measured declination, astrometric
 sigma_ra_arcsec real one sigma in right ascension times cos Dec
@@ -107,9 +112,9 @@ sigma_dec_arcsec real one sigma in declination
 correlation real of both errors
 x_px real column of the streak's midpoint, 0-based
 y_px real row of it
-confidence real of the detection, 0 to 1
-source text network or operator
-is_clipped truth the frame cuts the streak
+confidence
+source
+is_clipped
 is_taken truth a track took it
 not_taken_because text why none did
 ra_a_icrs_deg real one end of the streak
@@ -130,7 +135,11 @@ updated_dec_icrs_deg real the track after it
 rate_ra_arcsec_s real motion of the track, times cos Dec
 rate_dec_arcsec_s real motion of the track
 is_superseded truth counts no more, by the operator's word
-""")
+"""
+"""A name alone: the column as it is on record."""
+_OWN: tuple[Column, ...] = tuple(
+    _RECORDED.get(line) or columns_of(line)[0] for line in _OWN_LINES.strip().splitlines()
+)
 _IN_OTHER_COLUMNS = frozenset(
     (
         *("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"),
@@ -147,10 +156,7 @@ _BESIDE: tuple[Column, ...] = tuple(
 )
 """Whatever else a measurement has on record that a cell of a table holds."""
 _OF_FRAME: tuple[Column, ...] = tuple(
-    column
-    for fact in FRAME_FACTS
-    for column in TABLES["image_quality"].own
-    if column.name == fact.name
+    _RECORDED[fact.name] for fact in FRAME_FACTS if fact.name in _RECORDED
 )
 """What its frame says of image and sky."""
 COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE, *_OF_FRAME)

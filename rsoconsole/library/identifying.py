@@ -146,6 +146,5 @@ def _entries(
         path = what.path if isinstance(what, Session) else Path()
         if isinstance(what, str | PathLike):
             path = Path(fspath(what)).expanduser()
-        remedy = "name element sets with tle=, or in catalogue.tle_files of the configuration"
-        files = list(elements_used(path, catalogue.tle_files, remedy).files)
+        files = list(elements_used(path, catalogue.tle_files, "tle=").files)
     return read_catalogue(files)

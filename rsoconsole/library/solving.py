@@ -17,6 +17,7 @@ from rsoconsole.library.given import (
 from rsoconsole.library.plate import PlateWCS
 from rsoconsole.pipeline.single import MOST_MASKED, FrameSolver
 from rsoconsole.records import NotSolved
+from rsoconsole.words import no_direction
 
 
 @overload
@@ -125,8 +126,8 @@ def _place(
     if ra is None or dec is None:
         return None
     ra_deg, dec_deg = number(ra, "deg", "ra"), number(dec, "deg", "dec")
-    if not (-360.0 <= ra_deg <= 360.0 and abs(dec_deg) <= 90.0):
-        raise InputError(f"ra {ra_deg:g}, dec {dec_deg:g} is no direction in degrees")
+    if fault := no_direction(ra_deg, dec_deg):
+        raise InputError(fault)
     return ra_deg % 360.0, dec_deg
 
 

@@ -25,6 +25,7 @@ from rsoconsole.notebook.figures import NightPlots
 from rsoconsole.notebook.night import DrawnNight, night_of, title_of, with_frames
 from rsoconsole.notebook.session_pictures import SessionPictures
 from rsoconsole.records import TABLES, Column
+from rsoconsole.session.files import folders_in
 from rsoconsole.session.log import schema
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.words import settings_words, when
@@ -60,22 +61,13 @@ def _newest(root: Path) -> Path:
         parts = (folder / schema.DATABASE, folder / f"{schema.DATABASE}-wal")
         return max(part.stat().st_mtime_ns for part in parts if part.exists())
 
-    try:
-        found = {
-            folder: written_ns(folder)
-            for folder in root.iterdir()
-            if (folder / schema.DATABASE).exists()
-        }
-    except FileNotFoundError:
-        found = {}
-    except OSError as error:
-        raise SessionError(f"{root} cannot be looked into: {error}") from error
+    found = [folder for folder in folders_in(root) if (folder / schema.DATABASE).exists()]
     if not found:
         raise SessionError(
             f"there is no session in {root} yet: name a folder, as in "
             "open_session('sessions/intelsat-14'), or let 'rsoconsole demo' make one"
         )
-    return max(found, key=lambda folder: found[folder])
+    return max(found, key=written_ns)
 
 
 def _table(name: str, words: str) -> Any:

@@ -76,7 +76,7 @@ ra_icrs_deg real astrometric right ascension
 dec_icrs_deg real astrometric declination
 x_px real the streak's midpoint, column
 y_px real the streak's midpoint, row
-confidence real of the detection
+confidence real of the detection, 0 to 1
 source text network or operator
 is_clipped truth the frame cuts the streak
 is_crossing truth neither end is in the frame
@@ -116,7 +116,7 @@ measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
 begun_through json the measurements between the two, where a chain of them began it
 is_lead truth the telescope follows this one
-is_kept truth the operator keeps it: no miss ends it in the field
+is_kept truth the operator keeps it, whatever it misses in the field
 replaces integer the track that ended where this one took it up again; empty: it took up none
 turn=mixture.turn real of its path to the left, radians for each radian that it goes on
 scatter_s=mixture.scatter_s real excess scatter along the motion, as of the shutter's time

@@ -7,6 +7,17 @@ from .angles import format_ra as format_ra
 from .angles import plus_minus as plus_minus
 from .angles import signed_angle as signed_angle
 from .angles import with_sigma as with_sigma
+from .faults import ALIGN as ALIGN
+from .faults import ENGINE_ENDS as ENGINE_ENDS
+from .faults import IN_FAULT as IN_FAULT
+from .faults import NAME_ELEMENTS as NAME_ELEMENTS
+from .faults import NO_ANSWER as NO_ANSWER
+from .faults import NO_EFFECT as NO_EFFECT
+from .faults import NO_PARK as NO_PARK
+from .faults import NOT_SHOWN as NOT_SHOWN
+from .faults import TAKE_DARK as TAKE_DARK
+from .faults import no_direction as no_direction
+from .faults import no_night as no_night
 from .names import called as called
 from .names import chance as chance
 from .names import identity as identity
@@ -29,6 +40,7 @@ from .pairs import closest_words as closest_words
 from .pairs import nearing_words as nearing_words
 from .pairs import unseen_words as unseen_words
 from .reasons import CUT_POWER as CUT_POWER
+from .reasons import KEPT as KEPT
 from .reasons import STOP_PATHS as STOP_PATHS
 from .reasons import answered_text as answered_text
 from .reasons import measured_text as measured_text

@@ -59,6 +59,7 @@ _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     ),
     "catalogue stars": "{value:.0f} catalogue stars in a row have its light",
 }
+KEPT = "kept: no miss ends it in the field"
 _RULED: dict[RuledKind, str] = {
     "rejected": "rejected",
     "taken": "taken",
@@ -69,7 +70,7 @@ _RULED: dict[RuledKind, str] = {
     "leads": "its track leads now",
     "dropped": "dropped: its streak starts no track while it is in the field",
     "taken up again": "followed again, as if it had not been dropped",
-    "kept": "kept: no miss ends it while it may be in the field",
+    "kept": KEPT,
     "released": "kept no longer",
 }
 _DROPPED: dict[DroppedBy, str] = {

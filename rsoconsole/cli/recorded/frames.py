@@ -288,7 +288,7 @@ def solve(
     from rsoconsole.pipeline.words import solved_report
 
     if (ra is None) != (dec is None):
-        raise typer.BadParameter("--ra and --dec go together")
+        raise typer.BadParameter("give both --ra and --dec, or neither")
     settings = load_config(config)
     given = with_named(frames, files_from)
     with piped(given) as files, FrameSolver.open(settings) as solver:

@@ -10,7 +10,7 @@ import typer
 from rsoconsole.cli.words import ConfigOption, JsonOption, catalogue_of, output, piped, progress
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
-from rsoconsole.words import clock
+from rsoconsole.words import clock, no_night
 
 if TYPE_CHECKING:
     from rsoconsole.orbits.elements import CatalogueEntry
@@ -120,10 +120,7 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
     elif dark is not None:
         last_ns = max(dark[1], first_ns)
     else:
-        raise OrbitError(
-            f"the Sun does not sink to {twilight_deg:g} deg within a day here: say how long with"
-            " --hours"
-        )
+        raise OrbitError(f"{no_night(twilight_deg)}: say how long with --hours")
     words = f"from {clock(first_ns, 'dated minute', '')} to {clock(last_ns, 'dated minute')}"
     return _Span(first_utc_ns=first_ns, last_utc_ns=last_ns, words=words)
 

@@ -7,6 +7,7 @@ import typer
 
 from rsoconsole.cli.words import GraphicsOption, SocketOption, completion, output
 from rsoconsole.instruments.mount import stop_past_engine
+from rsoconsole.words import ENGINE_ENDS
 
 
 def register(app: typer.Typer) -> None:
@@ -51,4 +52,4 @@ def console(
         graphics=graphics,
     )
     if ending == "stop engine":
-        output.complain("the engine stops the mount and ends")
+        output.complain(ENGINE_ENDS)

@@ -13,7 +13,7 @@ import platformdirs
 import typer
 
 from rsoconsole.cli.words import ConfigOption, JsonOption, output
-from rsoconsole.config import APP, default_config_path, load_config, variables_set
+from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config, variables_set
 from rsoconsole.errors import ConfigError, RsoconsoleError
 from rsoconsole.resources import resource
 
@@ -94,7 +94,7 @@ def service_install(config: ConfigOption = None) -> None:
             f" {'say' if len(own) > 1 else 'says'} into the file"
         )
     if not default_config_path().exists() and config is None:
-        output.say("there is no configuration yet: 'rsoconsole config init' writes one")
+        output.say(f"there is no configuration yet: {INIT_WRITES}")
     output.say(
         f"start it now and at every login: systemctl --user enable --now {APP}",
         "start it at boot, without a login: loginctl enable-linger",

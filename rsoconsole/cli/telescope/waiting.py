@@ -16,7 +16,7 @@ import typer
 from rsoconsole.cli.words import bars_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.control import AskStatus, Outcome, Status
-from rsoconsole.control.words import motion_words
+from rsoconsole.control.words import NOT_KNOWN, motion_words
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.sky import separation_deg
 
@@ -135,7 +135,7 @@ class Follower:
         if case == "done":
             return f"{goal.done}: it {status.mount_motion}, measured"
         if case == "not measured" and lasts_s > BY_WORD_S:
-            return f"{goal.done}, by its driver's word: how it moves is not known"
+            return f"{goal.done}, by its driver's word: {NOT_KNOWN}"
         if case in ("moves there", "elsewhere") and lasts_s > goal.at_rest_s:
             raise ControlError(f"not {goal.done}: {_how(status)}")
         return ""

@@ -11,15 +11,15 @@ if TYPE_CHECKING:
     from rsoconsole.orbits.elements import CatalogueEntry
 
 
-REMEDY = "name element sets with --tle FILE, or in catalogue.tle_files of the configuration"
+_OPTION = "--tle FILE"
 
 
 def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
     """What is in these files. Raises OrbitError with the remedy where none is named."""
-    from rsoconsole.pipeline.orbits import read_catalogue
+    from rsoconsole.pipeline.orbits import NO_ELEMENTS, read_catalogue
 
     if not files:
-        raise OrbitError(f"no catalogue: {REMEDY}")
+        raise OrbitError(NO_ELEMENTS.format(_OPTION))
     return read_catalogue(files)
 
 
@@ -30,7 +30,7 @@ def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
     """
     from rsoconsole.pipeline.orbits import elements_used
 
-    used = elements_used(path, configured, REMEDY)
+    used = elements_used(path, configured, _OPTION)
     if used.is_recorded:
         named = ", ".join(map(str, used.files))
         output.complain(f"rsoconsole: by the elements that the session was recorded with: {named}")

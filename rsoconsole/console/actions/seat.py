@@ -23,6 +23,7 @@ from rsoconsole.console.picture import Drawing, Mark, Picture
 from rsoconsole.console.watches import OutcomeCame, StopNewsCame
 from rsoconsole.console.words import kept_words, words
 from rsoconsole.control import (
+    SUPERSEDED,
     Command,
     Outcome,
     StopNews,
@@ -290,7 +291,7 @@ class Seat(Screen[None]):
             return
         if message.news.is_superseded:
             self.show_stop(None)
-            self.say("another order came before STOP was measured to its end", "warn")
+            self.say(SUPERSEDED, "warn")
             self.ask_now()
             return
         self.show_stop(message.news)
@@ -311,7 +312,7 @@ class Seat(Screen[None]):
         is_at_rest = engine.mount_motion in ("stands", "tracks")
         if has_answered and is_at_rest and not is_open:
             where = " · ".join(mount_words(engine))
-            over = StopNews(phase="stopped", text=f"was late; the mount is at rest: {where}")
+            over = StopNews(phase="stopped", text=f"was late; by now the mount is at rest: {where}")
             self.show_stop(over)
             self.set_timer(BANNER_S, partial(self._forget_stop, over))
 

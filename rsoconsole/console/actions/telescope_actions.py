@@ -335,7 +335,7 @@ class TelescopeActions:
         picture = seat.picture
         detail = picture.detail if picture is not None else None
         if detail is None or not isinstance(detail.solution, Solution):
-            seat.say("the frame is not solved: nothing can be pointed at", "warn")
+            seat.say("nothing can be pointed at: the frame has no plate", "warn")
             return
         followed = detail.followed
         found = detail.detections.detections if detail.detections is not None else ()

@@ -7,6 +7,7 @@ from rsoconsole.console.actions.second_press import TwicePressed, has_track
 from rsoconsole.console.actions.track_list import TrackList, track_words
 from rsoconsole.control import Drop, Keep
 from rsoconsole.night import FollowedTrack
+from rsoconsole.words import KEPT
 
 DROP_KEY = "-"
 
@@ -44,7 +45,7 @@ class TrackOrders:
         elif seat.may_act():
             is_kept = track.state.is_kept
             seat.send(Keep(track=track.track_id, off=True if is_kept else None))
-            said = "is kept no longer" if is_kept else "is kept: no miss ends it in the field"
+            said = "is kept no longer" if is_kept else f"is {KEPT}"
             seat.say(f"{track_words(seat.night, track)} {said} …")
 
     def take_back_drop(self) -> bool:
@@ -54,5 +55,5 @@ class TrackOrders:
             return False
         number = seat.night.dropped[-1]
         seat.send(Drop(track=number, off=True))
-        seat.say(f"track {number} is followed again, as if it had not been dropped …")
+        seat.say(f"track {number} is followed again …")
         return True

@@ -16,6 +16,7 @@ from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
+from rsoconsole.session.files import folders_in, written_ns
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.upkeep import SessionSummary, summarise
 from rsoconsole.words import clock, file_size, span
@@ -56,17 +57,12 @@ def entries_of(root: Path, present: Path | None) -> list[Entry]:
     ``present``: one that is looked at now, wherever it lies. Raises SessionError when the root
     cannot be looked into.
     """
-    try:
-        folders = [path for path in root.iterdir() if (path / DATABASE).exists()]
-    except FileNotFoundError:
-        folders = []
-    except OSError as error:
-        raise SessionError(f"{root} cannot be looked into: {error}") from error
+    folders = [path for path in folders_in(root) if (path / DATABASE).exists()]
     if present is not None and present.parent.name == BRANCHES:
         present = present.parent.parent
     if present is not None and not any(_is_same(present, folder) for folder in folders):
         folders.append(present)
-    newest = sorted(folders, key=_changed_s, reverse=True)
+    newest = sorted(folders, key=written_ns, reverse=True)
     return [entry for folder in newest for entry in _with_branches(folder)]
 
 
@@ -88,12 +84,6 @@ def _is_same(a: Path, b: Path) -> bool:
     with contextlib.suppress(OSError):
         return a.samefile(b)
     return a == b
-
-
-def _changed_s(folder: Path) -> float:
-    with contextlib.suppress(OSError):
-        return (folder / DATABASE).stat().st_mtime
-    return 0.0
 
 
 def session_lines(

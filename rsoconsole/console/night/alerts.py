@@ -4,6 +4,7 @@ from rsoconsole.config import Alert
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.night import NightView
 from rsoconsole.records import FOLLOWING
+from rsoconsole.words import IN_FAULT
 
 LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
@@ -41,7 +42,7 @@ def alerts_between(
         if (line.level, line.topic) in rings
     ]
     if now == "FAULT" and was != "FAULT":
-        found.append(("fault", "the engine is in FAULT"))
+        found.append(("fault", IN_FAULT))
     else:
         found += gone
     return found

@@ -10,6 +10,7 @@ from rsoconsole.config import Config
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Value
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.pipeline.replay import LogOfOneSession, Question, WhatIfProcess
+from rsoconsole.words import NO_EFFECT
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
@@ -89,8 +90,8 @@ class WhatIfWatch:
                 if not self._is_closing:
                     self._on_seen(None, None, str(error))
             except Exception as error:  # the seat must hear of it, whatever it is
-                log.exception("the effect cannot be computed")
-                self._on_seen(None, None, f"the effect cannot be computed: {error}")
+                log.exception(NO_EFFECT)
+                self._on_seen(None, None, f"{NO_EFFECT}: {error}")
 
     def _answer(self, asked: Question) -> None:
         from rsoconsole.night import as_recorded

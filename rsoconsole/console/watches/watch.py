@@ -17,6 +17,7 @@ from rsoconsole.control import AskStatus, Poller, Wire
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.night import Night, NightView
 from rsoconsole.session.reading import SessionReader
+from rsoconsole.words import NOT_SHOWN
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +61,8 @@ class SessionWatch(Poller):
         except SessionError as error:
             self._say_fault(str(error))
         except Exception as error:  # the seat must go on, whatever lies in the folder
-            log.exception("the session cannot be shown")
-            self._say_fault(f"the session cannot be shown: {error}")
+            log.exception(NOT_SHOWN)
+            self._say_fault(f"{NOT_SHOWN}: {error}")
 
     def _read(self) -> None:
         wanted = self._wanted

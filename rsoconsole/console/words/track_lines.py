@@ -15,7 +15,7 @@ from rsoconsole.control import NextAim, one_line
 from rsoconsole.control.words import aim_parts, state_words
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import angle, identity, signed_angle, span
+from rsoconsole.words import KEPT, angle, identity, signed_angle, span
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""
@@ -124,7 +124,7 @@ def detail_lines(
     parts = [
         f"{track.number} {name_words(night, track.track_id)}",
         {"trial": "on trial: one more measurement confirms it"}.get(_state(track), _state(track)),
-        "kept: no miss ends it in the field" if track.state.is_kept else "",
+        KEPT if track.state.is_kept else "",
     ]
     if track.residual_arcsec is not None:
         east, north = track.residual_arcsec

@@ -9,6 +9,7 @@ from functools import lru_cache
 from rsoconsole.console.drawing import Ink, Line
 from rsoconsole.console.night import EngineView
 from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.control import STILL_STOPS
 from rsoconsole.control.words import fault_words, held_words, holder_words
 from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
@@ -142,7 +143,7 @@ def alert_text(night: NightView, engine: EngineView) -> str:
     elif engine.reach == "gone":
         parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
     elif engine.reach == "silent":
-        parts.append("the engine does not answer: 'rsoconsole stop' works without it")
+        parts.append(f"the engine does not answer: {STILL_STOPS}")
     if engine.is_attached:
         parts += fault_words(engine)
     if night.fault is not None:

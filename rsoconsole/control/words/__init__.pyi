@@ -1,4 +1,5 @@
 from .preview import preview_lines as preview_lines
+from .status import NOT_KNOWN as NOT_KNOWN
 from .status import fault_words as fault_words
 from .status import held_words as held_words
 from .status import holder_words as holder_words

@@ -14,7 +14,7 @@ HOLDERS = {
 
 OLD_S = 10.0
 """A word of the mount older than that is told with its instant."""
-STANDS = "stands, measured"
+STANDS, NOT_KNOWN = "stands, measured", "how it moves is not known"
 
 
 def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
@@ -88,7 +88,7 @@ def motion_words(status: Status) -> str:
         is_at_rest = status.mount_motion in ("stands", "tracks")
         return f"{claimed}, but it {measured}" if is_at_rest else claimed
     if not measured and status.is_tracking is None:
-        return "how it moves is not known"
+        return NOT_KNOWN
     return measured or f"{claimed} by its driver's word"
 
 

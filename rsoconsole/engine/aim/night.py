@@ -11,6 +11,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments import SkyReport
 from rsoconsole.sky import sun_altitude_deg, utc_ns_to_iso
 from rsoconsole.sky.bodies import night_span
+from rsoconsole.words import no_night
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +94,7 @@ def darkness_words(config: Config, now_utc_ns: int) -> str:
     limit_deg = config.limits.twilight_deg
     span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
     if span is None:
-        return f"the Sun does not sink to {limit_deg:+.1f} deg here within a day"
+        return no_night(limit_deg)
     if span[0] <= now_utc_ns:
         return f"it is dark until {utc_ns_to_iso(span[1], 0)}"
     return f"wait until {utc_ns_to_iso(span[0], 0)}"

@@ -112,13 +112,12 @@ def check_libraries(_config: Config) -> Check:
 
 def check_network(config: Config) -> Check:
     """The detector's network is there, is the one its card describes, and runs here."""
-    from rsoconsole.vision.detector import Network
+    from rsoconsole.vision.detector import ANOTHER_NETWORK, Network
 
     try:
         network = Network.load(config.detector.model, config.detector.threads)
     except (RsoconsoleError, FileNotFoundError) as error:
-        remedy = "reinstall rsoconsole, or name another network in detector.model"
-        return bad(str(error), remedy)
+        return bad(str(error), f"reinstall rsoconsole, {ANOTHER_NETWORK}")
     return well(network.version)
 
 
@@ -263,7 +262,7 @@ def check_mount_site(config: Config) -> Check:
     apart_km = KM_PER_DEG * separation_deg(
         own.longitude_deg, own.latitude_deg, reported.longitude_deg, reported.latitude_deg
     )
-    detail = f"{indi.mount} says {_place(reported)}, {apart_km:.1f} km from the configured site"
+    detail = f"{indi.mount} says {_place(reported)}, {apart_km:.1f} km from the settings' site"
     if apart_km <= SITE_KM:
         return well(detail)
     option = f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"

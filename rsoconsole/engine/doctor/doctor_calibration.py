@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check, well
 from rsoconsole.pipeline.frame import Master, Traits, is_same_exposure, nearest_dark, read_masters
+from rsoconsole.words import TAKE_DARK
 
 BIAS_GONE = 0.5
 """Of the bias's level: a dark below it has had its bias taken off."""
@@ -57,7 +58,7 @@ def _doubts(masters: Sequence[Master], camera: Traits) -> Iterator[tuple[str, st
     if bias is None and not is_same_exposure(dark.traits.exposure_s, camera.exposure_s):
         yield (
             f"no dark is known to be of {camera.exposure_s:g} s: {dark.path.name} is used as it is",
-            "give a dark of that exposure, or calibration.bias to scale it",
+            f"{TAKE_DARK}, or calibration.bias to scale it",
         )
     if bias is not None and dark.level_adu < BIAS_GONE * bias.level_adu:
         yield (

@@ -11,7 +11,7 @@ from rsoconsole.engine.doctor.doctor_imports import import_faults
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountAbilities
-from rsoconsole.instruments.indi import IndiWire, meant_libraries
+from rsoconsole.instruments.indi import ANY_CLIENT, IndiWire, meant_libraries
 from rsoconsole.instruments.mount import abilities_by
 from rsoconsole.records import Site
 
@@ -37,9 +37,7 @@ def check_client(config: Config) -> Check:
         return well(detail)
     found += [f"{each.package} is not installed" for each in meant if not each.is_there]
     remedy = f"'{meant[-1].install}'"
-    return bad(
-        "; ".join(found), remedy if setting == "auto" else f"{remedy}, or set indi.client to auto"
-    )
+    return bad("; ".join(found), remedy if setting == "auto" else f"{remedy}, {ANY_CLIENT}")
 
 
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:

@@ -51,7 +51,6 @@ from rsoconsole.engine.operator import (
     joined,
 )
 from rsoconsole.engine.tasks import (
-    NO_PARK,
     CommandQueue,
     Exposures,
     Faults,
@@ -74,7 +73,7 @@ from rsoconsole.pipeline.orbits import Orbits, Past
 from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.tracking.association import Following
-from rsoconsole.words import CUT_POWER, measured_text, unmeasured_text
+from rsoconsole.words import CUT_POWER, NO_PARK, measured_text, unmeasured_text
 
 log = logging.getLogger(__name__)
 

@@ -35,7 +35,7 @@ from rsoconsole.instruments import (
 from rsoconsole.records import NotSolved, Solution
 from rsoconsole.sky import day_of, separation_deg
 from rsoconsole.tracking import CLIP_ARCSEC
-from rsoconsole.words import shutter_words
+from rsoconsole.words import ALIGN, NO_ANSWER, shutter_words
 
 Answer = TypeVar("Answer")
 
@@ -180,7 +180,7 @@ def _pointing(
         return well(detail)
     return bad(
         f"{detail}, {60 * POINTING_DEG:.0f} at most",
-        "align the mount with its own tools (its sync, its hand controller)",
+        f"{ALIGN} (its sync, its hand controller)",
     )
 
 
@@ -320,7 +320,7 @@ def _of_doctor(name: str, found: Check) -> ArmingCheck:
 
 def _mount_is_dumb(facts: ArmingFacts) -> Check:
     return bad(
-        f"the mount does not answer: {facts.mount_fault or 'no reason given'}",
+        f"{NO_ANSWER}: {facts.mount_fault or 'no reason given'}",
         "look at its driver, its cable, its power",
     )
 

@@ -60,7 +60,7 @@ from rsoconsole.pipeline.frame import HELD
 from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky import icrs_to_altaz
-from rsoconsole.words import text
+from rsoconsole.words import ENGINE_ENDS, text
 
 log = logging.getLogger(__name__)
 
@@ -205,7 +205,7 @@ class CommandHandler:
         return Accepted(message="armed from the next cycle", data=data)
 
     def _check_shutdown(self, _command: Shutdown, _by: str) -> Accepted:
-        return Accepted(message="the engine stops the mount and ends")
+        return Accepted(message=ENGINE_ENDS)
 
     # -- past the loop --------------------------------------------------------------------------
 

@@ -15,7 +15,6 @@ from .kept import kept_name as kept_name
 from .ledger_night import keep_uncorrelated as keep_uncorrelated
 from .ledger_night import read_past as read_past
 from .pace import Pace as Pace
-from .parking import NO_PARK as NO_PARK
 from .parking import Parking as Parking
 from .preview import PlacesOfInterest as PlacesOfInterest
 from .seats import Seats as Seats

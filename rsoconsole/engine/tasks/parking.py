@@ -3,11 +3,11 @@
 from rsoconsole.engine.aim import NS, InstrumentController
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.errors import InstrumentError
+from rsoconsole.words import NO_PARK
 
 RETRY_NS = 30 * NS
 ENOUGH = 20
 """Orders after which it is said for the last time that somebody must go there."""
-NO_PARK = "this mount's driver has no park position"
 
 
 class Parking:

@@ -1,3 +1,4 @@
+from .client_choice import ANY_CLIENT as ANY_CLIENT
 from .client_choice import client_library as client_library
 from .client_choice import meant_libraries as meant_libraries
 from .client_choice import open_client as open_client

@@ -11,6 +11,8 @@ from rsoconsole.errors import InstrumentError
 if TYPE_CHECKING:
     from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
+ANY_CLIENT = "or set indi.client to auto"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientLibrary:
@@ -99,5 +101,5 @@ def _missing(setting: str) -> str:
         return f"no INDI client is installed here: '{meant[-1].install}'"
     return (
         f"indi.client is '{setting}', but {meant[0].package} is not installed here or does not "
-        f"load: '{meant[0].install}', or set indi.client to auto"
+        f"load: '{meant[0].install}', {ANY_CLIENT}"
     )

@@ -23,6 +23,7 @@ from rsoconsole.instruments.indi.reported_motion import (
     POLLING_MS,
     ReportedMotion,
 )
+from rsoconsole.words import NO_ANSWER
 
 _REPEAT_ABORT_S = 0.5
 _LOOK_S = 0.05
@@ -32,7 +33,7 @@ _SETTLE_S = 1.2
 _ABORT = "TELESCOPE_ABORT_MOTION"
 _PARK = "TELESCOPE_PARK"
 _TRACK_STATE = "TELESCOPE_TRACK_STATE"
-_UNTOLD = "the mount does not answer: look at its driver and its cable, and at the telescope"
+_UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

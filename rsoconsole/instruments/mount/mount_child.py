@@ -36,6 +36,7 @@ from rsoconsole.instruments.mount.mount_mirror import (
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount_watch import MountWatch
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
+from rsoconsole.words import NO_PARK
 
 _REPORTED = (COORDINATES, PARK, TRACKING, SIDE)
 _TRACKING_ASKED_S = 0.5
@@ -201,7 +202,7 @@ class MountChild:
         """Send the mount to its park position; one that is parked stays so."""
         client, mirror = self._ready()
         if not mirror.abilities.can_park:
-            raise InstrumentError("this mount's driver has no park position: it cannot park")
+            raise InstrumentError(f"{NO_PARK}: it cannot park")
         if mirror.is_parked or mirror.is_parking:
             return {}
         self._new_order(order)

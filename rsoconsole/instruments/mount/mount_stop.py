@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.instruments import Motion, StopPath, StopResult
+from rsoconsole.words import NO_ANSWER
 
 log = logging.getLogger(__name__)
 
@@ -136,7 +137,7 @@ class MountStop:
             return self._result(
                 is_answered=False,
                 path="indi" if failed is None else failed.path,
-                detail="the mount does not answer" if failed is None else failed.detail,
+                detail=NO_ANSWER if failed is None else failed.detail,
             )
 
     def _is_decided(self) -> bool:

@@ -11,6 +11,7 @@ from rsoconsole.control import AskStatus, Poller, Status, Wire, printable, read_
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.notebook.panel.live_night import LiveNight
 from rsoconsole.notebook.panel.panel_view import night_view, status_view
+from rsoconsole.words import NOT_SHOWN
 
 log = logging.getLogger(__name__)
 
@@ -86,5 +87,5 @@ class Link(Poller):
         except SessionError as error:
             self._fault = str(error)
         except Exception as error:  # STOP and the engine's word must be shown all the same
-            log.exception("the session cannot be shown")
-            self._fault = f"the session cannot be shown: {error or type(error).__name__}"
+            log.exception(NOT_SHOWN)
+            self._fault = f"{NOT_SHOWN}: {error or type(error).__name__}"

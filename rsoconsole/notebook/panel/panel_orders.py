@@ -12,6 +12,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.control import (
     COMMANDS,
+    SUPERSEDED,
     Arm,
     Command,
     DirectStop,
@@ -127,7 +128,7 @@ class PanelOrders:
                 return
             self._stop_shown = number, len(_PHASES)
             self._show("stop_news", NOTHING)
-        self._say("another order came before STOP was measured to its end", "warning")
+        self._say(SUPERSEDED, "warning")
 
     # -- orders ---------------------------------------------------------------------------------
 

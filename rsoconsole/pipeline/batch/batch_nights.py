@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeAlias
 from rsoconsole import __version__
 from rsoconsole.config import Config
 from rsoconsole.durable_files import lock_file
-from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError
+from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError, said_as
 from rsoconsole.pipeline.batch.batch import Processed, process_files
 from rsoconsole.pipeline.batch.batch_pool import WorkerPool, share_out
 from rsoconsole.pipeline.frame import open_reducer
@@ -277,10 +277,8 @@ def _identity(night: Night) -> dict[str, Any]:
     network = Network.load(night.config.detector.model, 1)
     frames = []
     for number, path in night.frames:
-        try:
+        with said_as(FrameError, f"{path} cannot be read: "):
             found = path.stat()
-        except OSError as error:
-            raise FrameError(f"{path} cannot be read: {error}") from error
         frames.append([number, path.name, found.st_size, found.st_mtime_ns])
     return {
         "frames": len(frames),
@@ -302,10 +300,8 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
         numbers = [each.frame_id for each in taken if isinstance(each, FrameTaken)]
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
-    try:
+    with said_as(BatchError, f"{folder} cannot be looked into: "):
         paths = [p for p in folder.iterdir() if p.is_file() and _is_frame(p.name)]
-    except OSError as error:
-        raise BatchError(f"{folder} cannot be looked into: {error}") from error
     return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
 
 

@@ -28,6 +28,7 @@ from rsoconsole.pipeline.frame.master_frames import (
 )
 from rsoconsole.records import Frame, PixelArray
 from rsoconsole.vision.frame import DarkAndFlat, Workers, evened, threads_for
+from rsoconsole.words import TAKE_DARK
 
 _MOST_PREPARED = 2
 """A pair of masters takes 6 bytes a pixel: no more of them are held ready."""
@@ -244,8 +245,8 @@ def _exposure_mismatch(name: str, own: Traits, wanted: Traits) -> Iterator[Cauti
         for s in (own.exposure_s, wanted.exposure_s)
     )
     words = (
-        f"{name} is of {dark_s}, the frame of {frame_s}: it is taken away as it is; give a dark"
-        " of that exposure, or set calibration.bias"
+        f"{name} is of {dark_s}, the frame of {frame_s}: it is taken away as it is;"
+        f" {TAKE_DARK}, or set calibration.bias"
     )
     yield Caution(kind="calibration exposure", words=words)
 

@@ -8,6 +8,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments.solver import SolveHint
 from rsoconsole.records import Frame, Solution
 from rsoconsole.sky import separation_deg
+from rsoconsole.words import ALIGN
 
 _ROUNDING = 2e-3
 """A scale may be written with three digits."""
@@ -126,6 +127,5 @@ def _wrong_position(hint: SolveHint, solution: Solution, frame: Frame) -> Iterat
         hint="position",
         words=f"the {whose} position RA {ra_deg:.3f} Dec {dec_deg:+.3f} is wrong: the stars say"
         f" RA {solution.ra_icrs_deg:.3f} Dec {solution.dec_icrs_deg:+.3f}, {away_deg:.1f} deg"
-        f" away ({radius_deg:g} at most)"
-        + ("; align the mount with its own tools" if whose == "header's" else ""),
+        f" away ({radius_deg:g} at most)" + (f"; {ALIGN}" if whose == "header's" else ""),
     )

@@ -7,6 +7,7 @@ from .element_errors_of import errors_report as errors_report
 from .element_errors_of import wide_errors_of as wide_errors_of
 from .elements import FittedElements as FittedElements
 from .elements import orbit_elements as orbit_elements
+from .elements_used import NO_ELEMENTS as NO_ELEMENTS
 from .elements_used import elements_used as elements_used
 from .orbit_of import Found as Found
 from .orbit_of import Part as Part

@@ -11,6 +11,7 @@ from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import NS_PER_DAY
+from rsoconsole.words import NAME_ELEMENTS
 
 YIELDS_AFTER_NS = 3 * NS_PER_DAY
 """A source has precedence for an object as long as no later one has elements so much newer."""
@@ -66,7 +67,7 @@ def _of_file(path: Path) -> tuple[CatalogueEntry, ...]:
     try:
         text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
     except FileNotFoundError as error:
-        raise OrbitError(f"{path} does not exist: name a file of element sets") from error
+        raise OrbitError(f"{path} does not exist: {NAME_ELEMENTS}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise OrbitError(f"{path} cannot be read: {error}") from error
     return parse_catalogue(text, str(path))

@@ -7,6 +7,10 @@ from pathlib import Path
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.session.reading import SessionReader
 
+NO_ELEMENTS = (
+    "no catalogue: name element sets with {}, or in catalogue.tle_files of the configuration"
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementsUsed:
@@ -17,10 +21,10 @@ class ElementsUsed:
     """They are those that the session was recorded with, not the configuration's."""
 
 
-def elements_used(path: Path, configured: Sequence[Path], remedy: str) -> ElementsUsed:
+def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
     """The configuration's; of a simulated night, or without any, those that the session began with.
 
-    Raises OrbitError with the remedy, in the caller's words, where there are none.
+    Raises OrbitError with the remedy, the caller's option or the setting, where there are none.
     """
     own, is_simulated = _of_session(path)
     there = tuple(file for file in own if file.exists())
@@ -29,7 +33,7 @@ def elements_used(path: Path, configured: Sequence[Path], remedy: str) -> Elemen
     if configured:
         return ElementsUsed(files=tuple(configured), is_recorded=False)
     gone = f"; the session had {', '.join(map(str, own))}, which is no more there" if own else ""
-    raise OrbitError(f"no catalogue: {remedy}{gone}")
+    raise OrbitError(NO_ELEMENTS.format(option) + gone)
 
 
 def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:

@@ -18,7 +18,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError
 from rsoconsole.pipeline.replay.what_if_log import WhatIf, rewritten_log
-from rsoconsole.session.files import put_in_place
+from rsoconsole.session.files import folders_in, put_in_place
 from rsoconsole.session.log import DATABASE
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.session.writing import SessionWriter
@@ -98,13 +98,8 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
 
 def branches_of(session: Path) -> tuple[Branch, ...]:
     """A session's branches in order of name. Raises SessionError where they cannot be listed."""
-    try:
-        folders = sorted(path for path in (session / BRANCHES).iterdir() if _is_branch(path))
-    except FileNotFoundError:
-        return ()
-    except OSError as error:
-        raise SessionError(f"{session / BRANCHES} cannot be looked into: {error}") from error
-    return tuple(_branch(folder) for folder in folders)
+    folders = sorted(folders_in(session / BRANCHES))
+    return tuple(_branch(folder) for folder in folders if _is_branch(folder))
 
 
 def drop_branch(session: Path, name: str) -> Path:

@@ -22,6 +22,7 @@ from rsoconsole.config import Config, FilterConfig
 from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Record
 from rsoconsole.session.reading import SessionReader
+from rsoconsole.words import NO_EFFECT
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
@@ -134,8 +135,8 @@ class WhatIfProcess:
         if isinstance(answer, RsoconsoleError):
             raise answer
         if isinstance(answer, Unexpected):
-            log.error("the effect cannot be computed:\n%s", answer.traceback)
-            raise SessionError(f"the effect cannot be computed ({answer.words}): see the log")
+            log.error("%s:\n%s", NO_EFFECT, answer.traceback)
+            raise SessionError(f"{NO_EFFECT} ({answer.words}): see the log")
         figures: TrackFigures = answer
         return figures
 

@@ -8,7 +8,9 @@ from .digest import Row as Row
 from .digest import digest_log as digest_log
 from .digest import mark_closed as mark_closed
 from .digest import sha256_of as sha256_of
+from .folders import folders_in as folders_in
 from .folders import put_in_place as put_in_place
+from .folders import written_ns as written_ns
 from .holdings import MANIFEST as MANIFEST
 from .holdings import FolderHoldings as FolderHoldings
 from .holdings import Holdings as Holdings

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from rsoconsole.errors import SessionError, said_as
-from rsoconsole.session.files import add_note
-from rsoconsole.session.log import DATABASE
+from rsoconsole.session.files import add_note, written_ns
 from rsoconsole.session.reading import SessionReader
 from rsoconsole.session.upkeep.store import (
     SessionSummary,
@@ -113,18 +112,12 @@ def _by_age(pair: tuple[int, SessionSummary]) -> tuple[int, str]:
 
 
 def _last_touched_ns(session: SessionSummary) -> int:
-    try:
-        written_ns = (session.folder / DATABASE).stat().st_mtime_ns
-    except OSError:
-        written_ns = 0
-    return max(written_ns, session.t_last_utc_ns or 0)
+    return max(written_ns(session.folder), session.t_last_utc_ns or 0)
 
 
 def _free_bytes(root: Path) -> int:
-    try:
+    with said_as(SessionError, f"{root} cannot be looked into: "):
         return shutil.disk_usage(root).free
-    except OSError as error:
-        raise SessionError(f"{root} cannot be looked into: {error}") from error
 
 
 def _why_it_stays(session: SessionSummary, policy: Policy) -> str | None:

@@ -4,7 +4,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.resources import sample_resource
 
 SAMPLE_NAME = "sample-intelsat-14"
@@ -18,7 +18,8 @@ def own_sample(root: Path) -> Path:
     folder = root / SAMPLE_NAME
     if (folder / "session.db").exists():
         return folder
-    try:
+    words = f"the sample session cannot be copied to {folder} ("
+    with said_as(SessionError, words, "): make room there, or set session.root"):
         source = sample_resource()
         root.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".sample-", dir=root) as scratch:
@@ -28,9 +29,4 @@ def own_sample(root: Path) -> Path:
                 # An installation may be read-only, the session is the user's.
                 path.chmod(0o755 if path.is_dir() else 0o644)
             made.rename(folder)
-    except OSError as error:
-        raise SessionError(
-            f"the sample session cannot be copied to {folder} ({error}): make room there, or set "
-            "session.root"
-        ) from error
     return folder

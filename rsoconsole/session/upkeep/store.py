@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError, said_as
-from rsoconsole.session.files import State, is_kept, state_of
+from rsoconsole.session.files import State, folders_in, is_kept, state_of, written_ns
 from rsoconsole.session.log import BRANCHES, DATABASE, SCHEMA_VERSION, is_written
 from rsoconsole.session.reading import OtherSchemaError, SessionReader
 
@@ -83,13 +83,7 @@ def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
 
     Raises SessionError when the root cannot be looked into.
     """
-    try:
-        folders = sorted(p for p in root.iterdir() if _is_session(p))
-    except FileNotFoundError:
-        return ()
-    except OSError as error:
-        raise SessionError(f"{root} cannot be looked into: {error}") from error
-    return tuple(summarise(folder) for folder in folders)
+    return tuple(summarise(folder) for folder in sorted(folders_in(root)) if _is_session(folder))
 
 
 def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
@@ -98,14 +92,8 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
     Sessions of simulated and of real nights are told apart; one whose engine still lives is not
     cut off. Raises SessionError when the root cannot be looked into.
     """
-    try:
-        folders = [path for path in root.iterdir() if _is_session(path)]
-        newest = sorted(folders, key=lambda path: (path / DATABASE).stat().st_mtime, reverse=True)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise SessionError(f"{root} cannot be looked into: {error}") from error
-    for folder in newest[:LOOKED_AT]:
+    folders = filter(_is_session, folders_in(root))
+    for folder in sorted(folders, key=written_ns, reverse=True)[:LOOKED_AT]:
         try:
             about = SessionReader(folder).about()
         except SessionError:

@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rsoconsole.config import limits_of
+from rsoconsole.config import limits_of, read_toml
 from rsoconsole.errors import ConfigError
-from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.simulator.world.world import World
 
+_SETTINGS = "settings such as [stars] drift_px = 12"
 WHERE = "rsoconsole/simulator/README.md lists all settings"
 
 
@@ -32,18 +32,11 @@ class WorldSetting:
 
 def load_world(path: Path) -> World:
     """The world of a TOML file. Raises ConfigError that names every fault and its remedy."""
-    try:
-        table = toml_of(read_foreign(path))
-    except FileNotFoundError as error:
-        raise ConfigError(
-            f"{path} does not exist: name a TOML file with settings such as [stars] drift_px = 12,"
-            " or take --world random"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{path} cannot be read as TOML ({error}): it holds sections and settings such as"
-            " [stars] drift_px = 12"
-        ) from error
+    table = read_toml(
+        path,
+        f"name a TOML file with {_SETTINGS}, or take --world random",
+        f": it holds sections and {_SETTINGS}",
+    )
     return world_from(table, source=str(path))
 
 

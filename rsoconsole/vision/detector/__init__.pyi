@@ -18,6 +18,7 @@ from .detector import Proposer as Proposer
 from .detector import StreakDetector as StreakDetector
 from .measured_detection import with_fit as with_fit
 from .measured_detection import with_trace as with_trace
+from .network import ANOTHER_NETWORK as ANOTHER_NETWORK
 from .network import LENGTH_UNIT_CELLS as LENGTH_UNIT_CELLS
 from .network import MODEL_NAME as MODEL_NAME
 from .network import STRIDE_CELLS as STRIDE_CELLS

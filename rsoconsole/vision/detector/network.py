@@ -42,7 +42,8 @@ _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
 _TILE_OVERLAP_CELLS = 128
 _MOST_CANDIDATES = 600
-_REINSTALL = "reinstall rsoconsole, or name another network in detector.model"
+ANOTHER_NETWORK = "or name another network in detector.model"
+_REINSTALL = f"reinstall rsoconsole, {ANOTHER_NETWORK}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,7 +288,7 @@ def _files_of(path: Path | None) -> tuple[Path, Path]:
         model = model_resource(MODEL_NAME)
         return model, model_resource(Path(MODEL_NAME).with_suffix(".json").name)
     except FileNotFoundError as error:
-        raise ModelError(f"{error}; or name another network in detector.model") from error
+        raise ModelError(f"{error}; {ANOTHER_NETWORK}") from error
 
 
 def _read_card(path: Path) -> dict[str, Any]:

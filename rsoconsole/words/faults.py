@@ -1,0 +1,23 @@
+"""Faults and remedies that more than one room has to name."""
+
+ALIGN = "align the mount with its own tools"
+ENGINE_ENDS = "the engine stops the mount and ends"
+IN_FAULT = "the engine is in FAULT"
+NAME_ELEMENTS = "name a file of element sets"
+NO_ANSWER = "the mount does not answer"
+NO_EFFECT = "the effect cannot be computed"
+NO_PARK = "this mount's driver has no park position"
+NOT_SHOWN = "the session cannot be shown"
+TAKE_DARK = "give a dark of that exposure"
+
+
+def no_night(twilight_deg: float) -> str:
+    """That it does not get dark, to the altitude of the Sun that is asked for."""
+    return f"the Sun does not sink to {twilight_deg:+.1f} deg here within a day"
+
+
+def no_direction(ra_deg: float, dec_deg: float) -> str:
+    """That these are no right ascension and declination in degrees; empty where they are."""
+    if -360.0 <= ra_deg <= 360.0 and abs(dec_deg) <= 90.0:
+        return ""
+    return f"RA {ra_deg:g}, Dec {dec_deg:g} is no direction in degrees"
