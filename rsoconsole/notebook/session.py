@@ -277,15 +277,12 @@ class Session(SessionPictures, NightPlots):
 
         Raises ControlError when no engine runs, or where it writes another session.
         """
-        from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
+        from rsoconsole.control import ControlClient, Sender, status_of
         from rsoconsole.errors import ControlError
         from rsoconsole.notebook import live_panel
 
         path = None if socket is None else Path(socket)
-        status = read_status(
-            ControlClient(path, sender=Sender(name="notebook")).send(AskStatus()).data
-        )
-        written = status.session
+        written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session
         if written is None or not _is_same(written, self.path):
             raise ControlError(
                 f"the running engine writes {written}, not {self.path}: live_panel() shows that one"

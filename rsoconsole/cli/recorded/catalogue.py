@@ -70,11 +70,7 @@ def update(
             bar()
             with bar.aside():
                 _report(each, settings, json_)
-    if faults:
-        output.complain(
-            f"rsoconsole: {counted(faults, 'source')} could not be fetched; each says why"
-        )
-        raise typer.Exit(1)
+    output.exit_where(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
 
 
 def _report(each: "Updated", settings: Config, json_: bool) -> None:
@@ -217,17 +213,14 @@ def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "Update":
 
 def _wait_while_slewing(socket: Path | None) -> None:
     """Until the running engine's mount stands; at once where none runs. Raises OrbitError."""
-    from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
+    from rsoconsole.control import ControlClient, Sender, status_of
 
     deadline = time.monotonic() + SLEW_WAIT_S
     while True:
         try:
-            outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+            status = status_of(ControlClient(socket, sender=Sender(name="status")))
         except ControlError:
             return
-        if not outcome.ok:
-            return
-        status = read_status(outcome.data)
         if not status.is_slewing and status.slew_left_s is None:
             return
         if time.monotonic() > deadline:

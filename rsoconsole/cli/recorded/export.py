@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, completion, output, progress
+from rsoconsole.cli.words import JsonOption, SessionArgument, output, progress
 from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal[
@@ -23,14 +23,7 @@ def register(app: typer.Typer) -> None:
 
 
 def export(
-    session: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SESSION",
-            help="A session's folder, or a branch's.",
-            autocompletion=completion.sessions,
-        ),
-    ],
+    session: SessionArgument,
     *,
     format_: Annotated[AnyFormat, typer.Option("--format", help="What to make of it.")],
     out: Annotated[

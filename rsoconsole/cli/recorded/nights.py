@@ -4,8 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from rsoconsole.cli.words import output, progress
 
 if TYPE_CHECKING:
@@ -24,8 +22,7 @@ def process_nights(
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
             with bar.aside():
                 _say(outcome, json_)
-    if not is_whole:
-        raise typer.Exit(1)
+    output.exit_where(not is_whole)
 
 
 def _say(outcome: "NightOutcome", json_: bool) -> None:

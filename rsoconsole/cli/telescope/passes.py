@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, catalogue_of, output, piped, progress
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    TleOption,
+    catalogue_of,
+    output,
+    piped,
+    progress,
+)
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 from rsoconsole.words import clock
@@ -37,14 +45,7 @@ def register(app: typer.Typer) -> None:
 
 def passes(
     *,
-    tle: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be"
-            " repeated. Default:"
-            " catalogue.tle_files of the configuration."
-        ),
-    ] = None,
+    tle: TleOption = None,
     norad: Annotated[
         list[int] | None,
         typer.Option(help="Only the object with this catalogue number; may be repeated."),
@@ -66,6 +67,7 @@ def passes(
 ) -> None:
     """List the night's passes of catalogued objects in low orbits over the site.
 
+    Without --tle those of catalogue.tle_files in the configuration.
     From where they come above limits.min_altitude_deg and the horizon mask to
     where they go below. Only those on which the Sun shines for a part of the
     pass; times are as sure as their elements are (±s, one sigma by their age).

@@ -22,6 +22,31 @@ SessionOption = Annotated[
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
 ]
+SessionArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SESSION",
+        help="A session's folder, or a branch's.",
+        autocompletion=completion.sessions,
+    ),
+]
+SessionsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SESSION...",
+        help="Folders of recorded sessions.",
+        autocompletion=completion.sessions,
+    ),
+]
+TleOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be repeated."
+    ),
+]
+WriteOption = Annotated[
+    bool, typer.Option("--write", help="Write the result into the configuration.")
+]
 TauOption = Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")]
 PresetOption = Annotated[
     str | None,
