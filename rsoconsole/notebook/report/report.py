@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.export import ExportedNight, MeasuredRow
+from rsoconsole.export import Export, ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
 from rsoconsole.notebook.night import DrawnNight, read_night
@@ -49,9 +49,7 @@ class Report:
     """The page, and what is in it."""
 
     html: str
-    measurements: int
-    tracks: int
-    is_simulated: bool
+    made: Export
 
 
 def render_report(session: Path) -> Report:
@@ -96,12 +94,13 @@ def render_report(session: Path) -> Report:
             version=__version__,
         )
     )
-    return Report(
-        html=html,
+    made = Export(
+        format="html",
         measurements=len(rows),
         tracks=len(tracks),
         is_simulated=exported.is_simulated,
     )
+    return Report(html=html, made=made)
 
 
 def _environment() -> Any:
