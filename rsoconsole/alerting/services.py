@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, raised_as
 from rsoconsole.foreign_text import read_foreign
 
 SEND_S = 30.0
@@ -105,8 +105,6 @@ def _of_file(path: Path) -> Sequence[str]:
         ) from error
     urls = [line for line in lines if line and not line.startswith("#")]
     for number, url in enumerate(urls, start=1):
-        try:
+        with raised_as(ConfigError, f"{path}, address {number}: "):
             expect_service(url)
-        except ValueError as error:
-            raise ConfigError(f"{path}, address {number}: {error}") from error
     return urls

@@ -16,7 +16,7 @@ from rsoconsole.cli.words import (
     set_in_file,
 )
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.errors import ControlError, OrbitError
+from rsoconsole.errors import ControlError, OrbitError, raised_as
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
@@ -166,14 +166,12 @@ def _source_of(text: str) -> "Source":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
     from rsoconsole.element_sources import parse_source
 
-    try:
+    with raised_as(OrbitError):
         if text.startswith(("http://", "https://")):
             text = f"url:{text}"
         elif text.startswith(("~", "file:")) or Path(text).exists():
             text = f"file:{home_path(text.removeprefix('file:')).resolve()}"
         return parse_source(text)
-    except ValueError as error:
-        raise OrbitError(str(error)) from error
 
 
 def _configured(settings: Config) -> "list[Source]":

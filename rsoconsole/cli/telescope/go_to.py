@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
-from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output
+from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output, usage_faults
 from rsoconsole.control import Goto, Outcome, Preview
 from rsoconsole.errors import ControlError
 
@@ -114,7 +114,5 @@ def _understood(text: str, status: "Status") -> "Understood":
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = Names.load(config.catalogue.tle_files)
-    try:
+    with usage_faults():
         return understand(text, config.site.to_site(), status.now_utc_ns, names)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error

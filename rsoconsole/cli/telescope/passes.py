@@ -15,6 +15,7 @@ from rsoconsole.cli.words import (
     output,
     piped,
     progress,
+    usage_faults,
 )
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
@@ -108,10 +109,8 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
     from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
     from rsoconsole.sky.bodies import night_span
 
-    try:
+    with usage_faults("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--at") from error
     twilight_deg = config.limits.twilight_deg
     dark = night_span(config.site.to_site(), now_ns, twilight_deg)
     first_ns = now_ns

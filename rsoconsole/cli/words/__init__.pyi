@@ -58,5 +58,6 @@ from .usage import fold_helps as fold_helps
 from .usage import help_of as help_of
 from .usage import is_help as is_help
 from .usage import set_in_file as set_in_file
+from .usage import usage_faults as usage_faults
 from .usage import usage_line as usage_line
 from .what_if_words import answer_lines as answer_lines
