@@ -31,18 +31,19 @@ def _say(outcome: "NightOutcome", json_: bool) -> None:
         output.complain(f"rsoconsole: {outcome.source.name}: {words}")
 
 
+_AS_IT_IS = (
+    *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
+)
+"""Keys that are the outcome's own."""
+
+
 def _night_report(outcome: "NightOutcome") -> dict[str, Any]:
     return {
         "night": str(outcome.source),
         "session": None if outcome.state == "failed" else str(outcome.session),
         "outcome": outcome.state,
         "error": outcome.error,
-        "frames": outcome.frames,
-        "unreadable": list(outcome.unreadable),
-        "detections": outcome.detections,
-        "measurements": outcome.measurements,
-        "misses": outcome.misses,
-        "locked_after_frames": outcome.locked_after_frames,
+        **{name: getattr(outcome, name) for name in _AS_IT_IS},
         "state": outcome.last_state,
     }
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
+from rsoconsole.control import one_line
 from rsoconsole.export import Export, ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
@@ -120,6 +121,7 @@ def _environment() -> Any:
     environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
     environment.policies["truncate.leeway"] = 0
     environment.filters["fixed"] = _fixed
+    environment.filters["one_line"] = one_line
     environment.filters["g"] = "{:g}".format
     environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
