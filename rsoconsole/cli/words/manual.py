@@ -27,7 +27,7 @@ def manual_page(program: Any) -> str:
         for command, inner in _commands(program, context)
         for line in _command_lines(command, inner)
     ]
-    page = resource("guide", "rsoconsole.1.in").read_text(encoding="utf-8")
+    page = resource("guide", "rsoconsole.in.1").read_text(encoding="utf-8")
     return page.replace("@VERSION@", f"{APP} {__version__}").replace(
         "@COMMANDS@", "\n".join(commands)
     )

@@ -66,14 +66,14 @@ def render_report(session: Path) -> Report:
     tracks = track_facts(exported.rows, known)
     said = filter_words(night)
     shown = shown_frames(session, night, exported.rows)
-    rows, tried = exported.rows, exported.about.get("tried")
+    rows, changes = exported.rows, exported.about.get("tried")
     html = (
         _environment()
         .get_template(TEMPLATE)
         .render(
             night=night,
             span=when(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
-            tried=settings_words(tried) if isinstance(tried, Mapping) else "",
+            changes=settings_words(changes) if isinstance(changes, Mapping) else "",
             exported=exported,
             course=course,
             entries=course.entries[:MOST_ENTRIES],
