@@ -24,6 +24,19 @@ def said_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterat
         raise kind(f"{words}{error.strerror or error}{remedy}") from error
 
 
+@contextlib.contextmanager
+def raised_as(
+    kind: type[RsoconsoleError],
+    words: str = "",
+    caught: type[Exception] | tuple[type[Exception], ...] = ValueError,
+) -> Iterator[None]:
+    """Raise what is wrong with a text or a value as an error of ours, behind ``words``."""
+    try:
+        yield
+    except caught as error:
+        raise kind(f"{words}{error}") from error
+
+
 class ConfigError(RsoconsoleError):
     """The configuration cannot be used as written."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, raised_as
 from rsoconsole.foreign_text import read_private
 
 SEND_S = 30.0
@@ -96,8 +96,6 @@ def _of_file(path: Path) -> Sequence[str]:
     lines = read_private(path, ConfigError, "alerts.services_file has one address a line")
     urls = [line for line in lines if not line.startswith("#")]
     for number, url in enumerate(urls, start=1):
-        try:
+        with raised_as(ConfigError, f"{path}, address {number}: "):
             expect_service(url)
-        except ValueError as error:
-            raise ConfigError(f"{path}, address {number}: {error}") from error
     return urls

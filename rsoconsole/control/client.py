@@ -4,13 +4,16 @@ import contextlib
 import json
 import socket
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from rsoconsole.control.command import Command
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.mount_lock import engine_behind, running_engines
 from rsoconsole.control.place import address_of, default_socket_path, engine_pid
 from rsoconsole.control.sender import Sender
+from rsoconsole.control.status import Status, read_status
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
@@ -29,6 +32,19 @@ class Wire(Protocol):
 
     def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
         """Raises ControlError when no engine runs or it does not answer, or what never can be."""
+
+
+def answer_of(wire: Wire, question: Command) -> Mapping[str, Any]:
+    """What the engine answers. Raises ControlError where it does not, or refuses."""
+    outcome = wire.send(question)
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    return outcome.data
+
+
+def status_of(wire: Wire) -> Status:
+    """How the engine stands. Raises as ``answer_of`` does."""
+    return read_status(answer_of(wire, AskStatus()))
 
 
 class ControlClient:

@@ -11,7 +11,7 @@ from rsoconsole.element_sources.names import Source
 from rsoconsole.element_sources.space_track import fetch_with_login, read_login
 from rsoconsole.element_sources.store import ElementStore, Kept
 from rsoconsole.element_sources.unpack import expect_elements_not_a_page, text_of
-from rsoconsole.errors import OrbitError, said_as
+from rsoconsole.errors import OrbitError, raised_as, said_as
 from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
 from rsoconsole.sky import utc_ns_to_iso
 from rsoconsole.words import NAME_ELEMENTS
@@ -131,11 +131,9 @@ class Update:
 
 def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
     """Raises OrbitError where that is no catalogue."""
-    try:
+    with raised_as(OrbitError, f"{where}: ", OrbitError):
         text = text_of(content)
         expect_elements_not_a_page(text)
-    except OrbitError as error:
-        raise OrbitError(f"{where}: {error}") from error
     return text, parse_catalogue(text, where)
 
 

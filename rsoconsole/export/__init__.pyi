@@ -1,8 +1,8 @@
 from .api import Export as Export
 from .api import ExportOptions as ExportOptions
-from .api import default_path as default_path
 from .api import export as export
 from .api import render as render
+from .api import save_text as save_text
 from .api import write_file as write_file
 from .frames import parse_numbers as parse_numbers
 from .iod_reader import parse_iod as parse_iod

@@ -93,8 +93,18 @@ def export(
     if kind in FRAME_FORMATS:
         return _export_frames(session, kind, out, options)  # type: ignore[arg-type]
     text, made = render(session, kind, options)  # type: ignore[arg-type]
-    path = default_path(session, kind) if out is None else out
-    write_file(path, text.encode("utf-8"), is_forced=options.is_forced)
+    return save_text(session, text, made, out, is_forced=options.is_forced)
+
+
+def save_text(
+    session: Path, text: str, made: Export, out: Path | None, *, is_forced: bool
+) -> Export:
+    """A text that was made of a session in its file. Raises ExportError."""
+    path = out
+    if path is None:
+        ending = _ENDINGS.get(made.format, made.format)
+        path = session / FOLDER / f"{session.resolve().name}.{ending}"
+    write_file(path, text.encode("utf-8"), is_forced=is_forced)
     return replace(made, path=path, files=(path,))
 
 
@@ -115,12 +125,6 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
         is_simulated=night.is_simulated,
     )
     return texts[kind](), made
-
-
-def default_path(session: Path, extension: str) -> Path:
-    """``SESSION/branches/exports/NAME.EXT``."""
-    ending = _ENDINGS.get(extension, extension)
-    return session / FOLDER / f"{session.resolve().name}.{ending}"
 
 
 def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ExportError, raised_as
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
@@ -112,10 +112,8 @@ def full_year(two_digits: str) -> int:
 def _instant(day: str, clock: str) -> tuple[int, int]:
     full = clock.ljust(9, "0")
     text = f"{day[:4]}-{day[4:6]}-{day[6:]}T{full[:2]}:{full[2:4]}:{full[4:6]}.{full[6:]}Z"
-    try:
+    with raised_as(ExportError):
         t_utc_ns = iso_to_utc_ns(text)
-    except ValueError as error:
-        raise ExportError(str(error)) from error
     steps_s = (86_400.0, 36_000.0, 3600.0, 600.0, 60.0, 10.0, 1.0, 0.1, 0.01, 0.001)
     return t_utc_ns, round(steps_s[len(clock)] * NS_PER_S)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.errors import ExportError, OrbitError
+from rsoconsole.errors import ExportError, OrbitError, raised_as
 from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, parse_iod
 from rsoconsole.export.observed_csv import ecsv_site, looks_like_table, read_table, stations_of
 from rsoconsole.export.observed_rows import ObservedRow
@@ -71,10 +71,8 @@ def read_observations(
 
 
 def _text(path: Path) -> str:
-    try:
+    with raised_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
         return read_foreign(path, most_bytes=MOST_DATA_BYTES).removeprefix("\ufeff")
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrbitError(f"{path} cannot be read: {error}") from error
 
 
 def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
@@ -169,10 +167,8 @@ def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
     """EOObservation records, by their names there."""
     import json
 
-    try:
+    with raised_as(ExportError, f"{name} is not JSON: "):
         records = json_of(text)
-    except ValueError as error:
-        raise ExportError(f"{name} is not JSON: {error}") from error
     lines = [json.dumps(_plain_record(each, name, n)) for n, each in enumerate(records, 1)]
     return read_table("\n".join(lines), name)
 
@@ -281,10 +277,8 @@ def _of_station(
     cov = np.array([_covariance(each, ask.sigma_arcsec) for each in rows])
     cov += _of_times(rows, t, ra, dec)
     name = path.name if station is None else f"{path.name}, station {station}"
-    try:
+    with raised_as(OrbitError, f"{path}: "):
         seen = sightings(site, t, ra, dec, cov)
-    except ValueError as error:
-        raise OrbitError(f"{path}: {error}") from error
     return (Observed(name=name, site=site, limits=None, seen=seen),)
 
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ExportError, raised_as
 from rsoconsole.export.observed_rows import ObservedRow
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Site
@@ -91,7 +91,7 @@ def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, st
     kept = [(n, line) for n, line in enumerate(text.splitlines(), 1) if _is_data(line)]
     lines = io.StringIO("\n".join(line for _, line in kept))
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    try:
+    with raised_as(ExportError, f"{name} cannot be read as CSV: ", csv.Error):
         names = [each.strip() for each in next(reader, [])]
         for fields in reader:
             number = kept[min(reader.line_num, len(kept)) - 1][0]
@@ -99,8 +99,6 @@ def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, st
             if len(fields) != len(names):
                 raise ExportError(f"{where}: {len(fields)} fields where {len(names)} belong")
             yield where, dict(zip(names, fields, strict=True))
-    except csv.Error as error:
-        raise ExportError(f"{name} cannot be read as CSV: {error}") from error
 
 
 def _is_data(line: str) -> bool:
@@ -112,10 +110,8 @@ def _of_json_lines(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]
         if not _is_data(line):
             continue
         where = f"{name}, line {number}"
-        try:
+        with raised_as(ExportError, f"{where}: "):
             values = json_of(line)
-        except ValueError as error:
-            raise ExportError(f"{where}: {error}") from error
         if not isinstance(values, dict):
             raise ExportError(f"{where}: an object belongs there")
         yield where, {key: "" if v is None else str(v) for key, v in values.items()}
@@ -164,10 +160,8 @@ class _Columns:
             return None if found is None else _number(found, f"{where}, {self.find(wanted)}")
 
         ra, dec, is_degrees = self._direction(number, where)
-        try:
+        with raised_as(ExportError, f"{where}: "):
             t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
-        except ValueError as error:
-            raise ExportError(f"{where}: {error}") from error
         latitude, longitude = number(_LATITUDE), number(_LONGITUDE)
         site = None
         if latitude is not None and longitude is not None:

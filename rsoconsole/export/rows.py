@@ -1,20 +1,24 @@
 """One measurement with what the track made of it: a line of every table, and its columns."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, get_args
 
 from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
 from rsoconsole.records import (
     TABLES,
     Column,
+    ColumnType,
     Measurement,
     TrackState,
-    columns_of,
     member,
 )
 from rsoconsole.sky import utc_ns_to_iso, wrap_360
 from rsoconsole.tracking.filters import sky_covariance_arcsec2, sky_rate_arcsec_s
+
+AS_RECORDED = ""
+"""Of a column that means what it means on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,55 +29,45 @@ class MeasuredRow:
     right ascension times cos Dec; pixels 0-based.
     """
 
-    frame_id: int
-    track: int | None
-    """Number of the track that took it, from 1 in order of time."""
-    t_mid_utc_ns: int
-    exposure_s: float | None
-    ra_icrs_deg: float
-    dec_icrs_deg: float
-    sigma_ra_arcsec: float
-    """On the sky."""
-    sigma_dec_arcsec: float
-    correlation: float
-    """Of the errors in right ascension and declination, -1 to 1."""
-    x_px: float
-    y_px: float
-    confidence: float
-    source: str
-    """``network`` or ``operator``."""
-    is_clipped: bool
-    """The frame cuts the streak: only the position across it holds."""
-    is_taken: bool
-    not_taken_because: str | None
+    frame_id: Annotated[int, AS_RECORDED]
+    track: Annotated[int | None, "track that took it, from 1 in order of time"]
+    t_mid_utc_ns: Annotated[int, "the same since 1970-01-01, POSIX count"]
+    """Mid-exposure by the shutter, as ``t_mid_utc`` has it."""
+    exposure_s: Annotated[float | None, AS_RECORDED]
+    ra_icrs_deg: Annotated[float, "measured right ascension, astrometric"]
+    dec_icrs_deg: Annotated[float, "measured declination, astrometric"]
+    sigma_ra_arcsec: Annotated[float, "one sigma in right ascension times cos Dec"]
+    sigma_dec_arcsec: Annotated[float, "one sigma in declination"]
+    correlation: Annotated[float, "of both errors"]
+    x_px: Annotated[float, "column of the streak's midpoint, 0-based"]
+    y_px: Annotated[float, "row of it"]
+    confidence: Annotated[float, AS_RECORDED]
+    source: Annotated[str, AS_RECORDED]
+    is_clipped: Annotated[bool, AS_RECORDED]
+    """Only the position across it holds."""
+    is_taken: Annotated[bool, "a track took it"]
+    not_taken_because: Annotated[str | None, "why none did"]
     """Of a superseded one that was taken: why it no longer counts, where somebody refused it."""
-    ra_a_icrs_deg: float | None
-    """One end of the streak, then the other; which came first in time is not known."""
-    dec_a_icrs_deg: float | None
-    ra_b_icrs_deg: float | None
-    dec_b_icrs_deg: float | None
-    predicted_ra_icrs_deg: float | None = None
-    """Where the track expected its object in this frame."""
-    predicted_dec_icrs_deg: float | None = None
-    predicted_sigma_ra_arcsec: float | None = None
-    predicted_sigma_dec_arcsec: float | None = None
-    residual_ra_arcsec: float | None = None
-    """Measured minus predicted."""
-    residual_dec_arcsec: float | None = None
-    sigma_residual_ra_arcsec: float | None = None
-    """sqrt of the diagonal of S."""
-    sigma_residual_dec_arcsec: float | None = None
-    nis: float | None = None
-    """Normalised innovation squared; 2 on average for a sound filter."""
-    updated_ra_icrs_deg: float | None = None
-    """The track's place after this measurement."""
-    updated_dec_icrs_deg: float | None = None
-    rate_ra_arcsec_s: float | None = None
-    """The track's motion on the sky after it."""
-    rate_dec_arcsec_s: float | None = None
-    is_superseded: bool
-    """By the operator's word it counts no more; only there when all was asked for."""
-
+    ra_a_icrs_deg: Annotated[float | None, "one end of the streak"]
+    """Which end came first in time is not known."""
+    dec_a_icrs_deg: Annotated[float | None, "one end of the streak"]
+    ra_b_icrs_deg: Annotated[float | None, "its other end"]
+    dec_b_icrs_deg: Annotated[float | None, "its other end"]
+    predicted_ra_icrs_deg: Annotated[float | None, "where the track expected it"] = None
+    predicted_dec_icrs_deg: Annotated[float | None, "where the track expected it"] = None
+    predicted_sigma_ra_arcsec: Annotated[float | None, "one sigma of that, times cos Dec"] = None
+    predicted_sigma_dec_arcsec: Annotated[float | None, "one sigma of that"] = None
+    residual_ra_arcsec: Annotated[float | None, "measured minus predicted, times cos Dec"] = None
+    residual_dec_arcsec: Annotated[float | None, "measured minus predicted"] = None
+    sigma_residual_ra_arcsec: Annotated[float | None, "sqrt(S) of the innovation"] = None
+    sigma_residual_dec_arcsec: Annotated[float | None, "sqrt(S) of the innovation"] = None
+    nis: Annotated[float | None, "normalised innovation squared"] = None
+    updated_ra_icrs_deg: Annotated[float | None, "the track after it"] = None
+    updated_dec_icrs_deg: Annotated[float | None, "the track after it"] = None
+    rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
+    rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
+    is_superseded: Annotated[bool, "counts no more, by the operator's word"]
+    """Only there when all was asked for."""
     beside: tuple[tuple[str, Any], ...] = ()
     """Column and value of what measurement and frame have on record beside all that."""
 
@@ -99,47 +93,23 @@ _RECORDED = {
     for name in ("image_quality", "frames", "measurements")
     for column in TABLES[name].columns
 }
-_OWN_LINES = """
-frame_id
-track integer track that took it, from 1 in order of time
-t_mid_utc text mid-exposure by the shutter, UTC
-t_mid_utc_ns integer the same since 1970-01-01, POSIX count
-exposure_s
-ra_icrs_deg real measured right ascension, astrometric
-dec_icrs_deg real measured declination, astrometric
-sigma_ra_arcsec real one sigma in right ascension times cos Dec
-sigma_dec_arcsec real one sigma in declination
-correlation real of both errors
-x_px real column of the streak's midpoint, 0-based
-y_px real row of it
-confidence
-source
-is_clipped
-is_taken truth a track took it
-not_taken_because text why none did
-ra_a_icrs_deg real one end of the streak
-dec_a_icrs_deg real one end of the streak
-ra_b_icrs_deg real its other end
-dec_b_icrs_deg real its other end
-predicted_ra_icrs_deg real where the track expected it
-predicted_dec_icrs_deg real where the track expected it
-predicted_sigma_ra_arcsec real one sigma of that, times cos Dec
-predicted_sigma_dec_arcsec real one sigma of that
-residual_ra_arcsec real measured minus predicted, times cos Dec
-residual_dec_arcsec real measured minus predicted
-sigma_residual_ra_arcsec real sqrt(S) of the innovation
-sigma_residual_dec_arcsec real sqrt(S) of the innovation
-nis real normalised innovation squared
-updated_ra_icrs_deg real the track after it
-updated_dec_icrs_deg real the track after it
-rate_ra_arcsec_s real motion of the track, times cos Dec
-rate_dec_arcsec_s real motion of the track
-is_superseded truth counts no more, by the operator's word
-"""
-"""A name alone: the column as it is on record."""
-_OWN: tuple[Column, ...] = tuple(
-    _RECORDED.get(line) or columns_of(line)[0] for line in _OWN_LINES.strip().splitlines()
-)
+
+
+def _own_columns() -> Iterator[Column]:
+    """The fields that say what they mean, by the type that they have, or are as on record."""
+    for each in fields(MeasuredRow):
+        if (meaning := getattr(each.type, "__metadata__", None)) is None:
+            continue
+        if each.name == "t_mid_utc_ns":
+            yield Column(name="t_mid_utc", type="text", meaning="mid-exposure by the shutter, UTC")
+        kind = get_args(each.type)[0]
+        kind = next(iter(get_args(kind)), kind)
+        own = Column(name=each.name, type=_TYPES[kind], meaning=meaning[0])
+        yield own if own.meaning else _RECORDED[each.name]
+
+
+_TYPES: Mapping[type, ColumnType] = {int: "integer", float: "real", bool: "truth", str: "text"}
+_OWN: tuple[Column, ...] = tuple(_own_columns())
 _IN_OTHER_COLUMNS = frozenset(
     (
         *("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"),

@@ -6,7 +6,7 @@ Station, Slough 1973, as posted by D. Brierley on SeeSat-L, 5 February 1998.
 
 import re
 
-from rsoconsole.errors import ExportError
+from rsoconsole.errors import ExportError, raised_as
 from rsoconsole.export.iod_reader import EPOCHS, IodObservation, angles_of, full_year
 from rsoconsole.export.target import piece_letters
 from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
@@ -71,10 +71,8 @@ def _piece(number: int) -> str:
 def _instant(day: str, clock: str) -> tuple[int, int]:
     year, fraction = full_year(day[:2]), clock[6:]
     text = f"{year}-{day[2:4]}-{day[4:]}T{clock[:2]}:{clock[2:4]}:{clock[4:6]}.{fraction or '0'}Z"
-    try:
+    with raised_as(ExportError):
         return iso_to_utc_ns(text), NS_PER_S // 10 ** len(fraction)
-    except ValueError as error:
-        raise ExportError(str(error)) from error
 
 
 def _time_sigma_s(field: str) -> float | None:

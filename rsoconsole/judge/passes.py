@@ -7,6 +7,11 @@ from typing import Any
 from rsoconsole.records import LeapDone, LowPass
 
 _PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
+_ON_RECORD = (
+    *("streaks", "ended", "a_km", "e", "i_deg", "across_rms_arcsec"),
+    *("t_next_rise_utc_ns", "sigma_next_s", "scatter_s"),
+)
+"""What is said of a pass as the record has it."""
 
 
 def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
@@ -35,13 +40,5 @@ def _of_pass(each: LowPass, met: Sequence[LeapDone]) -> dict[str, Any]:
         "name": each.name or None,
         "planned_leaps": each.planned_leaps,
         "leaps_met": sum(leap.begun_frame_id == each.begun_frame_id for leap in met),
-        "streaks": each.streaks,
-        "ended": each.ended,
-        "a_km": each.a_km,
-        "e": each.e,
-        "i_deg": each.i_deg,
-        "across_rms_arcsec": each.across_rms_arcsec,
-        "t_next_rise_utc_ns": each.t_next_rise_utc_ns,
-        "sigma_next_s": each.sigma_next_s,
-        "scatter_s": each.scatter_s,
+        **{name: getattr(each, name) for name in _ON_RECORD},
     }

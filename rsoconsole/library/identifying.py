@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, TypeAlias, overload
+from typing import Any, TypeAlias, TypedDict, Unpack, overload
 
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.errors import InputError, OrbitError
@@ -25,33 +25,30 @@ ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
 """Files of element sets (TLE, OMM as XML, JSON or CSV), or the text of one of them."""
 
 
+class Beside(TypedDict, total=False):
+    """What may be given beside observations."""
+
+    tle: ElementsLike | None
+    gate: Number
+    track: int | None
+    sigma: Number | None
+    site: Place | None
+    target: str | None
+    radians: bool | None
+    config: ConfigLike
+
+
 @overload
 def identify(
     observations: Orbit | Track | NightTrack | str | PathLike[str] | TableLike,
-    *,
-    tle: ElementsLike | None = ...,
-    gate: Number = ...,
-    track: int | None = ...,
-    sigma: Number | None = ...,
-    site: Place | None = ...,
-    target: str | None = ...,
-    radians: bool | None = ...,
-    config: ConfigLike = ...,
+    **beside: Unpack[Beside],
 ) -> Identification: ...
 
 
 @overload
 def identify(
     observations: Tracks | Mapping[int, Track] | Mapping[int, NightTrack] | Session,
-    *,
-    tle: ElementsLike | None = ...,
-    gate: Number = ...,
-    track: int | None = ...,
-    sigma: Number | None = ...,
-    site: Place | None = ...,
-    target: str | None = ...,
-    radians: bool | None = ...,
-    config: ConfigLike = ...,
+    **beside: Unpack[Beside],
 ) -> dict[int, Identification]: ...
 
 

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rsoconsole.errors import InputError
+from rsoconsole.errors import InputError, raised_as
 from rsoconsole.export import ReadAs, read_observations
 from rsoconsole.library.given import (
     ConfigLike,
@@ -144,7 +144,5 @@ def _of_table(value: Any, ask: Asked) -> Observed:
 
 
 def _sightings(site: Site, t: Any, ra: Any, dec: Any, cov: Any) -> Any:
-    try:
+    with raised_as(InputError):
         return sightings(site, t, ra, dec, cov)
-    except ValueError as error:
-        raise InputError(str(error)) from error

@@ -1,7 +1,7 @@
 """``rso.solve``: plate solutions of frames."""
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any, TypedDict, Unpack, overload
 
 from rsoconsole.errors import InputError, NotSolvedError
 from rsoconsole.library.frames import FrameLike, Frames, frame_facts, opened, scale_of
@@ -20,32 +20,24 @@ from rsoconsole.records import NotSolved
 from rsoconsole.words import no_direction
 
 
-@overload
-def solve(
-    frames: FrameLike,
-    *,
-    center: SkyCoordLike | None = ...,
-    ra: Number | None = ...,
-    dec: Number | None = ...,
-    radius: Number | None = ...,
-    scale: Number | tuple[Number, Number] | None = ...,
-    extension: str | None = ...,
-    config: ConfigLike = ...,
-) -> PlateWCS: ...
+class Hints(TypedDict, total=False):
+    """What may be given beside frames."""
+
+    center: SkyCoordLike | None
+    ra: Number | None
+    dec: Number | None
+    radius: Number | None
+    scale: Number | tuple[Number, Number] | None
+    extension: str | None
+    config: ConfigLike
 
 
 @overload
-def solve(
-    frames: Sequence[FrameLike],
-    *,
-    center: SkyCoordLike | None = ...,
-    ra: Number | None = ...,
-    dec: Number | None = ...,
-    radius: Number | None = ...,
-    scale: Number | tuple[Number, Number] | None = ...,
-    extension: str | None = ...,
-    config: ConfigLike = ...,
-) -> list[PlateWCS]: ...
+def solve(frames: FrameLike, **hints: Unpack[Hints]) -> PlateWCS: ...
+
+
+@overload
+def solve(frames: Sequence[FrameLike], **hints: Unpack[Hints]) -> list[PlateWCS]: ...
 
 
 def solve(

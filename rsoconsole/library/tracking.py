@@ -1,7 +1,7 @@
 """``rso.track``: which measurements are of one object, by the live tracker's own fold."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -147,16 +147,7 @@ def followed(
 
 def _at_site(config: Config, site: Site) -> Config:
     name = config.site.name if config.site.to_site() == site else "observer"
-    return config.model_copy(
-        update={
-            "site": SiteConfig(
-                name=name,
-                latitude_deg=site.latitude_deg,
-                longitude_deg=site.longitude_deg,
-                elevation_m=site.elevation_m,
-            )
-        }
-    )
+    return config.model_copy(update={"site": SiteConfig(name=name, **asdict(site))})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

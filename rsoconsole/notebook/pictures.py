@@ -63,16 +63,12 @@ def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: st
     x_1 = int(max(detection.x_a_px, detection.x_b_px)) + _ROOM_PX
     y_1 = int(max(detection.y_a_px, detection.y_b_px)) + _ROOM_PX
     upper, lower = figure.subplots(2, 1, height_ratios=(2.2, 1.0))
-    sky, noise = _show(upper, pixels, (x_0, x_1), (y_0, y_1), interpolation="nearest")
+    sky, noise = _show(upper, pixels, (x_0, x_1), (y_0, y_1), title, interpolation="nearest")
     ends = ((detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px))
     upper.plot(*zip(*ends, strict=True), "|", color="#e5484d", markersize=16, label="ends")
     upper.plot(
         detection.x_px, detection.y_px, "+", color="#4a90e2", markersize=12, label="midpoint"
     )
-    upper.set_title(title, loc="left")
-    upper.set_xlabel("x (px)")
-    upper.set_ylabel("y (px)")
-    upper.grid(visible=False)
     upper.legend(loc="upper right", labelcolor="white")
     along_px, light = _profile(pixels, detection)
     lower.plot(along_px, (light - sky) / noise, color="#1e55c8", linewidth=1.0)
@@ -88,6 +84,8 @@ def _show(
     pixels: PixelArray,
     columns: tuple[int, int],
     rows: tuple[int, int],
+    title: str,
+    *,
     interpolation: str | None = None,
 ) -> tuple[float, float]:
     """A piece of the frame in units of its noise; the sky and its noise, ADU."""
@@ -104,6 +102,10 @@ def _show(
         interpolation=interpolation,
         extent=(x_0 - 0.5, x_0 + width - 0.5, y_0 + height - 0.5, y_0 - 0.5),
     )
+    axes.set_title(title, loc="left")
+    axes.set_xlabel("x (px)")
+    axes.set_ylabel("y (px)")
+    axes.grid(visible=False)
     return sky, noise
 
 
@@ -136,7 +138,7 @@ def draw_tracks(
     x_0, x_1 = _widened(x_0, x_1, across, pixels.shape[1])
     y_0, y_1 = _widened(y_0, y_1, down, pixels.shape[0])
     axes = figure.subplots()
-    _show(axes, pixels, (x_0, x_1), (y_0, y_1))
+    _show(axes, pixels, (x_0, x_1), (y_0, y_1), title)
     for number, is_lead, streak in sorted(streaks, key=lambda each: each.number):
         lead = "*" if is_lead else ""
         axes.plot(
@@ -157,10 +159,6 @@ def draw_tracks(
             color="#ffd479",
             fontsize=9,
         )
-    axes.set_title(title, loc="left")
-    axes.set_xlabel("x (px)")
-    axes.set_ylabel("y (px)")
-    axes.grid(visible=False)
 
 
 def _profile(pixels: PixelArray, detection: Detection) -> tuple[FloatArray, FloatArray]:

@@ -251,33 +251,31 @@ class Session(SessionPictures, NightPlots):
         ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html. Raises ExportError for
         another one, and for a file that is there already (unless ``force``).
         """
-        from rsoconsole.export import ExportOptions, default_path, export, write_file
+        from rsoconsole.export import ExportOptions, export, save_text
 
-        path = default_path(self.path, format) if out is None else Path(out).expanduser()
+        place = None if out is None else Path(out).expanduser()
         if format == "html":
             from rsoconsole.notebook.report import render_report
 
-            write_file(path, render_report(self.path).html.encode(), is_forced=force)
+            report = render_report(self.path)
+            made = save_text(self.path, report.html, report.made, place, is_forced=force)
         else:
-            options = ExportOptions(is_forced=force)
             kind: Any = format
-            path = export(self.path, kind, None if out is None else path, options).path or path
-        return path
+            made = export(self.path, kind, place, ExportOptions(is_forced=force))
+        assert made.path is not None
+        return made.path
 
     def live(self, socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
         """The panel on the engine that writes this session (needs ``rsoconsole[notebook]``).
 
         Raises ControlError when no engine runs, or where it writes another session.
         """
-        from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
+        from rsoconsole.control import ControlClient, Sender, status_of
         from rsoconsole.errors import ControlError
         from rsoconsole.notebook import live_panel
 
         path = None if socket is None else Path(socket)
-        status = read_status(
-            ControlClient(path, sender=Sender(name="notebook")).send(AskStatus()).data
-        )
-        written = status.session
+        written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session
         if written is None or not _is_same(written, self.path):
             raise ControlError(
                 f"the running engine writes {written}, not {self.path}: live_panel() shows that one"

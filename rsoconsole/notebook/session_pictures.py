@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.night import Logged, NightFrame, NightFrames, tracks_of
 from rsoconsole.notebook.night import overlay_svg, words_of
 from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw_tracks
@@ -100,10 +100,8 @@ class SessionPictures:
         return figure  # type: ignore[no-any-return]
 
     def _picture(self, frame_id: int, path: Path) -> Picture:
-        try:
+        with said_as(SessionError, f"{path} cannot be read: "):
             png = path.read_bytes()
-        except OSError as error:
-            raise SessionError(f"{path} cannot be read: {error}") from error
         frame = self._frame(frame_id)
         return Picture(
             frame_id=frame_id,

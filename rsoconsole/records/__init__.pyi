@@ -5,8 +5,8 @@ from .columns import HEAD as HEAD
 from .columns import SUPERSEDED as SUPERSEDED
 from .columns import TABLES as TABLES
 from .columns import Column as Column
+from .columns import ColumnType as ColumnType
 from .columns import Table as Table
-from .columns import columns_of as columns_of
 from .columns import documentation as documentation
 from .columns import documented as documented
 from .columns import member as member

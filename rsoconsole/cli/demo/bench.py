@@ -3,8 +3,6 @@
 from dataclasses import asdict
 from typing import Any
 
-import typer
-
 from rsoconsole.cli.words import output
 from rsoconsole.config import Config
 from rsoconsole.words import counted
@@ -64,9 +62,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
             )
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
         output.say(*summary_lines(summary), *(f"note: {note}" for note in notes))
-    if not summary.is_enough:
-        output.complain("rsoconsole: this machine does not hold what is configured")
-        raise typer.Exit(1)
+    output.exit_where(not summary.is_enough, "this machine does not hold what is configured")
 
 
 def _heat(before_c: float | None, after_c: float | None) -> str:

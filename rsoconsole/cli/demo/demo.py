@@ -3,7 +3,7 @@
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -328,12 +328,7 @@ def demo_config(
     own = _own_settings()
     return Config.model_validate(
         {
-            "site": {
-                "name": "simulated",
-                "latitude_deg": site.latitude_deg,
-                "longitude_deg": site.longitude_deg,
-                "elevation_m": site.elevation_m,
-            },
+            "site": {"name": "simulated", **asdict(site)},
             "indi": {"client": own.indi.client},
             "exposure": {"frame_timeout_s": FRAME_TIMEOUT_S},
             "solver": {"deadline_s": SOLVER_DEADLINE_S},

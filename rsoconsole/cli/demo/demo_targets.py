@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, raised_as
 from rsoconsole.simulator.nights import NightPlan
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import clock, left
@@ -81,7 +81,5 @@ def plan_words(plan: NightPlan) -> str:
 
 
 def _instant(text: str) -> int:
-    try:
+    with raised_as(ConfigError, "--at: "):
         return iso_to_utc_ns(text)
-    except ValueError as error:
-        raise ConfigError(f"--at: {error}") from error

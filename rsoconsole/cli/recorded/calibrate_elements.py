@@ -10,6 +10,8 @@ from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
     Piped,
+    TleOption,
+    WriteOption,
     completion,
     output,
     piped,
@@ -42,13 +44,8 @@ def calibrate_elements(
         ),
     ] = None,
     *,
-    tle: Annotated[
-        list[Path] | None,
-        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
-    ] = None,
-    write: Annotated[
-        bool, typer.Option("--write", help="Write the factors into the configuration.")
-    ] = False,
+    tle: TleOption = None,
+    write: WriteOption = False,
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Simulated nights; they have a ledger of their own.")
     ] = False,
@@ -107,8 +104,7 @@ def calibrate_elements(
             output.say("", f"written to {report['written']}: what is named from now on uses it")
         elif not simulated:
             output.say("", "--write puts the factors into the configuration")
-    if failures:
-        raise typer.Exit(1)
+    output.exit_where(failures)
 
 
 def _read(

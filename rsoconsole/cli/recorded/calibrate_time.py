@@ -9,7 +9,8 @@ import typer
 from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
-    completion,
+    SessionsArgument,
+    WriteOption,
     output,
     progress,
     set_in_file,
@@ -29,14 +30,7 @@ def register(app: typer.Typer) -> None:
 
 
 def calibrate_time(
-    nights: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="NIGHT...",
-            help="Folders of recorded sessions.",
-            autocompletion=completion.sessions,
-        ),
-    ],
+    nights: SessionsArgument,
     *,
     rinex: Annotated[
         list[Path] | None,
@@ -52,9 +46,7 @@ def calibrate_time(
             help="Element sets. Alone: a sanity check to 0.3 s; beside the others: names."
         ),
     ] = None,
-    write: Annotated[
-        bool, typer.Option("--write", help="Write the result into the configuration.")
-    ] = False,
+    write: WriteOption = False,
     force: Annotated[
         bool, typer.Option("--force", help="Write also over a result with smaller errors.")
     ] = False,

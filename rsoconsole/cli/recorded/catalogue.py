@@ -16,7 +16,7 @@ from rsoconsole.cli.words import (
     set_in_file,
 )
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.errors import ControlError, OrbitError
+from rsoconsole.errors import ControlError, OrbitError, raised_as
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
@@ -70,11 +70,7 @@ def update(
             bar()
             with bar.aside():
                 _report(each, settings, json_)
-    if faults:
-        output.complain(
-            f"rsoconsole: {counted(faults, 'source')} could not be fetched; each says why"
-        )
-        raise typer.Exit(1)
+    output.exit_where(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
 
 
 def _report(each: "Updated", settings: Config, json_: bool) -> None:
@@ -170,14 +166,12 @@ def _source_of(text: str) -> "Source":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
     from rsoconsole.element_sources import parse_source
 
-    try:
+    with raised_as(OrbitError):
         if text.startswith(("http://", "https://")):
             text = f"url:{text}"
         elif text.startswith(("~", "file:")) or Path(text).exists():
             text = f"file:{home_path(text.removeprefix('file:')).resolve()}"
         return parse_source(text)
-    except ValueError as error:
-        raise OrbitError(str(error)) from error
 
 
 def _configured(settings: Config) -> "list[Source]":
@@ -217,17 +211,14 @@ def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "Update":
 
 def _wait_while_slewing(socket: Path | None) -> None:
     """Until the running engine's mount stands; at once where none runs. Raises OrbitError."""
-    from rsoconsole.control import AskStatus, ControlClient, Sender, read_status
+    from rsoconsole.control import ControlClient, Sender, status_of
 
     deadline = time.monotonic() + SLEW_WAIT_S
     while True:
         try:
-            outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+            status = status_of(ControlClient(socket, sender=Sender(name="status")))
         except ControlError:
             return
-        if not outcome.ok:
-            return
-        status = read_status(outcome.data)
         if not status.is_slewing and status.slew_left_s is None:
             return
         if time.monotonic() > deadline:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, completion, output, progress
+from rsoconsole.cli.words import JsonOption, SessionArgument, output, progress
 from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal[
@@ -23,14 +23,7 @@ def register(app: typer.Typer) -> None:
 
 
 def export(
-    session: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SESSION",
-            help="A session's folder, or a branch's.",
-            autocompletion=completion.sessions,
-        ),
-    ],
+    session: SessionArgument,
     *,
     format_: Annotated[AnyFormat, typer.Option("--format", help="What to make of it.")],
     out: Annotated[
@@ -178,7 +171,7 @@ def _say_left_out(made: Any) -> None:
 
 
 def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:
-    from rsoconsole.export import Export, default_path, write_file
+    from rsoconsole.export import save_text
     from rsoconsole.notebook.report import render_report
 
     with progress("report"):
@@ -186,17 +179,8 @@ def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> 
     if out == STDOUT:
         output.hand_over(report.html)
         return
-    path = default_path(session, "html") if out is None else Path(out)
     new_folder = _folder_to_make("html", out)
-    write_file(path, report.html.encode("utf-8"), is_forced=is_forced)
+    path = None if out is None else Path(out)
+    made = save_text(session, report.html, report.made, path, is_forced=is_forced)
     _say_created(new_folder)
-    made = Export(
-        path=path,
-        files=(path,),
-        format="html",
-        measurements=report.measurements,
-        tracks=report.tracks,
-        left_out={},
-        is_simulated=report.is_simulated,
-    )
-    output.answer(json_, made, lambda _: str(path))
+    output.answer(json_, made, lambda _: str(made.path))

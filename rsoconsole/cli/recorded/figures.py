@@ -5,7 +5,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, completion, output
+from rsoconsole.cli.words import JsonOption, SessionArgument, output
 
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 
@@ -16,12 +16,7 @@ def register(app: typer.Typer) -> None:
 
 
 def figures(
-    session: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SESSION", help="A session's folder.", autocompletion=completion.sessions
-        ),
-    ],
+    session: SessionArgument,
     *,
     out: Annotated[
         Path | None, typer.Option(help="Where to write; default: SESSION/branches/figures.")

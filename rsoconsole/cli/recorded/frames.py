@@ -1,6 +1,6 @@
 """Verbs that work on recorded frames: process, detect, solve."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +9,7 @@ import typer
 
 from rsoconsole.cli.recorded.nights import process_nights
 from rsoconsole.cli.words import (
+    Bar,
     ConfigOption,
     FilesFromOption,
     JsonOption,
@@ -57,10 +58,25 @@ def register(app: typer.Typer) -> None:
 
 
 def report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
-    words = files.words(str(error))
-    if json_:
-        output.emit_json({"frame": files.name(path), "error": words})
-    output.complain(f"rsoconsole: {words}")
+    """Why a file cannot be used."""
+    output.report_fault(json_, files.words(str(error)), frame=files.name(path))
+
+
+def read_each(
+    files: Piped, paths: Sequence[Path], json_: bool, work: Callable[[Path, int, Bar], None]
+) -> int:
+    """Run ``work`` over frames in order; how many are broken: they are reported, others go on."""
+    failures = 0
+    with progress("frames", len(paths)) as bar:
+        for number, path in enumerate(paths, start=1):
+            try:
+                work(path, number, bar)
+            except FrameError as error:
+                failures += 1
+                with bar.aside():
+                    report_error(files, path, error, json_)
+            bar()
+    return failures
 
 
 def _each(
@@ -69,23 +85,16 @@ def _each(
     work: Callable[[Path, int], Iterator[dict[str, Any]]],
     lines: Callable[[dict[str, Any]], list[str]],
 ) -> None:
-    """Run ``work`` over the files in order; broken ones are reported and the others go on."""
-    failures = 0
+    """Print what ``work`` finds in each of the files."""
     noted: set[str] = set()
-    with progress("frames", len(files.paths)) as bar:
-        for number, path in enumerate(files.paths, start=1):
-            try:
-                for found in work(path, number):
-                    with bar.aside():
-                        output.answer(json_, found, lines)
-                        warn(_name(found), found["notes"], noted)
-            except FrameError as error:
-                failures += 1
-                with bar.aside():
-                    report_error(files, path, error, json_)
-            bar()
-    if failures:
-        raise typer.Exit(1)
+
+    def show(path: Path, number: int, bar: Bar) -> None:
+        for found in work(path, number):
+            with bar.aside():
+                output.answer(json_, found, lines)
+                warn(_name(found), found["notes"], noted)
+
+    output.exit_where(read_each(files, files.paths, json_, show))
 
 
 def _name(found: dict[str, Any]) -> str:
@@ -207,8 +216,7 @@ def _process_frames(
                     warn(_name(found), found["notes"], noted)
         finally:
             recording.close()
-    if failures:
-        raise typer.Exit(1)
+    output.exit_where(failures)
 
 
 def detect(

@@ -19,6 +19,7 @@ from rsoconsole.cli.words import (
     ConfigOption,
     FilesFromOption,
     JsonOption,
+    TleOption,
     completion,
     element_files,
     output,
@@ -62,13 +63,7 @@ def identify(
         ),
     ] = "auto",
     extension: ExtensionOption = None,
-    tle: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be"
-            " repeated."
-        ),
-    ] = None,
+    tle: TleOption = None,
     gate: Annotated[
         float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
     ] = 0.2,

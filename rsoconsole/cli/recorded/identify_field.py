@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-import typer
-
-from rsoconsole.cli.recorded.frames import report_error, warn
-from rsoconsole.cli.words import Piped, catalogue_of, output, progress
+from rsoconsole.cli.recorded.frames import read_each, warn
+from rsoconsole.cli.words import Bar, Piped, catalogue_of, output
 from rsoconsole.config import effective_settings, load_config
-from rsoconsole.errors import ConfigError, FrameError
+from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.field import FieldFrame, PlateMode
 
 
@@ -41,19 +39,15 @@ def identify_field(
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
     run = FieldRun(config, catalogue_of(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
-    failures = 0
-    with open_field_reader(config, plate) as reader, progress("frames", len(paths)) as bar:
-        for number, path in enumerate(paths, start=1):
-            try:
-                for image in read_frames(path, number, extension=extension):
-                    label, shown = image.header.get(EXTENSION_KEY), files.name(path)
-                    name = f"{shown}[{label}]" if label else shown
-                    read.append((name, reader.read(image)))
-            except FrameError as error:
-                failures += 1
-                with bar.aside():
-                    report_error(files, path, error, json_)
-            bar()
+    with open_field_reader(config, plate) as reader:
+
+        def work(path: Path, number: int, _bar: Bar) -> None:
+            for image in read_frames(path, number, extension=extension):
+                label, shown = image.header.get(EXTENSION_KEY), files.name(path)
+                name = f"{shown}[{label}]" if label else shown
+                read.append((name, reader.read(image)))
+
+        failures = read_each(files, paths, json_, work)
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
     frames = [frame for _, frame in read]
     movers = run.movers(frames) if len(frames) >= FEWEST else ()
@@ -70,8 +64,7 @@ def identify_field(
         output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
         output.say(*source_lines(errors, regimes))
-    if failures:
-        raise typer.Exit(1)
+    output.exit_where(failures)
 
 
 def _expect_site(config_path: Path | None) -> None:

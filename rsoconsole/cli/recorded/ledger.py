@@ -39,7 +39,7 @@ def ledger(
         if simulated or json_:
             raise typer.BadParameter(f"give options behind the verb: {context.invoked_subcommand}")
         return
-    _list(simulated=simulated, json_=json_)
+    list_(simulated=simulated, json_=json_)
 
 
 @ledger_app.command("list")
@@ -48,7 +48,16 @@ def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> N
 
     Example: rsoconsole ledger list --json
     """
-    _list(simulated=simulated, json_=json_)
+    from rsoconsole.cli.words import HEADER, object_line
+    from rsoconsole.session.ledgers import ledger_path
+
+    found = _read(simulated=simulated)
+    if found.objects and not json_:
+        output.say(HEADER)
+    for each in found.objects:
+        output.answer(json_, each, object_line)
+    if not found.objects:
+        output.complain(f"no object is kept in {ledger_path(is_simulated=simulated)}")
 
 
 @ledger_app.command()
@@ -134,19 +143,6 @@ def forget(
     _changed(change, simulated=simulated)
     found = {"number": number, "forgotten": True}
     output.answer(json_, found, lambda _: f"UCT {number} is forgotten: it names no track any more")
-
-
-def _list(*, simulated: bool, json_: bool) -> None:
-    from rsoconsole.cli.words import HEADER, object_line
-    from rsoconsole.session.ledgers import ledger_path
-
-    found = _read(simulated=simulated)
-    if found.objects and not json_:
-        output.say(HEADER)
-    for each in found.objects:
-        output.answer(json_, each, object_line)
-    if not found.objects:
-        output.complain(f"no object is kept in {ledger_path(is_simulated=simulated)}")
 
 
 def _read(*, simulated: bool) -> Any:

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from rsoconsole.cli.words import output, progress
 
 if TYPE_CHECKING:
@@ -24,8 +22,7 @@ def process_nights(
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
             with bar.aside():
                 _say(outcome, json_)
-    if not is_whole:
-        raise typer.Exit(1)
+    output.exit_where(not is_whole)
 
 
 def _say(outcome: "NightOutcome", json_: bool) -> None:
@@ -34,18 +31,19 @@ def _say(outcome: "NightOutcome", json_: bool) -> None:
         output.complain(f"rsoconsole: {outcome.source.name}: {words}")
 
 
+_AS_IT_IS = (
+    *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
+)
+"""Keys that are the outcome's own."""
+
+
 def _night_report(outcome: "NightOutcome") -> dict[str, Any]:
     return {
         "night": str(outcome.source),
         "session": None if outcome.state == "failed" else str(outcome.session),
         "outcome": outcome.state,
         "error": outcome.error,
-        "frames": outcome.frames,
-        "unreadable": list(outcome.unreadable),
-        "detections": outcome.detections,
-        "measurements": outcome.measurements,
-        "misses": outcome.misses,
-        "locked_after_frames": outcome.locked_after_frames,
+        **{name: getattr(outcome, name) for name in _AS_IT_IS},
         "state": outcome.last_state,
     }
 

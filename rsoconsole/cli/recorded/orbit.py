@@ -13,6 +13,7 @@ from rsoconsole.cli.words import (
     piped,
     progress,
     site_of,
+    usage_faults,
 )
 from rsoconsole.config import load_config
 from rsoconsole.errors import ConfigError, ExportError
@@ -140,10 +141,8 @@ def orbit(
 
     form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
-    try:
+    with usage_faults("--cospar", ExportError):
         target = Target(cospar=cospar)
-    except ExportError as error:
-        raise typer.BadParameter(str(error), param_hint="--cospar") from error
     with piped(paths) as files, progress("orbit"):
         read = [
             group for path in files.paths for group in read_observations(path, ask, track=track)
@@ -186,10 +185,8 @@ def read_as(
     """What the options say of files. Raises BadParameter for a site that is none."""
     from rsoconsole.export import ReadAs
 
-    try:
+    with usage_faults("", ConfigError):
         place = None if site is None else site_of(site)
-    except ConfigError as error:
-        raise typer.BadParameter(str(error)) from error
     return ReadAs(
         sigma_arcsec=sigma_arcsec,
         site=place,

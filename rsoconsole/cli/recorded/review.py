@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import GraphicsOption, SocketOption, completion
+from rsoconsole.cli.words import GraphicsOption, SocketOption, completion, usage_faults
 from rsoconsole.config import load_config
 from rsoconsole.instruments.mount import stop_past_engine
 
@@ -57,10 +57,8 @@ def review(
     from rsoconsole.console.timeline import understood
 
     if at:
-        try:
+        with usage_faults("--at"):
             understood(at)
-        except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint="--at") from error
     if sample:
         if session is not None:
             raise typer.BadParameter("--sample is a session itself: leave the other one out")

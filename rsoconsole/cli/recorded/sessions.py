@@ -10,6 +10,7 @@ import typer
 from rsoconsole.cli.words import (
     ConfigOption,
     JsonOption,
+    SessionsArgument,
     byte_progress,
     completion,
     output,
@@ -21,12 +22,6 @@ from rsoconsole.errors import SessionError
 BYTES_A_GB = 1e9
 
 sessions_app = typer.Typer(invoke_without_command=True)
-SessionArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="SESSION...", help="Sessions' folders.", autocompletion=completion.sessions
-    ),
-]
 RootOption = Annotated[
     Path | None, typer.Option(help="Folder of the sessions, if not session.root.")
 ]
@@ -57,7 +52,7 @@ def sessions(
         if root is not None or config is not None or json_:
             raise typer.BadParameter(f"give options behind the verb: {context.invoked_subcommand}")
         return
-    _list(root, config, json_)
+    list_(root, config, json_=json_)
 
 
 @sessions_app.command("list")
@@ -68,10 +63,6 @@ def list_(
 
     Example: rsoconsole sessions list --json
     """
-    _list(root, config, json_)
-
-
-def _list(root: Path | None, config: Path | None, json_: bool) -> None:
     from rsoconsole.session.upkeep import find_rescues, list_sessions, summarise
 
     folder = _root(root, config)
@@ -124,7 +115,7 @@ def verify(
 
 
 @sessions_app.command()
-def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
+def repair(places: SessionsArgument, *, json_: JsonOption = False) -> None:
     """Set a session right after a loss of power, or save what can be read of a damaged one.
 
     Closes it with the digest of its log, takes in frames that were whole on the
@@ -147,7 +138,7 @@ def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
 
 @sessions_app.command()
 def archive(
-    places: SessionArgument,
+    places: SessionsArgument,
     *,
     out: Annotated[
         Path | None, typer.Option(help="Where the archive goes; default: beside the session.")
@@ -236,7 +227,7 @@ def prune(
 
 @sessions_app.command()
 def keep(
-    places: SessionArgument,
+    places: SessionsArgument,
     *,
     why: Annotated[str, typer.Option(help="Why, for anyone who finds the mark.")] = "",
     release: Annotated[bool, typer.Option("--release", help="Take the mark away again.")] = False,
@@ -265,12 +256,8 @@ def _each(places: list[Path], is_well: Callable[[Path], bool], what_else: str, j
             failed += not is_well(place)
         except SessionError as error:
             failed += 1
-            if json_:
-                output.emit_json({"session": place, "error": str(error)})
-            output.complain(f"rsoconsole: {error}")
-    if failed:
-        output.complain(f"rsoconsole: {failed} {what_else}")
-        raise typer.Exit(1)
+            output.report_fault(json_, str(error), session=place)
+    output.exit_where(failed, f"{failed} {what_else}")
 
 
 def _lies_under(session: Path | None, root: Path) -> bool:

@@ -12,6 +12,7 @@ from rsoconsole.cli.words import (
     PresetOption,
     SchedulerOption,
     SerialOption,
+    SessionsArgument,
     TauOption,
     WorkersOption,
     completion,
@@ -26,14 +27,6 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.batch import Question, WorkerPool
     from rsoconsole.pipeline.replay import Branch
 
-SessionsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="SESSION...",
-        help="Folders of recorded sessions.",
-        autocompletion=completion.sessions,
-    ),
-]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -198,15 +191,12 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
         shown = str(question.session)
         if found.error is not None:
             failures += 1
-            if json_:
-                output.emit_json({"session": shown, "error": found.error})
-            output.complain(f"rsoconsole: {found.error}")
+            output.report_fault(json_, found.error, session=shown)
         elif json_:
             output.emit_json(found, session=shown)
         else:
             output.say(*answer_lines(shown, found))
-    if failures:
-        raise typer.Exit(1)
+    output.exit_where(failures)
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:

@@ -51,9 +51,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
         else:
             output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
     failed = sum(not done.ok for _, done in results)
-    if failed:
-        output.complain(f"rsoconsole: {counted(failed, 'service')} did not take it; each says why")
-        raise typer.Exit(1)
+    output.exit_where(failed, f"{counted(failed, 'service')} did not take it; each says why")
 
 
 @contextlib.contextmanager

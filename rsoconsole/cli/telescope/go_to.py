@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
-from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output
-from rsoconsole.control import AskStatus, Goto, Outcome, Preview
+from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output, usage_faults
+from rsoconsole.control import Goto, Outcome, Preview
 from rsoconsole.errors import ControlError
 
 if TYPE_CHECKING:
-    from rsoconsole.control import ControlClient, Status
+    from rsoconsole.control import Status
     from rsoconsole.pipeline.words import Understood
 
 TargetArgument = Annotated[
@@ -46,18 +46,25 @@ def goto(
 
     Example: rsoconsole goto "alt 50 az 180"
     """
-    from rsoconsole.control import ControlClient, MovePreview, Sender, read_record, read_status
+    from rsoconsole.control import (
+        ControlClient,
+        MovePreview,
+        Sender,
+        answer_of,
+        read_record,
+        status_of,
+    )
     from rsoconsole.control.words import preview_lines
 
     client = ControlClient(socket, sender=Sender(name="command"))
-    status = read_status(_answer(client, AskStatus()))
+    status = status_of(client)
     found = _understood(" ".join(target), status)
     move = Goto(
         ra_icrs_deg=found.ra_icrs_deg,
         dec_icrs_deg=found.dec_icrs_deg,
         override=tuple(override or ()),
     )
-    preview = read_record(MovePreview, _answer(client, Preview(move=move)))
+    preview = read_record(MovePreview, answer_of(client, Preview(move=move)))
     if not json_:
         careful = [f"careful  {found.caution}"] if found.caution else []
         output.say(f"understood: {found.words}", *careful, *preview_lines(preview))
@@ -107,14 +114,5 @@ def _understood(text: str, status: "Status") -> "Understood":
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = Names.load(config.catalogue.tle_files)
-    try:
+    with usage_faults():
         return understand(text, config.site.to_site(), status.now_utc_ns, names)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-
-
-def _answer(client: "ControlClient", command: AskStatus | Preview) -> dict[str, object]:
-    outcome = client.send(command)
-    if not outcome.ok:
-        raise ControlError(outcome.message)
-    return dict(outcome.data)

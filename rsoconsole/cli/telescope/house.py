@@ -54,9 +54,7 @@ def doctor(
     for check in run_checks(load_config(config)):
         failed += check.ok is False
         output.answer(json_, check, _check_lines)
-    if failed:
-        output.complain(f"rsoconsole: {counted(failed, 'check')} failed; each says what to do")
-        raise typer.Exit(1)
+    output.exit_where(failed, f"{counted(failed, 'check')} failed; each says what to do")
 
 
 def _check_lines(check: "Check") -> Iterator[str]:
@@ -112,9 +110,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
     faults = config_faults(config)
     for fault in faults:
         output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
-    if faults:
-        output.complain(f"rsoconsole: {counted(len(faults), 'fault')} in the configuration")
-        raise typer.Exit(1)
+    output.exit_where(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
     if not json_:
         output.say(*sound_lines(config))
 

@@ -12,7 +12,14 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
-from rsoconsole.cli.words import JsonOption, SocketOption, completion, number_or_text, output
+from rsoconsole.cli.words import (
+    JsonOption,
+    SocketOption,
+    completion,
+    number_or_text,
+    output,
+    usage_faults,
+)
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
 
@@ -95,12 +102,10 @@ def _check(command: Command) -> None:
     """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
     from rsoconsole.engine.tasks import check_tunable
 
-    try:
+    with usage_faults():
         command.check()
         if isinstance(command, Set):
             check_tunable(command.name)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
 
 
 def _shell_name(each: "Field[Any]") -> str:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, catalogue_of, output, piped, progress
+from rsoconsole.cli.words import (
+    ConfigOption,
+    JsonOption,
+    TleOption,
+    catalogue_of,
+    output,
+    piped,
+    progress,
+    usage_faults,
+)
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 from rsoconsole.words import clock, no_night
@@ -37,14 +46,7 @@ def register(app: typer.Typer) -> None:
 
 def passes(
     *,
-    tle: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be"
-            " repeated. Default:"
-            " catalogue.tle_files of the configuration."
-        ),
-    ] = None,
+    tle: TleOption = None,
     norad: Annotated[
         list[int] | None,
         typer.Option(help="Only the object with this catalogue number; may be repeated."),
@@ -66,6 +68,7 @@ def passes(
 ) -> None:
     """List the night's passes of catalogued objects in low orbits over the site.
 
+    Without --tle those of catalogue.tle_files in the configuration.
     From where they come above limits.min_altitude_deg and the horizon mask to
     where they go below. Only those on which the Sun shines for a part of the
     pass; times are as sure as their elements are (±s, one sigma by their age).
@@ -106,10 +109,8 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
     from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
     from rsoconsole.sky.bodies import night_span
 
-    try:
+    with usage_faults("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--at") from error
     twilight_deg = config.limits.twilight_deg
     dark = night_span(config.site.to_site(), now_ns, twilight_deg)
     first_ns = now_ns

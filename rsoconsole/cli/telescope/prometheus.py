@@ -26,11 +26,8 @@ def _families(status: Status | None) -> Iterator[tuple[str, str, list[Sample]]]:
     yield "up", "Whether an engine answers.", [({}, 0.0 if status is None else 1.0)]
     if status is None:
         return
-    yield (
-        "state",
-        "1 for the state the loop is in.",
-        [({"state": each}, float(each == status.state)) for each in STATES],
-    )
+    states: list[Sample] = [({"state": each}, float(each == status.state)) for each in STATES]
+    yield "state", "1 for the state the loop is in.", states
     yield "frames", "Exposures begun in this session.", _known(status.frame_id)
     yield "tracks", "Tracks that are followed.", [({}, float(len(status.tracks)))]
     yield "faults", "Faults that last.", [({}, float(len(status.faults)))]
@@ -41,26 +38,14 @@ def _families(status: Status | None) -> Iterator[tuple[str, str, list[Sample]]]:
     yield "target_azimuth_degrees", "Of what is followed.", _known(status.az_deg)
     yield "mount_altitude_degrees", "Where the mount looks.", _known(status.mount_alt_deg)
     yield "mount_azimuth_degrees", "Where the mount looks.", _known(status.mount_az_deg)
-    yield (
-        "clock_seconds",
-        "The engine's clock, since 1970.",
-        _known(None if status.now_utc_ns is None else status.now_utc_ns / 1e9),
-    )
-    yield (
-        "health_ok",
-        "1 where a part of machine or instruments is well.",
-        [({"part": each.name}, float(each.ok)) for each in status.health],
-    )
+    now_s = None if status.now_utc_ns is None else status.now_utc_ns / 1e9
+    yield "clock_seconds", "The engine's clock, since 1970.", _known(now_s)
+    well: list[Sample] = [({"part": each.name}, float(each.ok)) for each in status.health]
+    yield "health_ok", "1 where a part of machine or instruments is well.", well
     yield from _of_machine(status)
-    yield (
-        "track_nis",
-        "Normalised innovation squared of the last frame.",
-        [
-            ({"track": str(each.track_id)}, each.nis)
-            for each in status.tracks
-            if each.nis is not None
-        ],
-    )
+    last = {each.track_id: each.nis for each in status.tracks if each.nis is not None}
+    nis: list[Sample] = [({"track": str(number)}, value) for number, value in last.items()]
+    yield "track_nis", "Normalised innovation squared of the last frame.", nis
 
 
 def _of_machine(status: Status) -> Iterator[tuple[str, str, list[Sample]]]:
@@ -70,11 +55,8 @@ def _of_machine(status: Status) -> Iterator[tuple[str, str, list[Sample]]]:
     yield "cpu_temperature_celsius", "Of the processor.", _known(machine.cpu_temperature_c)
     yield "under_voltage", "Whether the supply is too weak.", _known(machine.is_under_voltage)
     yield "throttled", "Whether the processor is slowed down.", _known(machine.is_throttled)
-    yield (
-        "machine_troubles",
-        "Things not well with the machine.",
-        [({}, float(len(machine.troubles)))],
-    )
+    troubles = _known(len(machine.troubles))
+    yield "machine_troubles", "Things not well with the machine.", troubles
 
 
 def _known(value: float | bool | None) -> list[Sample]:

@@ -135,10 +135,10 @@ def service_status(json_: JsonOption = False) -> None:
         "installed": found is not None,
         "unit": str(path),
         "program": None if found is None else _starts(found),
-        "program_exists": None if found is None else _program_exists(found),
+        "program_exists": None if found is None else Path(_starts(found)).is_file(),
         "enabled": _word("is-enabled") if has_systemd else None,
         "active": _word("is-active") if has_systemd else None,
-        "lingers": _lingers(),
+        "lingers": (LINGER / getpass.getuser()).exists(),
         "systemd": has_systemd,
     }
     if json_:
@@ -274,12 +274,3 @@ def _starts(unit: str) -> str:
     line = next((row for row in unit.splitlines() if row.startswith("ExecStart=")), "")
     words = shlex.split(line.removeprefix("ExecStart="))
     return words[0].replace("%%", "%") if words else ""
-
-
-def _program_exists(unit: str) -> bool:
-    return Path(_starts(unit)).is_file()
-
-
-def _lingers() -> bool:
-    """Whether this user's services run without a login."""
-    return (LINGER / getpass.getuser()).exists()

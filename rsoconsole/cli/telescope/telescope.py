@@ -18,7 +18,7 @@ from rsoconsole.cli.words import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
-from rsoconsole.errors import ControlError
+from rsoconsole.errors import ControlError, said_as
 from rsoconsole.waits import waits_reported_to
 from rsoconsole.words import direction
 
@@ -134,16 +134,14 @@ def status(
         return
     if out is not None:
         raise typer.BadParameter("--out belongs to --prometheus")
-    from rsoconsole.control import ControlClient, Machine, Sender, read_status
+    from rsoconsole.control import ControlClient, Machine, Sender, answer_of, read_status
     from rsoconsole.control.words import fault_words, held_words, holder_words, mount_words
 
-    outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
-    if not outcome.ok:
-        raise ControlError(outcome.message)
+    answer = answer_of(ControlClient(socket, sender=Sender(name="status")), AskStatus())
     if json_:
-        output.emit_json(dict(outcome.data))
+        output.emit_json(dict(answer))
         return
-    status = read_status(outcome.data)
+    status = read_status(answer)
     state = f"{status.state} {held_words(status)}".rstrip()
     words = [state, holder_words(status.holder, "plain"), f"frame {status.frame_id}"]
     if status.target:
@@ -170,22 +168,18 @@ def status(
 
 def _write_metrics(socket: Path | None, out: Path | None) -> None:
     from rsoconsole.cli.telescope.prometheus import metrics
-    from rsoconsole.control import ControlClient, Sender, read_status
+    from rsoconsole.control import ControlClient, Sender, status_of
     from rsoconsole.durable_files import write_durably
 
     try:
-        outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
-        status = read_status(outcome.data) if outcome.ok else None
+        text = metrics(status_of(ControlClient(socket, sender=Sender(name="status"))))
     except ControlError:
-        status = None
-    text = metrics(status)
+        text = metrics(None)
     if out is None:
         output.hand_over(text)
         return
-    try:
+    with said_as(ControlError, f"{out} cannot be written: "):
         write_durably(out, text.encode(), mode=0o644)
-    except OSError as error:
-        raise ControlError(f"{out} cannot be written: {error.strerror or error}") from error
 
 
 def _say_field(status: Status) -> None:
@@ -232,17 +226,7 @@ def stop(
     stopping.begin()
     ended = stopping.wait()
     if json_:
-        answer = {
-            "stopped": ended.phase == "stopped",
-            "motion": ended.motion,
-            "rate_deg_s": ended.rate_deg_s,
-            "path": ended.path,
-            "ordered_ms": ended.ordered_ms,
-            "answered_ms": ended.answered_ms,
-            "ms": ended.ms,
-            "reason": ended.reason or None,
-        }
-        output.emit_json(answer)
+        output.emit_json(ended, stopped=ended.phase == "stopped", reason=ended.reason or None)
     if ended.phase != "stopped":
         raise typer.Exit(STILL_MOVES_EXIT if ended.motion == "moves" else NOT_KNOWN_EXIT)
 

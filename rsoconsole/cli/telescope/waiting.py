@@ -15,7 +15,7 @@ import typer
 
 from rsoconsole.cli.words import bars_of
 from rsoconsole.config import Config, load_config
-from rsoconsole.control import AskStatus, Outcome, Status
+from rsoconsole.control import Outcome, Status
 from rsoconsole.control.words import NOT_KNOWN, motion_words
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.sky import separation_deg
@@ -141,12 +141,9 @@ class Follower:
         return ""
 
     def _look(self) -> Status:
-        from rsoconsole.control import read_status
+        from rsoconsole.control import status_of
 
-        outcome = self._wire.send(AskStatus())
-        if not outcome.ok:
-            raise ControlError(outcome.message)
-        return read_status(outcome.data)
+        return status_of(self._wire)
 
     def _expect_no_other(self, status: Status, goal: Goal) -> None:
         """Raises ControlError where something else has the mount now."""

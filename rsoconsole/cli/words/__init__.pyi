@@ -1,6 +1,7 @@
 from . import completion as completion
 from . import output as output
 from . import sessions_words as sessions_words
+from .batch_options import Bar as Bar
 from .batch_options import NoDaskOption as NoDaskOption
 from .batch_options import SchedulerOption as SchedulerOption
 from .batch_options import SerialOption as SerialOption
@@ -33,9 +34,13 @@ from .options import GraphicsOption as GraphicsOption
 from .options import JsonOption as JsonOption
 from .options import OverrideOption as OverrideOption
 from .options import PresetOption as PresetOption
+from .options import SessionArgument as SessionArgument
 from .options import SessionOption as SessionOption
+from .options import SessionsArgument as SessionsArgument
 from .options import SocketOption as SocketOption
 from .options import TauOption as TauOption
+from .options import TleOption as TleOption
+from .options import WriteOption as WriteOption
 from .options import number_or_text as number_or_text
 from .options import site_of as site_of
 from .orbit_files import form_of as form_of
@@ -53,5 +58,6 @@ from .usage import fold_helps as fold_helps
 from .usage import help_of as help_of
 from .usage import is_help as is_help
 from .usage import set_in_file as set_in_file
+from .usage import usage_faults as usage_faults
 from .usage import usage_line as usage_line
 from .what_if_words import answer_lines as answer_lines

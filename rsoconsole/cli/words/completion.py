@@ -67,16 +67,10 @@ def session_names(incomplete: str) -> list[str]:
     return [each for each in names if each.startswith(incomplete)] or sessions(incomplete)
 
 
-@quietly
-def presets(_: Any) -> Iterable[str]:
-    """Of the filter."""
-    return choices_of("filter.preset")
-
-
-@quietly
-def map_modes(_: Any) -> Iterable[str]:
-    """Of the detector."""
-    return choices_of("detector.map_mode")
+presets = quietly(lambda _: choices_of("filter.preset"))
+"""Of the filter."""
+map_modes = quietly(lambda _: choices_of("detector.map_mode"))
+"""Of the detector."""
 
 
 @quietly

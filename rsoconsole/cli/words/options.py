@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rsoconsole.cli.words import completion
-from rsoconsole.config import Graphics
+from rsoconsole.config import Graphics, SiteConfig
 from rsoconsole.control import OVERRIDE_HELP
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Site
@@ -21,6 +21,31 @@ SessionOption = Annotated[
 ]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
+]
+SessionArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SESSION",
+        help="A session's folder, or a branch's.",
+        autocompletion=completion.sessions,
+    ),
+]
+SessionsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SESSION...",
+        help="Folders of recorded sessions.",
+        autocompletion=completion.sessions,
+    ),
+]
+TleOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be repeated."
+    ),
+]
+WriteOption = Annotated[
+    bool, typer.Option("--write", help="Write the result into the configuration.")
 ]
 TauOption = Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")]
 PresetOption = Annotated[
@@ -47,17 +72,19 @@ def site_of(text: str) -> Site:
     try:
         latitude_deg, longitude_deg, *height_m = map(float, text.split(","))
         (elevation_m,) = height_m or (0.0,)
+        if abs(longitude_deg) > 360.0:
+            raise ValueError(longitude_deg)
+        if longitude_deg < -180.0:
+            longitude_deg += 360.0
+        place = SiteConfig(
+            latitude_deg=latitude_deg, longitude_deg=longitude_deg, elevation_m=elevation_m
+        )
     except ValueError as error:
-        raise ConfigError(f"--site {text!r}: write LAT,LON,ELEV, like 52.2,21.0,110") from error
-    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0):
-        raise ConfigError(f"--site {text!r}: latitude is -90 to 90, longitude -360 to 360")
-    if not -430.0 <= elevation_m <= 9000.0:
-        raise ConfigError(f"--site {text!r}: elevation is -430 to 9000 m")
-    return Site(
-        latitude_deg=latitude_deg,
-        longitude_deg=(longitude_deg + 180.0) % 360.0 - 180.0,
-        elevation_m=elevation_m,
-    )
+        raise ConfigError(
+            f"--site {text!r}: write LAT,LON,ELEV, like 52.2,21.0,110; latitude is -90 to 90,"
+            " longitude -360 to 360, elevation -430 to 9000 m"
+        ) from error
+    return place.to_site()
 
 
 def number_or_text(value: str) -> float | str:

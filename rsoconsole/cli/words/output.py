@@ -79,6 +79,21 @@ def complain(*lines: str) -> None:
         typer.echo(one_line(line), err=True)
 
 
+def exit_where(failed: int, words: str = "") -> None:
+    """End with 1 where something has failed, and say so."""
+    if failed and words:
+        complain(f"rsoconsole: {words}")
+    if failed:
+        raise typer.Exit(1)
+
+
+def report_fault(json_: bool, words: str, **of: Any) -> None:
+    """What one of many could not be worked on for: on stderr, and in the JSON with what it is."""
+    if json_:
+        emit_json({**of, "error": words})
+    complain(f"rsoconsole: {words}")
+
+
 def hand_over(text: str) -> None:
     """A document on stdout, to the last character where that is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)

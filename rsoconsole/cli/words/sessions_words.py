@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.control import SCHEMA
-from rsoconsole.words import counted, file_size, span
+from rsoconsole.words import clock, counted, file_size, span
 
 if TYPE_CHECKING:
     from rsoconsole.session.files import Finding, Verification
@@ -32,7 +32,7 @@ def summary_words(each: "SessionSummary") -> str:
     if each.fault is not None:
         size = file_size(each.size_bytes)
         return f"{'-':16} {'-':>8} {'-':>7} {'-':>9} {size:>10}  {each.state}  {name}: {each.fault}"
-    begin = (_iso(each.t_first_utc_ns) or "-")[:16].replace("T", " ")
+    begin = clock(each.t_first_utc_ns, "dated minute", "") if each.t_first_utc_ns else "-"
     share = "-" if each.followed_share is None else f"{100 * each.followed_share:.0f} %"
     rescue = "" if each.rescues is None else f", rescue of {each.rescues}"
     marks = (
@@ -134,9 +134,3 @@ def say_plan(steps: "tuple[Step, ...]", folder: Path, what: str, is_done: bool) 
         )
     else:
         output.say(f"nothing would go; {file_size(free)} are free")
-
-
-def _iso(t_utc_ns: int | None) -> str | None:
-    from rsoconsole.sky import utc_ns_to_iso
-
-    return None if t_utc_ns is None else utc_ns_to_iso(t_utc_ns)

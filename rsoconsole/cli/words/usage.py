@@ -1,9 +1,10 @@
 """Wrong usage in one line: which verb, what is wrong, what to write instead."""
 
+import contextlib
 import inspect
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,15 @@ def usage_line(error: Any) -> str:
     words = _near_option(words, error)
     remedy = "" if "?" in words else f": '{path} --help' shows an example"
     return f"{path}: {words[:1].lower()}{words[1:]}{remedy}"
+
+
+@contextlib.contextmanager
+def usage_faults(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
+    """Raise what cannot be meant as wrong usage of the option ``hint``."""
+    try:
+        yield
+    except caught as error:
+        raise typer.BadParameter(str(error), param_hint=hint or None) from error
 
 
 def set_in_file(

@@ -13,11 +13,9 @@ from rsoconsole.notebook.figures.page import (
     MEASURED,
     PREDICTED,
     UPDATED,
-    head,
-    legend_above,
+    finish,
     note,
     shade_misses,
-    time_axis,
     with_track,
 )
 from rsoconsole.notebook.night import DrawnNight, TruePlace, offset_arcsec
@@ -47,10 +45,7 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
     lower.ticklabel_format(axis="y", useOffset=False)
     upper.set_ylabel("Right ascension, ICRS (deg)")
     lower.set_ylabel("Declination, ICRS (deg)")
-    figure.align_ylabels((upper, lower))
-    time_axis(lower, night)
-    head(upper, night, "The track")
-    legend_above(figure, keys)
+    finish(figure, night, "The track", keys)
 
 
 def draw_about_line(figure: Any, night: DrawnNight) -> None:
@@ -80,10 +75,7 @@ def draw_about_line(figure: Any, night: DrawnNight) -> None:
     lower.set_ylabel("δ − line (arcsec)")
     note(upper, _line_words("α", ra_line))
     note(lower, _line_words("δ", dec_line))
-    figure.align_ylabels((upper, lower))
-    time_axis(lower, night)
-    head(upper, night, "The track about a straight line")
-    legend_above(figure, _with_bars(keys))
+    finish(figure, night, "The track about a straight line", _with_bars(keys))
 
 
 def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) -> None:
@@ -105,11 +97,8 @@ def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) 
     _panel(lower, night, error(1), _sigma_north_arcsec, is_about_zero=True)
     upper.set_ylabel("Error in α cos δ (arcsec)")
     lower.set_ylabel("Error in δ (arcsec)")
-    figure.align_ylabels((upper, lower))
-    time_axis(lower, night)
     name = next((true.name for true in truth.values()), "nothing real")
-    head(upper, night, f"Errors against the true place of {name}")
-    legend_above(figure, _with_bars(keys))
+    finish(figure, night, f"Errors against the true place of {name}", _with_bars(keys))
 
 
 def _panel(

@@ -3,16 +3,14 @@
 import math
 from typing import Any
 
-from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
+from rsoconsole.night import FRAME_FACTS, facts_of
 from rsoconsole.notebook.figures.page import (
     BAND,
     BOUND,
     MEASURED,
-    head,
-    legend_above,
+    finish,
     note,
     shade_misses,
-    time_axis,
 )
 from rsoconsole.notebook.night import DrawnNight
 
@@ -56,25 +54,22 @@ def draw_confidence(figure: Any, night: DrawnNight) -> None:
     )
     axis.set_ylim(0.0, 1.02)
     axis.set_ylabel("Confidence")
-    time_axis(axis, night)
-    head(axis, night, "Confidence of the detections")
     taus = sorted({frame.tau for frame in night.frames})
     tau_words = f"τ = {taus[0]:.2f}" if len(taus) == 1 else "τ"
     keys = [(taken, "taken by the track"), (other, "not taken"), (tau, tau_words)]
-    legend_above(figure, [*keys, (column, "missed")])
+    finish(figure, night, "Confidence of the detections", [*keys, (column, "missed")])
 
 
 def draw_residuals(figure: Any, night: DrawnNight) -> None:
     """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
     upper, lower = figure.subplots(2, 1, sharex=True)
-    frames = [frame for frame in night.frames if _innovation(frame) is not None]
     words = ("Δα cos δ (arcsec)", "Δδ (arcsec)")
     mark: Any = None
     bound: Any = None
     column: Any = None
     for index, (axis, label) in enumerate(zip((upper, lower), words, strict=True)):
         column = shade_misses(axis, night) or column
-        t_s, values, bounds = _series(night, frames, index)
+        t_s, values, bounds = _series(night, index)
         axis.axhline(0.0, color="#888888", linewidth=0.7)
         axis.fill_between(t_s, [-b for b in bounds], bounds, **BAND)
         (bound,) = axis.plot(t_s, bounds, **BOUND)
@@ -82,22 +77,14 @@ def draw_residuals(figure: Any, night: DrawnNight) -> None:
         (mark,) = axis.plot(t_s, values, **{**MEASURED, "markersize": 4.6})
         axis.set_ylabel(label)
         _scale(axis, values, bounds)
-    figure.align_ylabels((upper, lower))
-    time_axis(lower, night)
-    head(upper, night, "Innovations, measured minus predicted")
     bound_words = "± 3 √S, S = C P⁻ Cᵀ + R"
-    legend_above(figure, [(mark, "innovation"), (bound, bound_words), (column, "missed")])
+    keys = [(mark, "innovation"), (bound, bound_words), (column, "missed")]
+    finish(figure, night, "Innovations, measured minus predicted", keys)
 
 
-def _innovation(frame: NightFrame) -> tuple[float, float] | None:
-    return None if frame.updated is None else frame.updated.innovation_arcsec
-
-
-def _series(
-    night: DrawnNight, frames: list[NightFrame], index: int
-) -> tuple[list[float], list[float], list[float]]:
+def _series(night: DrawnNight, index: int) -> tuple[list[float], list[float], list[float]]:
     t_s, values, bounds = [], [], []
-    for frame in frames:
+    for frame in night.frames:
         state = frame.updated
         if state is not None and state.innovation_arcsec and state.sigma_innovation_arcsec:
             t_s.append(night.seconds(frame))
@@ -159,11 +146,9 @@ def draw_nis(figure: Any, night: DrawnNight) -> None:
     if floor >= 0.01:
         axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_ylabel("NIS (ideal mean 2)")
-    time_axis(axis, night)
-    head(axis, night, "Normalised innovation squared")
     keys = [(mark, "NIS"), (mean, f"mean of {WINDOW}"), (band, "95 % of one")]
     keys += [(window_band, f"95 % of the mean of {WINDOW}"), (gate, "gate"), (column, "missed")]
-    legend_above(figure, keys)
+    finish(figure, night, "Normalised innovation squared", keys)
 
 
 def draw_quality(figure: Any, night: DrawnNight) -> None:
@@ -178,6 +163,4 @@ def draw_quality(figure: Any, night: DrawnNight) -> None:
         if points:
             axis.plot(*zip(*points, strict=True), ".-", color=BOUND["color"], linewidth=0.9)
         axis.set_ylabel(f"{fact.label}\n({fact.unit})" if fact.unit else fact.label)
-    figure.align_ylabels(panels)
-    time_axis(panels[-1], night)
-    head(panels[0], night, "Image and sky")
+    finish(figure, night, "Image and sky")

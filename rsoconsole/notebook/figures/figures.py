@@ -7,13 +7,13 @@ their own bounds by themselves.
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from rsoconsole.control import one_line
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, said_as
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.figures.draw_time import (
     draw_confidence,
@@ -59,6 +59,14 @@ def has_track(night: DrawnNight) -> bool:
     return any(frame.updated is not None for frame in night.frames)
 
 
+_UNDATED: Mapping[FigureFormat, dict[str, Any]] = {
+    "png": {},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+"""The file says nothing of when it was drawn."""
+
+
 def write_figures(
     session: Path, out: Path, *, truth: Path | None = None, file_format: FigureFormat = "png"
 ) -> tuple[Path, ...]:
@@ -77,16 +85,6 @@ def write_figures(
             Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
         )
     notes = clock_notes(SessionReader(session))
-    return _written(night, drawings, out, file_format, notes)
-
-
-def _written(
-    night: DrawnNight,
-    drawings: list[Drawing],
-    out: Path,
-    file_format: FigureFormat,
-    notes: tuple[str, ...],
-) -> tuple[Path, ...]:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
     from rsoconsole.notebook.figures.inline import NightFigure, styled
 
@@ -102,15 +100,8 @@ def _written(
                 words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MOST_NOTES])
                 figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
             path = out / f"{number}_{drawing.name}.{file_format}"
-            try:
+            with said_as(SessionError, f"{path} cannot be written: "):
                 out.mkdir(parents=True, exist_ok=True)
-                figure.savefig(path, metadata=_undated(file_format))
-            except OSError as error:
-                raise SessionError(f"{path} cannot be written: {error}") from error
+                figure.savefig(path, metadata=_UNDATED[file_format])
             paths.append(path)
     return tuple(paths)
-
-
-def _undated(file_format: FigureFormat) -> dict[str, Any]:
-    """The file says nothing of when it was drawn."""
-    return {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}[file_format]

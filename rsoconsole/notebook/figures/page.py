@@ -1,6 +1,7 @@
 """What all figures share: type, colours and marks, the axis of time, misses, legends."""
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 from rsoconsole.night import NightFrame
@@ -115,7 +116,7 @@ def median_step_s(night: DrawnNight) -> float:
     return steps[len(steps) // 2] if steps else 30.0
 
 
-def legend_above(figure: Any, handles: list[tuple[Any, str]]) -> None:
+def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
     """One line of keys above the panels; those that nothing was drawn for are left out."""
     drawn = [(handle, label) for handle, label in handles if handle is not None]
     figure.legend(
@@ -126,6 +127,16 @@ def legend_above(figure: Any, handles: list[tuple[Any, str]]) -> None:
         columnspacing=1.4,
         handletextpad=0.5,
     )
+
+
+def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
+    """What stands about the panels: a title, the axis of time, the keys."""
+    panels = figure.axes
+    figure.align_ylabels(panels)
+    time_axis(panels[-1], night)
+    head(panels[0], night, what)
+    if keys:
+        legend_above(figure, keys)
 
 
 def with_track(night: DrawnNight) -> list[NightFrame]:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.export import ExportedNight, MeasuredRow
+from rsoconsole.control import one_line
+from rsoconsole.export import Export, ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
 from rsoconsole.notebook.night import DrawnNight, read_night
@@ -49,9 +50,7 @@ class Report:
     """The page, and what is in it."""
 
     html: str
-    measurements: int
-    tracks: int
-    is_simulated: bool
+    made: Export
 
 
 def render_report(session: Path) -> Report:
@@ -67,14 +66,14 @@ def render_report(session: Path) -> Report:
     tracks = track_facts(exported.rows, known)
     said = filter_words(night)
     shown = shown_frames(session, night, exported.rows)
-    rows = exported.rows
+    rows, changes = exported.rows, exported.about.get("tried")
     html = (
         _environment()
         .get_template(TEMPLATE)
         .render(
             night=night,
             span=when(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
-            about=_about(exported),
+            changes=settings_words(changes) if isinstance(changes, Mapping) else "",
             exported=exported,
             course=course,
             entries=course.entries[:MOST_ENTRIES],
@@ -87,21 +86,24 @@ def render_report(session: Path) -> Report:
             pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
             unseen=field.unseen,
             passes=pass_facts(record for _, _, record in SessionReader(session).records()),
-            drawings=inline_figures(night, _alts(night, figures), _with_firsts(night, rows)),
+            drawings=inline_figures(night, _with_firsts(night, rows)),
+            alts=_alts(night, figures),
             pictures=shown,
             pictures_left_out=len(night.frames) - len(shown),
             rows=rows[:MOST_ROWS],
             rows_left_out=max(len(rows) - MOST_ROWS, 0),
-            setup=[*_setup(exported), *_quality(night)],
+            shutter=_shutter(exported),
+            quality=_quality(night),
             version=__version__,
         )
     )
-    return Report(
-        html=html,
+    made = Export(
+        format="html",
         measurements=len(rows),
         tracks=len(tracks),
         is_simulated=exported.is_simulated,
     )
+    return Report(html=html, made=made)
 
 
 def _environment() -> Any:
@@ -119,6 +121,8 @@ def _environment() -> Any:
     environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
     environment.policies["truncate.leeway"] = 0
     environment.filters["fixed"] = _fixed
+    environment.filters["one_line"] = one_line
+    environment.filters["g"] = "{:g}".format
     environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
     return environment
@@ -133,18 +137,6 @@ def _minus(text: str) -> str:
     if text.startswith(("-", "+")) and not text.strip("+-0:."):
         return text[1:]
     return text.replace("-", "−")
-
-
-def _about(exported: ExportedNight) -> dict[str, Any]:
-    """The head's facts: when, where, and what kind of record this is."""
-    about = exported.about
-    changes = about.get("tried")
-    return {
-        "is_simulated": exported.is_simulated,
-        "is_closed": about.get("is_closed") is True,
-        "is_branch": bool(about.get("branch_of")),
-        "tried": settings_words(changes) if isinstance(changes, Mapping) else "",
-    }
 
 
 def _conclusion(
@@ -232,49 +224,6 @@ def _shutter(exported: ExportedNight) -> str:
     if not exposure.calibrated or not exported.rows:
         return f"shutter known to {usual_sigma_s(exposure) * 1e3:g} ms"
     return shutter_words(exposure, day_of(exported.rows[0].t_mid_utc_ns))
-
-
-def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
-    """How it was observed, for anyone who wants to do it again."""
-    config, about = exported.config, exported.about
-    site, optics = config.site.to_site(), config.optics
-    field = optics.field_deg
-    versions = about.get("versions")
-    known = versions if isinstance(versions, Mapping) else {}
-    offset = about.get("clock_offset_s")
-    offset_words = "offset not recorded"
-    if isinstance(offset, int | float):
-        offset_words = f"offset {offset * 1e3:+.1f} ms"
-    return [
-        (
-            "Site",
-            f"{config.site.name}, {_minus(f'{site.latitude_deg:+.5f}')}°,"
-            f" {_minus(f'{site.longitude_deg:+.5f}')}° (east positive), {site.elevation_m:g} m",
-        ),
-        (
-            "Telescope",
-            f"focal length {optics.focal_length_mm:g} mm, {optics.width_px} × {optics.height_px}"
-            f" pixels of {optics.pixel_um:g} µm, {optics.scale_arcsec_px:.3f}″ a pixel,"
-            f" field {field[0]:.2f}° × {field[1]:.2f}°",
-        ),
-        (
-            "Exposure",
-            f"{config.exposure.exposure_s:g} s every {config.exposure.cadence_s:g} s at the"
-            f" sidereal rate; {_shutter(exported)}",
-        ),
-        ("Clock", "; ".join((offset_words, *exported.clock_notes))),
-        (
-            "Detector",
-            f"τ {config.detector.tau:g}, map {config.detector.map_mode}, centroid"
-            f" {config.detector.centroid}; network {str(about.get('model_sha256'))[:12]}",
-        ),
-        (
-            "Filter",
-            f"preset {config.filter.preset}, q {config.filter.q_arcsec2_s3:g} arcsec²/s³,"
-            f" gate NIS {config.filter.gate_nis:g}",
-        ),
-        ("Software", ", ".join(f"{name} {number}" for name, number in known.items()) or "–"),
-    ]
 
 
 def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rsoconsole.control import one_line
 from rsoconsole.records import ExpectedMembers, PairMotion, PairMotions, Record, UnseenMember
 
 MOST_PAIRS = 40
@@ -24,8 +23,6 @@ class PairFacts:
 class UnseenFacts:
     """A catalogued object that stood in frames and was not followed there."""
 
-    norad_id: int
-    name: str
     looks: int
     """How often the catalogue was asked while it should have been there, and no track was of it."""
     of_looks: int
@@ -67,14 +64,12 @@ def field_facts(records: Iterable[Record]) -> FieldFacts:
         pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
         unseen=tuple(
             UnseenFacts(
-                norad_id=number,
-                name=one_line(member.name),
                 looks=count,
                 of_looks=looks,
                 lit=lit,
                 last=member,
             )
-            for number, (count, lit, member) in sorted(
+            for _, (count, lit, member) in sorted(
                 unseen.items(), key=lambda item: (-item[1][0], item[0])
             )
         ),

@@ -2,8 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from rsoconsole.notebook.figures import (
@@ -39,86 +39,30 @@ _URL = re.compile(r"url\(#([^)]+)\)")
 _OPENING = re.compile(r"<svg\b[^>]*?viewBox=\"([^\"]+)\"[^>]*>", re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InlineFigure:
-    """One figure of the report."""
-
-    name: str
-    svg: str
-    """Well-formed, without any reference out of the page."""
-    title: str
-    caption: str
-    alt: str
+_DRAWN: Mapping[str, tuple[Callable[[Any, DrawnNight], None], float]] = {
+    "confidence": (draw_confidence, 2.8),
+    "track": (draw_track, 4.6),
+    "about_line": (draw_about_line, 4.6),
+    "residuals": (draw_residuals, 4.6),
+    "nis": (draw_nis, 2.8),
+}
+"""What draws each, and how high it is in inches; the page has their titles and captions."""
 
 
-_Drawing = tuple[str, str, str, Callable[[Any, DrawnNight], None], float]
-_CONFIDENCE: _Drawing = (
-    "confidence",
-    "Confidence",
-    "Confidence of the measurement that the track took in each frame, of the others, and the"
-    " threshold τ. Frames in which the followed object was missed are shaded.",
-    draw_confidence,
-    2.8,
-)
-_WITH_TRACK: tuple[_Drawing, ...] = (
-    (
-        "track",
-        "The track",
-        "Right ascension and declination against time: measured (squares), updated (triangles),"
-        " predicted (circles), 3 σ bounds of the state dashed.",
-        draw_track,
-        4.6,
-    ),
-    (
-        "about_line",
-        "The track about a straight line",
-        "The same after the straight line through the updated states is taken out, in seconds of"
-        " arc on the sky; bars are one sigma of a measurement as it says of itself.",
-        draw_about_line,
-        4.6,
-    ),
-    (
-        "residuals",
-        "Residuals",
-        "Innovations, measured minus predicted, within ± 3 √S. A sound filter has 99.7 % of them"
-        " inside on each axis, and no run on one side.",
-        draw_residuals,
-        4.6,
-    ),
-    (
-        "nis",
-        "Normalised innovation squared",
-        "NIS of every update with its 95 % band for two degrees of freedom, and its running mean"
-        " over twelve updates with the band of that mean. Its mean is 2 for a sound filter.",
-        draw_nis,
-        2.8,
-    ),
-)
+def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:
+    """The paper's figures as SVG by name; a night without a track has the confidences alone.
 
-
-def inline_figures(
-    night: DrawnNight, alts: dict[str, str], with_firsts: DrawnNight
-) -> tuple[InlineFigure, ...]:
-    """The paper's figures; a night without a track has the confidences alone.
-
-    ``alts``: what each says, in words, by name, for those who cannot see it. ``with_firsts``: the
-    same night where what began a track counts as taken by it, for the confidences.
+    Well-formed, without any reference out of the page. ``with_firsts``: the same night where what
+    began a track counts as taken by it, for the confidences.
     """
-    drawings = [_CONFIDENCE]
-    if any(frame.updated is not None for frame in night.frames):
-        drawings += _WITH_TRACK
-    return tuple(
-        InlineFigure(
-            name=name,
-            svg=_inlined(
-                _drawn(draw, with_firsts if name == "confidence" else night, height_in), name
-            ),
-            title=title,
-            caption=caption,
-            alt=alts.get(name, caption),
-        )
-        for name, title, caption, draw, height_in in drawings
-    )
+    has_track = any(frame.updated is not None for frame in night.frames)
+    drawn = {}
+    for name, (draw, height_in) in _DRAWN.items():
+        if name == "confidence":
+            drawn[name] = _inlined(_drawn(draw, with_firsts, height_in), name)
+        elif has_track:
+            drawn[name] = _inlined(_drawn(draw, night, height_in), name)
+    return drawn
 
 
 def _drawn(draw: Callable[[Any, DrawnNight], None], night: DrawnNight, height_in: float) -> str:

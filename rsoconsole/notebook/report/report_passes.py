@@ -4,7 +4,6 @@ import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rsoconsole.control import one_line
 from rsoconsole.records import LeapDone, LowPass, Record
 
 PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
@@ -16,7 +15,6 @@ class PassFacts:
     """One pass, with what came of its leaps."""
 
     over: LowPass
-    name: str
     leaps: int
     """Ordered."""
     met: int
@@ -51,7 +49,6 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
     counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
     return PassFacts(
         over=over,
-        name=one_line(over.name),
         leaps=len(leaps),
         met=len(met),
         at_close=sum(each.ordered == "at close" for each in leaps),
