@@ -3,13 +3,16 @@
 Which devices it has, and where the mount stands.
 """
 
-from contextlib import closing, suppress
+import html
+import re
+import socket
+import time
+from contextlib import closing
 
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor_check import Check, bad, well
 from rsoconsole.engine.doctor.doctor_imports import import_faults
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountAbilities
 from rsoconsole.instruments.indi import ANY_CLIENT, IndiWire, meant_libraries
 from rsoconsole.instruments.mount import abilities_by
@@ -17,6 +20,7 @@ from rsoconsole.records import Site
 
 _COORDINATES = "EQUATORIAL_EOD_COORD"
 _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
+_DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
 def check_client(config: Config) -> Check:
@@ -43,17 +47,27 @@ def check_client(config: Config) -> Check:
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
     """The devices that the server announces, until those wanted are there.
 
-    Ends also when it has announced nothing new for ``quiet_s``. Raises InstrumentError where no
-    server answers.
+    Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
     """
+    received = b""
     found: set[str] = set()
-    with closing(IndiWire(host, port, quiet_s)) as wire, suppress(InstrumentError):
-        wire.ask_all()
-        while not wanted <= found:
-            vector = wire.wait(lambda vector: vector.device not in found, quiet_s)
-            if vector is None:
+    news_s = time.monotonic()
+    with socket.create_connection((host, port), timeout=quiet_s) as wire:
+        wire.sendall(b'<getProperties version="1.7"/>\n')
+        while not wanted <= found and (left_s := news_s + quiet_s - time.monotonic()) > 0:
+            wire.settimeout(left_s)
+            try:
+                chunk = wire.recv(65536)
+            except TimeoutError:
                 break
-            found.add(vector.device)
+            if not chunk:
+                break
+            received += chunk
+            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(received)}
+            if names != found:
+                found, news_s = names, time.monotonic()
+            # The beginning of the next name may be in this one's end.
+            received = received[received.rfind(b"<") :]
     return found
 
 
