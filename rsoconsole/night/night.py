@@ -173,7 +173,7 @@ class Night:
             record, t_utc_ns, self._beside(record, frame), is_one_of_several=is_one_of_several
         )
         if line is not None and isinstance(record, Miss) and _is_elsewhere(record, frame):
-            said = f"no miss: frame {line.frame_id:04d} was {ELSEWHERE}"
+            said = f"no miss: frame {record.frame_id:04d} was {ELSEWHERE}"
             line = replace(line, level="info", text=said, words=said, missed=None)
         is_news = not (isinstance(record, Identified) and is_same_name(named, record))
         if line is not None and is_news:

@@ -70,7 +70,7 @@ def test_what_filters_know_does_not_stay_in_memory_for_a_whole_night():
         taken.receive(measured)
         taken.receive(state("predicted", frame_id, 1, None))
         taken.receive(state("initial" if frame_id == 1 else "updated", frame_id, 1, measured))
-    steps = [frame.steps[1] for frame in taken._frames.values()]
+    steps = [frame[1] for frame in taken._frames.values()]
     assert sum(each.predicted is not None for each in steps) == WHOLE
     whole = [each.corrected for each in steps if each.corrected and each.corrected.memory]
     assert len(whole) == WHOLE
