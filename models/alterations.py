@@ -14,7 +14,7 @@ import numpy as np
 
 from models.extras import Canvas, FloatArray, Points
 from models.light import log_uniform
-from rsoconsole.simulator.camera import (
+from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
     WIND_TAU_S,
     ImageMotion,

@@ -13,7 +13,7 @@ import numpy as np
 from models.fields import clip_to_box
 from models.frames import Split, TrueFrame, TrueTrail, noise_electrons, sky_field
 from rsoconsole.records import FloatArray, Frame
-from rsoconsole.simulator.camera import (
+from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
     FieldContent,
     ImageMotion,

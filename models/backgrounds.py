@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.vision.detector import WIDE_PX
-from rsoconsole.vision.stars import find_stars
+from rsoconsole.vision import WIDE_PX, find_stars
 
 Float32Array = npt.NDArray[np.float32]
 Ends = tuple[float, float, float, float]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from models.rows import HERE
-from rsoconsole.vision.detector import MODEL_NAME
+from rsoconsole.vision import MODEL_NAME
 
 README = HERE / "README.md"
 FIGURES = HERE / "figures.json"

@@ -29,7 +29,7 @@ from models.curve_fit import (
 from models.frames import HARD, Kind
 from models.judging import FrameRow
 from models.rows import HERE, complete, folder_of
-from rsoconsole.vision.detector import FEATURES, MODEL_NAME
+from rsoconsole.vision import FEATURES, MODEL_NAME
 
 CARD = (HERE / MODEL_NAME).with_suffix(".json")
 SPLIT: dict[Kind, float] = {

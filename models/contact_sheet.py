@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from models.field_scene import draw_field, draw_sensor
 from models.fields import KINDS, Conditions, Field
-from rsoconsole.simulator.camera import frame_rng
+from rsoconsole.simulator import frame_rng
 
 ByteArray = npt.NDArray[np.uint8]
 _ZOOM = 2

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from models.frames import HARD, Kind
 from models.judging import CandidateRow, FrameRow, features_of
 from models.scoring import logit_for_rate
-from rsoconsole.vision.detector import FEATURES, LOOKED_AT, WAYS
+from rsoconsole.vision import FEATURES, LOOKED_AT, WAYS
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

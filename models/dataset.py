@@ -18,7 +18,7 @@ from models.backgrounds import Split
 from models.field_scene import draw_field, draw_sensor
 from models.fields import KINDS, Conditions, Field, TrueStreak
 from models.real_fields import draw_real_fields
-from rsoconsole.simulator.camera import frame_rng
+from rsoconsole.simulator import frame_rng
 
 FIELDS_PER_SHARD = 50
 SEED = 20261121

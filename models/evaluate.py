@@ -29,8 +29,7 @@ from models.nights import (
 )
 from models.scoring import Score, score
 from rsoconsole.records import MapMode, PixelArray
-from rsoconsole.vision.detector import Network
-from rsoconsole.vision.frame import choose_blocks, make_map
+from rsoconsole.vision import Network, choose_blocks, make_map
 
 SNR_BANDS = ((1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 10.0), (10.0, 30.0))
 

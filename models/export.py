@@ -17,13 +17,15 @@ from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU,
 from models.precision import INT8, choose, judged, network_at, quantise
 from models.scoring import Score, fit_platt, logit_for_rate, score
 from models.streak_net import StreakNet
-from rsoconsole.vision.detector import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
-from rsoconsole.vision.frame import (
+from rsoconsole.vision import (
     CODES_PER_SIGMA,
+    LENGTH_UNIT_CELLS,
     LOWEST_SIGMA,
     MAP_KIND,
+    MODEL_NAME,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
+    STRIDE_CELLS,
 )
 
 VERSION = "3"

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from models.light import lamp_curve, log_uniform, meteor_curve
-from rsoconsole.simulator.camera import FWHM_PER_SIGMA, WINGS, Streak, annulus, straight_streak
+from rsoconsole.simulator import FWHM_PER_SIGMA, WINGS, Streak, annulus, straight_streak
 
 FloatArray = npt.NDArray[np.float64]
 Points = tuple[FloatArray, FloatArray, FloatArray]

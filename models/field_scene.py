@@ -36,8 +36,8 @@ from models.fields import (
 from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.camera import FWHM_PER_SIGMA, FieldContent, SensorModel, Streak, render
-from rsoconsole.vision.frame import find_pattern, make_map
+from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, SensorModel, Streak, render
+from rsoconsole.vision import find_pattern, make_map
 
 _SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
 """How often each of ``KINDS`` is drawn."""

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import MapMode
-from rsoconsole.vision.frame import ByteArray, binning_of
+from rsoconsole.vision import ByteArray, binning_of
 
 FIELD_CELLS = 192
 Kind = Literal["ordinary", "empty", "trailed stars", "aircraft", "rays", "meteor"]

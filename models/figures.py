@@ -11,7 +11,7 @@ from models.curve_fit import counts, gathered, population_weights, reliability
 from models.frames import HARD, KINDS, Kind
 from models.intervals import rate_interval, rate_upper_limit, share_interval
 from models.judging import FrameRow, TrailRow, confidences_of
-from rsoconsole.vision.detector import ConfidenceCurve
+from rsoconsole.vision import ConfidenceCurve
 
 SNR_BANDS = ((5.0, 30.0), (3.0, 5.0), (2.0, 3.0), (1.5, 2.0), (0.8, 1.5))
 LENGTH_BANDS_PX = (

@@ -16,21 +16,22 @@ import numpy as np
 from models.fields import clip_to_box
 from models.nuisances import drawn_out_stars, passing_aircraft, wide_cosmic_rays
 from rsoconsole.records import Frame
-from rsoconsole.simulator.camera import (
+from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
+    NS,
     WINGS,
+    CloudDeck,
     FieldContent,
     FloatArray,
+    Scene,
     SensorModel,
     cloud_at,
     frame_rng,
     render,
+    scenario_named,
     straight_streak,
     vignetting,
 )
-from rsoconsole.simulator.nights import scenario_named
-from rsoconsole.simulator.scene import NS, Scene
-from rsoconsole.simulator.sky import CloudDeck
 from rsoconsole.sky import iso_to_utc_ns, tan_wcs
 
 Split = Literal["calibrate", "test"]

@@ -14,7 +14,7 @@ from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections
 from rsoconsole.sky import turn_deg
-from rsoconsole.vision.detector import (
+from rsoconsole.vision import (
     Candidate,
     ConfidenceCurve,
     Focus,
@@ -22,12 +22,12 @@ from rsoconsole.vision.detector import (
     LineLight,
     Network,
     NetworkBox,
+    PsfField,
     StreakDetector,
     WorkingFrame,
     confidence_features,
     to_original,
 )
-from rsoconsole.vision.stars import PsfField
 from rsoconsole.words import text
 
 ON_TRAIL_PX, _ON_TRAIL_WIDTHS = 5.0, 0.6

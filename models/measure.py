@@ -20,7 +20,7 @@ from models.judging import FrameRow, confidences_of, measured_of
 from models.rows import HERE, complete, fingerprint, folder_of
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection
-from rsoconsole.vision.detector import FEATURES, ConfidenceCurve, Network, StreakDetector
+from rsoconsole.vision import FEATURES, ConfidenceCurve, Network, StreakDetector
 
 FIGURES = HERE / "figures.json"
 GALLERY = HERE / "gallery.png"

@@ -7,7 +7,7 @@ from models.dataset import FIELDS_PER_SHARD, read_shard, write_fields
 from models.field_scene import draw_field, draw_sensor
 from models.fields import FIELD_CELLS, Conditions, Field
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.camera import frame_rng
+from rsoconsole.simulator import frame_rng
 
 TAU = 0.10
 FRAME_CELLS = 582 * 440

@@ -8,13 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsoconsole.simulator.camera import (
-    FWHM_PER_SIGMA,
-    FieldContent,
-    FloatArray,
-    Streak,
-    straight_streak,
-)
+from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, FloatArray, Streak, straight_streak
 
 _APERTURE_M, _FOCAL_M, _PIXEL_M = 0.28, 0.62, 3.8e-6
 _PX_PER_RAD = _FOCAL_M / _PIXEL_M

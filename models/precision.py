@@ -9,8 +9,7 @@ import numpy as np
 
 from models.fields import Field
 from models.scoring import Score, score
-from rsoconsole.vision.detector import Network
-from rsoconsole.vision.frame import NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS
+from rsoconsole.vision import NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS, Network
 
 INT8 = {"int8": "static_wi8_ai8", "int8-weights": "dynamic_wi8_afp32"}
 """Names of the int8 networks and the recipes of AI Edge Quantizer that make them."""

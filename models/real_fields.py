@@ -19,7 +19,7 @@ from models.fields import FIELD_CELLS, Conditions, Field, Kind, TrueStreak
 from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.camera import (
+from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
     FieldContent,
     SensorModel,
@@ -28,7 +28,7 @@ from rsoconsole.simulator.camera import (
     straight_streak,
     streak_points,
 )
-from rsoconsole.vision.frame import find_pattern, local_background, make_map
+from rsoconsole.vision import find_pattern, local_background, make_map
 
 _BLOCKS = (2, 4)
 _ZOOM = (0.8, 1.6)

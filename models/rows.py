@@ -18,8 +18,8 @@ from pathlib import Path
 from models.altered import draw_altered
 from models.frames import KINDS, Kind, Split, TrueFrame, draw
 from models.judging import FrameRow, Judge
-from rsoconsole.simulator.camera import SensorModel
-from rsoconsole.vision.detector import MODEL_NAME
+from rsoconsole.simulator import SensorModel
+from rsoconsole.vision import MODEL_NAME
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"

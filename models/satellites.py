@@ -23,7 +23,7 @@ from models.fields import (
 )
 from models.light import log_uniform, satellite_curve
 from rsoconsole.records import MapMode
-from rsoconsole.simulator.camera import (
+from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
     FieldContent,
     SensorModel,

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from models.fields import Field, TrueStreak
-from rsoconsole.vision.detector import MapStreak, decode, keep_distinct
-from rsoconsole.vision.frame import ByteArray
+from rsoconsole.vision import ByteArray, MapStreak, decode, keep_distinct
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]

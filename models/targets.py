@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from models.fields import Field, Kind, clip_to_box, cut_ends, is_asked_for
-from rsoconsole.vision.detector import LENGTH_UNIT_CELLS, STRIDE_CELLS
+from rsoconsole.vision import LENGTH_UNIT_CELLS, STRIDE_CELLS
 
 Float32Array = npt.NDArray[np.float32]
 TARGET_CHANNELS = 7

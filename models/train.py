@@ -21,7 +21,7 @@ from models.fields import Field
 from models.loss import loss_of
 from models.scoring import Score, score
 from models.streak_net import StreakNet
-from rsoconsole.vision.frame import ByteArray
+from rsoconsole.vision import ByteArray
 
 PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300

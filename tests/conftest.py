@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 from rsoconsole.console.watches import watch
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests import durations
 from tests.nights.record_differences import differences
 from tests.rigs.seat_rig import FakeWire, written

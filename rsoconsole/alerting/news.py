@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from rsoconsole.alerting.alert import Alert
 from rsoconsole.config import AlertKind
 from rsoconsole.reasons import CLOUD
 from rsoconsole.records import (
@@ -17,6 +16,24 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.words import IN_FAULT, called, match_words, text
+
+URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
+"""What somebody may have to get up for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alert:
+    """What has come to pass, in a sentence."""
+
+    kind: AlertKind
+    text: str
+    t_utc_ns: int
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether it has a share of its own of what may be sent."""
+        return self.kind in URGENT
+
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
 """The records that it looks at."""

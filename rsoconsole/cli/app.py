@@ -27,13 +27,13 @@ from rsoconsole.cli.recorded import (
     what_if,
 )
 from rsoconsole.cli.telescope import alerts, house, passes, seat, service, telescope
-from rsoconsole.cli.words import (
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.usage import (
     USAGE_EXIT,
     UsageError,
     fold_helps,
     help_of,
     is_help,
-    output,
     usage_line,
 )
 from rsoconsole.config import APP, environment_warnings

@@ -5,7 +5,7 @@ from pathlib import Path
 from typer.main import get_command
 
 from rsoconsole.cli.app import app
-from rsoconsole.cli.words import manual_page
+from rsoconsole.cli.words.manual import manual_page
 
 PAGE = Path(__file__).resolve().parents[1] / "guide" / "rsoconsole.1"
 

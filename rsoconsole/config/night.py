@@ -1,18 +1,41 @@
 """Settings of a night: what is looked for, how it is followed, what is known of it."""
 
+from datetime import date
 from pathlib import Path
 from typing import Literal, Self
 
 from pydantic import (
+    BaseModel,
+    ConfigDict,
     Field,
     field_serializer,
     field_validator,
     model_validator,
 )
 
-from rsoconsole.config.element_errors import MeasuredErrors
 from rsoconsole.config.observatory import Section
 from rsoconsole.config.source_names import expect_url, shown, split_source
+
+
+class MeasuredErrors(BaseModel):
+    """Factors on the assumed errors of one kind of orbit, each with its one-sigma error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    regime: Literal["GEO", "MEO", "LEO", "HEO"]
+    along_at_epoch: float = Field(ge=0.01, le=100)
+    along_at_epoch_sigma: float = Field(ge=0, le=1000)
+    along_by_age: float = Field(ge=0.01, le=100)
+    along_by_age_sigma: float = Field(ge=0, le=1000)
+    across: float = Field(ge=0.01, le=100)
+    across_sigma: float = Field(ge=0, le=1000)
+    tracks: int = Field(ge=1, le=100_000_000)
+    """Rows of the ledger that they were found from."""
+    objects: int = Field(ge=1, le=100_000_000)
+    oldest_days: float = Field(ge=0, le=1e5)
+    """Of their elements."""
+    measured_on: date
+    """Day of the last row (UTC)."""
 
 
 class DetectorConfig(Section):

@@ -18,38 +18,31 @@ from textual.screen import Screen
 from textual.widgets import Input, TextArea
 
 from rsoconsole.config import ConsoleConfig, IndiConfig
-from rsoconsole.console.actions import Seat
-from rsoconsole.console.commands import KeyCommand, Orders, Place, bindings, commands_in
-from rsoconsole.console.dialogs import HelpDialog, TourDialog
-from rsoconsole.console.drawing import (
-    COLOURS,
-    HALF_BLOCKS,
-    NIGHT_CSS,
-    QUADRANTS,
-    THEMES,
-    Blocks,
-    CleanFilter,
-    PlainFilter,
-)
-from rsoconsole.console.frame import FrameSheet
-from rsoconsole.console.night import EngineView, alerts_between, notification
-from rsoconsole.console.panes import MODE_WORDS, Mode
-from rsoconsole.console.picture import Picture
-from rsoconsole.console.screens import LiveScreen, NightScreen, ReviewScreen
-from rsoconsole.console.watches import (
-    EngineSeen,
-    EngineWatch,
-    NightSeen,
-    SessionWatch,
-)
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.commands.command import KeyCommand, Place
+from rsoconsole.console.commands.commands import commands_in
+from rsoconsole.console.commands.keymap import Orders, bindings
+from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.tour import TourDialog
+from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, Blocks
+from rsoconsole.console.drawing.plain import COLOURS, NIGHT_CSS, THEMES, CleanFilter, PlainFilter
+from rsoconsole.console.frame.frame_sheet import FrameSheet
+from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
+from rsoconsole.console.panes.last_line import MODE_WORDS, Mode
+from rsoconsole.console.picture.picture import Picture
+from rsoconsole.console.screens.live import LiveScreen
+from rsoconsole.console.screens.night_screen import NightScreen
+from rsoconsole.console.screens.review import ReviewScreen
+from rsoconsole.console.watches.messages import EngineSeen, NightSeen
+from rsoconsole.console.watches.watch import EngineWatch, SessionWatch
 from rsoconsole.control import Found, Wire
 from rsoconsole.night import NightView
 
 log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from rsoconsole.console.dialogs import TourMemory
-    from rsoconsole.console.picture import GraphicsKind
+    from rsoconsole.console.dialogs.tour import TourMemory
+    from rsoconsole.console.picture.graphics import GraphicsKind
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
 """Stops the mount past the engine, and tells what it finds."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rsoconsole.config import Config, Graphics, default_config_path, load_config, state_dir
 from rsoconsole.control import AskStatus, ControlClient, Sender, default_socket_path, engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
@@ -45,7 +45,7 @@ def run_console(
     elif not owns_engine:
         _expect_engine(socket)
     _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
-    from rsoconsole.console.dialogs import TourMemory
+    from rsoconsole.console.dialogs.tour import TourMemory
 
     seat = _seat()
     return _run(
@@ -90,7 +90,7 @@ def run_review(
 
 
 def _keymap() -> dict[str, str]:
-    from rsoconsole.console.commands import load_keymap
+    from rsoconsole.console.commands.keymap import load_keymap
 
     return load_keymap(default_config_path().with_name("keymap.toml"))
 
@@ -100,7 +100,7 @@ def _run(
 ) -> str:
     """The application until its end, in a process that is a console alone; ``more``: of it."""
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.console.picture import offered
+    from rsoconsole.console.picture.graphics import offered
 
     drawn = offered(graphics or config.console.graphics)
     app = ConsoleApp(

@@ -10,11 +10,15 @@ from typing import Any, Protocol
 
 from rsoconsole.control.command import Command
 from rsoconsole.control.commands import AskStatus
-from rsoconsole.control.mount_lock import engine_behind, running_engines
-from rsoconsole.control.place import address_of, default_socket_path, engine_pid
-from rsoconsole.control.sender import Sender
+from rsoconsole.control.record_lock import (
+    address_of,
+    default_socket_path,
+    engine_behind,
+    engine_pid,
+    running_engines,
+)
 from rsoconsole.control.status import Status, read_status
-from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
+from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
 STILL_STOPS = "'rsoconsole stop' works without it"

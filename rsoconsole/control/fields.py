@@ -1,12 +1,21 @@
-"""Records that cross the wire: each field under its own name."""
+"""Records that cross the wire, field by field: the preview of a move, the field as a whole."""
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rsoconsole.control.text import printable
+from rsoconsole.control.wire import one_line, printable
+from rsoconsole.records import PairMotion, UnseenMember
+from rsoconsole.words import (
+    apart_words,
+    called,
+    closest_words,
+    nearing_words,
+    tracks_words,
+    unseen_words,
+)
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -64,3 +73,68 @@ def _printable(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _printable(each) for name, each in value.items()}
     return [_printable(each) for each in value] if isinstance(value, list) else value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovePreview:
+    """A move that has not been made."""
+
+    ra_icrs_deg: float
+    """Where the telescope would look."""
+    dec_icrs_deg: float
+    ra_date_deg: float
+    """The same, equinox of date."""
+    dec_date_deg: float
+    alt_deg: float
+    az_deg: float
+    way_deg: float
+    """How far that is from where it looks."""
+    slew_s: float
+    """How long the slew takes, settling included."""
+    pier_side: str | None = None
+    pier_side_after: str | None = None
+    margins_deg: tuple[tuple[str, float], ...] = ()
+    """Limit and how far inside it the telescope would be."""
+    refused: str | None = None
+    """Why it may not go there; None where it may."""
+
+
+MOST_LINES = 12
+"""Of pairs and of missing objects in plain lines: JSON has all."""
+
+
+def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
+    """Those that stand nearest to each other first."""
+    return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
+
+
+def field_words(
+    pairs: Sequence[PairMotion], unseen: Sequence[UnseenMember], uncatalogued: Sequence[int]
+) -> list[str]:
+    """Each track's nearest neighbour and who is missing, in lines of at most 80 columns."""
+    lines = [_pair_words(each) for each in _nearest(pairs)[:MOST_LINES]]
+    if uncatalogued:
+        lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
+    for each in unseen[:MOST_LINES]:
+        name = called(one_line(each.name)[:24], each.norad_id)
+        lines.append(f"expected, not seen: {unseen_words(name, each)}")
+    return lines
+
+
+def _nearest(pairs: Sequence[PairMotion]) -> list[PairMotion]:
+    """Those in which one is the other's nearest, and those of a warning."""
+    met: set[int] = set()
+    found = []
+    for each in pairs:
+        if each.is_close or not {each.track_id, each.other_track_id} <= met:
+            found.append(each)
+        met |= {each.track_id, each.other_track_id}
+    return found
+
+
+def _pair_words(pair: PairMotion) -> str:
+    mark = " !" if pair.is_close else ""
+    return (
+        f"{pair.track_id}-{pair.other_track_id}: {apart_words(pair)} {nearing_words(pair)},"
+        f" {closest_words(pair)}{mark}"
+    )

@@ -1,18 +1,21 @@
-"""A lock that lives as long as its process and says whose it is.
-
-A POSIX record lock on an open file, because children must not inherit it: a camera's process that
-outlives the engine would otherwise keep the next engine out.
-"""
+"""Where the socket lies, and locks that live as long as their process: one engine a mount."""
 
 import contextlib
 import fcntl
+import hashlib
 import os
+import re
+import shlex
+import stat
 import struct
 import sys
+import tempfile
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from rsoconsole.config import IndiConfig, runtime_dir, state_dir
 from rsoconsole.errors import ControlError
 
 _FLOCK = "hhqqi"
@@ -142,3 +145,140 @@ class RecordLock:
 
     def __exit__(self, *exception: object) -> None:
         self.release()
+
+
+MAX_ADDRESS_BYTES = 100
+"""Linux takes 107 bytes in ``sun_path``, macOS 103."""
+
+
+def default_socket_path() -> Path:
+    """Where the engine of this user listens."""
+    return runtime_dir() / "engine.sock"
+
+
+def address_of(path: Path) -> Path:
+    """``path`` where a socket can have so long a name; else a short one made from it.
+
+    The short one lies in a folder of this user's own under the folder for temporary files.
+    Raises ControlError when that folder belongs to another or lets others in.
+    """
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would ask the disk
+    if len(os.fsencode(absolute)) <= MAX_ADDRESS_BYTES:
+        return absolute
+    folder = Path(tempfile.gettempdir()) / f"rsoconsole-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise ControlError(
+            f"{folder} is not this user's own closed folder: remove it, or set XDG_RUNTIME_DIR "
+            "to a shorter path"
+        )
+    digest = hashlib.sha256(os.fsencode(absolute)).hexdigest()[:16]
+    short = folder / f"{digest}.sock"
+    if len(os.fsencode(short)) > MAX_ADDRESS_BYTES:
+        raise ControlError(f"{short} is too long for a socket: set TMPDIR to a shorter path")
+    return short
+
+
+def remove_socket(address: Path) -> Path | None:
+    """Remove a socket that nobody serves; what is no socket is put aside: where, else None.
+
+    The caller holds the engine's lock. Raises OSError where it can be moved nowhere.
+    """
+    try:
+        mode = address.lstat().st_mode
+    except FileNotFoundError:
+        return None
+    if stat.S_ISSOCK(mode):
+        address.unlink(missing_ok=True)
+        return None
+    # An engine without its socket takes no STOP from a console: whatever lies there must go.
+    number = 1
+    while os.path.lexists(aside := address.with_name(f"{address.name}.aside-{number}")):
+        number += 1
+    address.rename(aside)
+    return aside
+
+
+def engine_pid(socket_path: Path) -> int | None:
+    """The process that holds the engine's lock, listening or not yet; None where none does.
+
+    None also where the system does not tell. Only asks: a lock taken for the asking would turn
+    away an engine that starts just now.
+    """
+    return holder(address_of(socket_path).with_suffix(".lock"))
+
+
+class EngineLock(RecordLock):
+    """Held by the one engine behind a socket."""
+
+    def __init__(self, socket_path: Path) -> None:
+        super().__init__(address_of(socket_path).with_suffix(".lock"), f"{os.getpid()}\n")
+
+    def refusal(self, holder_words: str) -> str:
+        """What is said to a second engine."""
+        return (
+            f"an engine is already running (process {holder_words.strip() or 'unknown'}): "
+            "'rsoconsole console' attaches to it"
+        )
+
+
+def _folder() -> Path:
+    return state_dir() / "mounts"
+
+
+class MountLock(RecordLock):
+    """Held by the engine that may move a mount."""
+
+    def __init__(self, indi: IndiConfig, socket: Path) -> None:
+        """``socket``: where it listens, or would."""
+        name = re.sub(r"[^\w.-]+", "_", f"{indi.host}-{indi.port}-{indi.mount}")
+        words = f"{os.getpid()}\n{socket}\n"
+        super().__init__(_folder() / f"{name}.lock", words, is_removed=True)
+        self._mount = indi.mount
+
+    def refusal(self, holder_words: str) -> str:
+        """What is said to a second engine."""
+        pid, socket = holder_words.partition("\n")[0], _socket_in(holder_words)
+        return (
+            f"an engine already drives {self._mount} (process {pid or 'unknown'}):"
+            f" 'rsoconsole console{socket_option(socket)}' attaches to it"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RunningEngine:
+    """An engine that holds the lock of a mount."""
+
+    pid: int
+    socket: Path
+
+
+def running_engines() -> list[RunningEngine]:
+    """Every engine of this user that drives a mount."""
+    found = []
+    try:
+        paths = sorted(_folder().glob("*.lock"))
+    except OSError:
+        return []
+    for path in paths:
+        known = read_holder(path)
+        if known is not None:
+            pid, said = known
+            found.append(RunningEngine(pid, _socket_in(said)))
+    return found
+
+
+def engine_behind(socket: Path) -> RunningEngine | None:
+    """The engine that listens there, or did before its socket was removed."""
+    return next((each for each in running_engines() if each.socket == socket), None)
+
+
+def socket_option(socket: Path) -> str:
+    """What follows a verb that is to reach the engine there."""
+    is_usual = socket in {Path(), default_socket_path()}
+    return "" if is_usual else f" --socket {shlex.quote(str(socket))}"
+
+
+def _socket_in(words: str) -> Path:
+    return Path(words.strip().partition("\n")[2])

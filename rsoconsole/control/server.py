@@ -17,8 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from rsoconsole.control.commands import Stop
-from rsoconsole.control.place import EngineLock, address_of, remove_socket
-from rsoconsole.control.record_lock import RecordLock
+from rsoconsole.control.record_lock import EngineLock, RecordLock, address_of, remove_socket
 from rsoconsole.control.wire import (
     Connection,
     Later,

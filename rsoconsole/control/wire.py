@@ -1,6 +1,7 @@
 """What goes over the operator's wire, line by line."""
 
 import contextlib
+import getpass
 import json
 import math
 import os
@@ -10,14 +11,65 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from rsoconsole.control.command import Command, command_of, takes_anything
-from rsoconsole.control.sender import Sender, sender_of
-from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reasons import CommandResult
+
+SenderKind: TypeAlias = Literal["console", "script"]
+_CONSOLE = "console "
+"""How a console's name begins on the wire and on record, for people."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sender:
+    """Who hands the engine a command."""
+
+    name: str = "operator"
+    kind: SenderKind = "script"
+    """"script": a shell, a program; it is not asked whether it is in control."""
+
+    @classmethod
+    def console(cls, name: str) -> "Sender":
+        """A console, or a panel that is one."""
+        return cls(name=name, kind="console")
+
+    @classmethod
+    def at(cls, place: str) -> "Sender":
+        """A console or panel of this process's user, at a terminal or a notebook."""
+        try:
+            user = getpass.getuser()
+        except (KeyError, OSError):
+            user = str(os.getuid())
+        return cls.console(f"{user}@{place}")
+
+    @property
+    def words(self) -> str:
+        """As the wire and the record have it."""
+        return f"{_CONSOLE}{self.name}" if self.kind == "console" else self.name
+
+
+def sender_of(by: str, kind: Any = None) -> Sender:
+    """The sender that a request names; ``kind``: None where it does not say what that is.
+
+    Where it does not, a name that begins as a console's is one's.
+    """
+    if kind == "script" or not by.startswith(_CONSOLE):
+        return Sender(name=by, kind="console" if kind == "console" else "script")
+    return Sender.console(by.removeprefix(_CONSOLE))
+
+
+def printable(text: str) -> str:
+    """The same without what would be a command to a terminal, by any author."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
+
+def one_line(text: str) -> str:
+    """The same on one line: a line break in it could pass for a line of the program's own."""
+    return printable(text).replace("\n", " ")
+
 
 MAX_LINE_BYTES = 65536
 DEFAULT_TIMEOUT_S = 5.0

@@ -1,11 +1,11 @@
 from .fetch import Fetcher as Fetcher
 from .fetch import FetchError as FetchError
-from .names import Source as Source
-from .names import parse_source as parse_source
 from .store import ElementStore as ElementStore
 from .store import Kept as Kept
+from .store import Source as Source
 from .store import default_folder as default_folder
 from .store import element_figures as element_figures
 from .store import is_store as is_store
+from .store import parse_source as parse_source
 from .update import Update as Update
 from .update import Updated as Updated

@@ -6,15 +6,46 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.element_sources.fetch import DEADLINE_S, MOST_BYTES, Fetcher, FetchError
-from rsoconsole.element_sources.names import Source
-from rsoconsole.element_sources.space_track import fetch_with_login, read_login
-from rsoconsole.element_sources.store import ElementStore, Kept
-from rsoconsole.element_sources.unpack import expect_elements_not_a_page, text_of
+from rsoconsole.element_sources.fetch import (
+    DEADLINE_S,
+    MOST_BYTES,
+    Fetcher,
+    FetchError,
+    expect_elements_not_a_page,
+    text_of,
+)
+from rsoconsole.element_sources.store import ElementStore, Kept, Source
 from rsoconsole.errors import OrbitError, raised_as, said_as
-from rsoconsole.orbits.elements import CatalogueEntry, parse_catalogue
-from rsoconsole.sky import utc_ns_to_iso
-from rsoconsole.words import NAME_ELEMENTS
+from rsoconsole.foreign_text import read_private
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.words import NAME_ELEMENTS, utc_ns_to_iso
+
+NEEDED = (
+    "write your Space-Track user name and password as two lines of a file, 'chmod 600' it, and name"
+    " it in catalogue.space_track_login"
+)
+
+
+def read_login(path: Path | None) -> tuple[str, str]:
+    """User name and password. Raises OrbitError with what to do; neither is ever in it."""
+    if path is None:
+        raise OrbitError(f"Space-Track wants an account: {NEEDED}")
+    lines = read_private(path, OrbitError, NEEDED)
+    if len(lines) != 2:
+        raise OrbitError(f"{path} has {len(lines)} lines: {NEEDED}")
+    return lines[0], lines[1]
+
+
+def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s: float) -> bytes:
+    """One query under an account. Raises FetchError; a failed login counts as a refusal."""
+    fetcher = Fetcher(deadline_s=deadline_s, is_bound=True)
+    answer = fetcher.get(
+        f"{base_url.rstrip('/')}/ajaxauth/login",
+        form={"identity": login[0], "password": login[1]},
+    )
+    if b"failed" in answer[:200].lower():
+        raise FetchError("Space-Track does not accept the account", "refused")
+    return fetcher.get(url)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,13 +4,10 @@ from .api import export as export
 from .api import render as render
 from .api import save_text as save_text
 from .api import write_file as write_file
-from .frames import parse_numbers as parse_numbers
-from .iod_reader import parse_iod as parse_iod
 from .night import ExportedNight as ExportedNight
 from .night import read_night as read_night
 from .observed import ReadAs as ReadAs
 from .observed import read_observations as read_observations
-from .rows import COLUMNS as COLUMNS
 from .rows import MeasuredRow as MeasuredRow
+from .solved_fits import parse_numbers as parse_numbers
 from .target import Target as Target
-from .tdm_reader import parse_tdm as parse_tdm

@@ -1,23 +1,188 @@
 """One call for every format but the report, which the floor above draws."""
 
+import csv
+import io
+import json
+import math
 import time
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ExportError, said_as
-from rsoconsole.export import frames as on_record
-from rsoconsole.export.eo_observation import to_udl
+from rsoconsole.export import solved_fits as on_record
 from rsoconsole.export.iod import STATION, check_station, site_line, to_iod
 from rsoconsole.export.night import ExportedNight, read_night
-from rsoconsole.export.regions import to_regions
-from rsoconsole.export.solved_fits import solved_fits
-from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
+from rsoconsole.export.rows import COLUMNS, MeasuredRow
+from rsoconsole.export.solved_fits import solved_fits, to_regions
 from rsoconsole.export.target import Target
-from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole
-from rsoconsole.export.tdm_xml import xml_of
+from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole, xml_of
+from rsoconsole.sky import jd_utc
+from rsoconsole.words import utc_ns_to_iso
+
+MARKING = "U"
+"""Unclassified, as the UDL writes it."""
+DESCRIPTOR = (
+    "astrometric: relative to catalogue stars, no aberration in it, light time not taken out;"
+    " obTime is mid-exposure"
+)
+_DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
+
+
+def to_udl(
+    night: ExportedNight, tracks: Iterable[int], *, target: Target, source: str, sensor: str
+) -> str:
+    """The records. A streak that the frame cuts is left out.
+
+    ``source`` and ``sensor``: who makes them, and with what, in words of your own.
+    """
+    found = [
+        _record(night, track, row, place, target=target, source=source, sensor=sensor)
+        for track in tracks
+        for row, place in _placed(whole(night.of_track(track)))
+    ]
+    return json.dumps(found, indent=1, allow_nan=False) + "\n"
+
+
+def _placed(rows: tuple[MeasuredRow, ...]) -> Iterable[tuple[MeasuredRow, str]]:
+    for n, row in enumerate(rows):
+        last = n == len(rows) - 1
+        place = "SINGLE" if len(rows) == 1 else "FIRST" if n == 0 else "LAST" if last else "IN"
+        yield row, place
+
+
+def _record(
+    night: ExportedNight,
+    track: int,
+    row: MeasuredRow,
+    place: str,
+    *,
+    target: Target,
+    source: str,
+    sensor: str,
+) -> dict[str, Any]:
+    site = night.config.site.to_site()
+    east2, cross, north2 = row.cov_sky_arcsec2
+    cos_dec = max(math.cos(math.radians(row.dec_icrs_deg)), 1e-9)
+    record: dict[str, Any] = {
+        "classificationMarking": MARKING,
+        "dataMode": "SIMULATED" if night.is_simulated else "REAL",
+        "source": source,
+        "obTime": utc_ns_to_iso(row.t_mid_utc_ns, 6),
+        "origSensorId": sensor,
+        "origObjectId": target.tdm_name(track),
+        "trackId": f"{night.name}-{track}",
+        "obPosition": place,
+        "uct": not target.is_known,
+        "referenceFrame": "GCRF",
+        "ra": round(row.ra_icrs_deg % 360.0, 9) % 360.0,
+        "raUnc": row.sigma_ra_arcsec / cos_dec / 3600.0,
+        "raMeasured": True,
+        "declination": round(row.dec_icrs_deg, 9),
+        "declinationUnc": row.sigma_dec_arcsec / 3600.0,
+        "declinationMeasured": True,
+        "senlat": site.latitude_deg,
+        "senlon": site.longitude_deg,
+        "senalt": site.elevation_m / 1000.0,
+        "descriptor": DESCRIPTOR,
+        "eoobservationDetails": {
+            "raCov": east2 / cos_dec**2 * _DEG2_PER_ARCSEC2,
+            "declinationCov": north2 * _DEG2_PER_ARCSEC2,
+            "raDeclinationCov": cross / cos_dec * _DEG2_PER_ARCSEC2,
+            "timesUnc": night.time_sigma_s(row),
+        },
+    }
+    if row.exposure_s is not None:
+        record["expDuration"] = row.exposure_s
+    if target.norad_id is not None:
+        record["satNo"] = target.norad_id
+    return record
+
+
+_NAMES = tuple(column.name for column in COLUMNS)
+TIME, DIRECTION = "t_mid_utc", "direction"
+
+
+def to_csv(rows: Iterable[MeasuredRow]) -> str:
+    """A head line with the columns' names, then a line a measurement."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_NAMES)
+    for row in rows:
+        writer.writerow([_csv_field(row.value(name)) for name in _NAMES])
+    return text.getvalue()
+
+
+def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
+    """One object a measurement, a line each."""
+    return "".join(
+        json.dumps({name: row.value(name) for name in _NAMES}, allow_nan=False) + "\n"
+        for row in rows
+    )
+
+
+def to_ecsv(night: ExportedNight) -> str:
+    """A table with units, descriptions and, as ``meta``, what ``ExportedNight.facts`` tells.
+
+    Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
+    """
+    from astropy.table import MaskedColumn, Table
+
+    types = {"integer": "int64", "real": "float64", "truth": "bool"}
+    table = Table(meta=night.facts())
+    for column in COLUMNS:
+        if column.name == TIME:
+            table[TIME] = _times([row.t_mid_utc_ns for row in night.rows])
+            table[TIME].info.description = column.meaning
+            continue
+        values = [row.value(column.name) for row in night.rows]
+        blank: Any = "" if column.type == "text" else 0
+        filled = [blank if value is None else value for value in values]
+        table[column.name] = MaskedColumn(
+            filled,
+            mask=[value is None for value in values],
+            dtype=types.get(column.type, str),
+            unit=column.unit,
+            description=column.meaning,
+        )
+    table[DIRECTION] = _directions(night.rows)
+    table[DIRECTION].info.description = "ra_icrs_deg and dec_icrs_deg"
+    text = io.StringIO()
+    with warnings.catch_warnings():
+        # Astropy doubts UTC some years ahead, where leap seconds are not yet decided.
+        warnings.filterwarnings("ignore", message=".*dubious year")
+        table.write(text, format="ascii.ecsv")
+    return text.getvalue()
+
+
+def _times(t_utc_ns: Sequence[int]) -> Any:
+    import numpy as np
+    from astropy.time import Time
+
+    found = Time(*jd_utc(np.array(t_utc_ns, np.int64)), format="jd", scale="utc")
+    found.format, found.precision = "isot", 9  # what is written as text is as exact
+    return found
+
+
+def _directions(rows: Sequence[MeasuredRow]) -> Any:
+    import numpy as np
+    from astropy.coordinates import SkyCoord
+
+    ra = np.array([row.ra_icrs_deg for row in rows], float)
+    dec = np.array([row.dec_icrs_deg for row in rows], float)
+    return SkyCoord(ra, dec, unit="deg", frame="icrs")
+
+
+def _csv_field(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
 
 TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl"]
 FrameFormat = Literal["fits", "regions"]

@@ -16,14 +16,8 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import whole
-from rsoconsole.sky import (
-    NS_PER_DAY,
-    largest_sigma,
-    tai_minus_utc_s,
-    utc_ns_to_iso,
-    wrap_180,
-    wrap_360,
-)
+from rsoconsole.sky import largest_sigma, tai_minus_utc_s, wrap_180, wrap_360
+from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 NS_PER_MS = 1_000_000
 STATION = "9999"

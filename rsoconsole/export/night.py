@@ -9,7 +9,7 @@ from rsoconsole import __version__
 from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
 from rsoconsole.night import NightFrame, frames_of
-from rsoconsole.pipeline.frame import shutter_time, usual_sigma_s
+from rsoconsole.pipeline import shutter_time, usual_sigma_s
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -20,7 +20,7 @@ from rsoconsole.records import (
     Ruling,
     TrackState,
 )
-from rsoconsole.session.reading import SessionReader, clock_notes
+from rsoconsole.session import SessionReader, clock_notes
 from rsoconsole.words import text
 
 KINDS = (

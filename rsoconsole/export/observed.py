@@ -14,18 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.errors import ExportError, OrbitError, raised_as
-from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, parse_iod
-from rsoconsole.export.observed_csv import ecsv_site, looks_like_table, read_table, stations_of
-from rsoconsole.export.observed_rows import ObservedRow
+from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, is_uk, parse_iod, parse_uk
+from rsoconsole.export.observed_csv import (
+    ObservedRow,
+    ecsv_site,
+    looks_like_table,
+    read_table,
+    stations_of,
+)
 from rsoconsole.export.observed_tdm import rows_of_tdm
 from rsoconsole.export.tdm_reader import parse_tdm
-from rsoconsole.export.uk_reader import is_uk, parse_uk
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbits.first import sightings
-from rsoconsole.pipeline.orbits import Observed, read_observed
+from rsoconsole.orbits import sightings
+from rsoconsole.pipeline import Observed, read_observed
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_S, chart_to_icrs, wrap_180
-from rsoconsole.words import no_direction
+from rsoconsole.sky import chart_to_icrs, wrap_180
+from rsoconsole.words import NS_PER_S, no_direction
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")

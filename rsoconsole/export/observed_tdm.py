@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export.observed_rows import ObservedRow
+from rsoconsole.export.observed_csv import ObservedRow
 from rsoconsole.export.tdm_reader import Tdm, TdmSegment
 from rsoconsole.records import Site
-from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import NS_PER_S
 
 _MIDDLE_BY_HALVES = {"START": 1, "MIDDLE": 0, "END": -1}
 """By how many halves of the integration its middle is later than the epoch."""

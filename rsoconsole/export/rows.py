@@ -6,16 +6,10 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Any, get_args
 
 from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
-from rsoconsole.records import (
-    TABLES,
-    Column,
-    ColumnType,
-    Measurement,
-    TrackState,
-    member,
-)
-from rsoconsole.sky import utc_ns_to_iso, wrap_360
-from rsoconsole.tracking.filters import sky_covariance_arcsec2, sky_rate_arcsec_s
+from rsoconsole.records import TABLES, Column, ColumnType, Measurement, TrackState, member
+from rsoconsole.sky import wrap_360
+from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
+from rsoconsole.words import utc_ns_to_iso
 
 AS_RECORDED = ""
 """Of a column that means what it means on record."""

@@ -1,24 +1,92 @@
-"""A kept frame as FITS with its plate in the header and its streaks in a table behind the image.
-
-The pixels' bytes stay as the session coded them, without loss. A plate that the camera's driver
-wrote is taken out first: two would contradict each other. Sources: Greisen & Calabretta 2002 (WCS),
-Shupe et al. 2005 (SIP), Rots et al. 2015 (time), Pence et al. 2010 (tiled images).
-"""
+"""Single frames for others: with their plate in the FITS header, and as regions of DS9."""
 
 import io
 import math
 import re
 import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import erfa
+import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ExportError
-from rsoconsole.export.frames import FrameOnRecord
-from rsoconsole.pipeline.frame import shutter_mid_utc_ns
-from rsoconsole.records import Solution
-from rsoconsole.sky import MJD_UNIX, NS_PER_DAY, utc_ns_to_iso, wcs_cards
+from rsoconsole.export.rows import MeasuredRow
+from rsoconsole.pipeline import shutter_mid_utc_ns
+from rsoconsole.records import FollowedAgain, FrameTaken, Solution, TrackState
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import MJD_UNIX, wcs_cards, wrap_360
+from rsoconsole.tracking import sky_covariance_arcsec2
+from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
+
+_KINDS = (FrameTaken, Solution, TrackState, FollowedAgain)
+
+
+@dataclass(slots=True, kw_only=True)
+class FrameOnRecord:
+    """One frame."""
+
+    taken: FrameTaken
+    solution: Solution | None = None
+    predicted: TrackState | None = None
+    rows: list[MeasuredRow] = field(default_factory=list)
+    """Its measurements that count."""
+    file: Path | None = None
+    """Its pixels, where they are kept."""
+
+
+def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:
+    """Every frame of a session by its number. Raises SessionError."""
+    reader = SessionReader(session)
+    frames: dict[int, FrameOnRecord] = {}
+    for _, _, record in reader.records(kinds=_KINDS):
+        if isinstance(record, FrameTaken):
+            file = reader.frame_path(record.frame_id)
+            frames[record.frame_id] = FrameOnRecord(taken=record, file=file)
+            continue
+        frame = frames.get(getattr(record, "frame_id", None) or -1)
+        if frame is None:
+            continue
+        match record:
+            case Solution():
+                frame.solution = record
+            case FollowedAgain():
+                frame.predicted = None
+            case TrackState(kind="predicted", is_lead=True):
+                frame.predicted = record
+    for row in rows:
+        if row.frame_id in frames and not row.is_superseded:
+            frames[row.frame_id].rows.append(row)
+    return frames
+
+
+def chosen(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
+    """The frames asked for, all with None. Raises ExportError for one that there is not."""
+    if numbers is None:
+        return sorted(frames)
+    unknown = [str(number) for number in numbers if number not in frames]
+    if unknown:
+        known = f"{min(frames)} to {max(frames)}" if frames else "none"
+        raise ExportError(f"the session has no frame {', '.join(unknown)}; it has {known}")
+    return sorted(numbers)
+
+
+def parse_numbers(text: str) -> tuple[int, ...]:
+    """``3,9-12`` as numbers. Raises ValueError."""
+    numbers: set[int] = set()
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise ValueError(f"{part.strip()!r} is no frame: write them like 3,9-12")
+        begin, end = int(first), int(last or first)
+        if end < begin or end - begin > 1_000_000:
+            raise ValueError(f"{part.strip()!r} is no range of frames: the smaller number first")
+        numbers.update(range(begin, end + 1))
+    return tuple(sorted(numbers))
+
 
 STREAKS = "STREAKS"
 _PLATE = re.compile(
@@ -152,3 +220,61 @@ def _streaks(frame: FrameOnRecord) -> Any:
         hdu.header["PRED_SRA"] = (sigma_ra, "[arcsec] one sigma, times cos Dec")
         hdu.header["PRED_SDE"] = (math.sqrt(P[2][2]) * 3600.0, "[arcsec] one sigma")
     return hdu
+
+
+HEAD = (
+    "# Region file format: DS9 version 4.1\n"
+    'global font="helvetica 10 normal roman" select=1 edit=0 move=0 delete=1 include=1\n'
+    "icrs\n"
+)
+SIGMAS = 3.0
+END_ARCSEC = 3.0
+SMALLEST_ARCSEC = 0.01
+
+
+def to_regions(frame: FrameOnRecord) -> str:
+    """The file's text; a frame without anything to show gives its head alone."""
+    lines = [line for row in frame.rows for line in _streak(row)]
+    if frame.predicted is not None:
+        lines.append(_ellipse(frame.predicted))
+    return HEAD + "".join(line + "\n" for line in lines)
+
+
+def _streak(row: MeasuredRow) -> list[str]:
+    colour = "red" if row.is_taken else "yellow"
+    words = f"{'taken' if row.is_taken else row.not_taken_because or 'not followed'}"
+    text = _braced(f"{row.confidence:.2f} {words}")
+    lines = []
+    a, b = (row.ra_a_icrs_deg, row.dec_a_icrs_deg), (row.ra_b_icrs_deg, row.dec_b_icrs_deg)
+    if a[0] is not None and a[1] is not None and b[0] is not None and b[1] is not None:
+        ends = f"{_place(a[0], a[1])},{_place(b[0], b[1])}"
+        lines.append(f"line({ends}) # line=0 0 color={colour} text={text}")
+        for ra_deg, dec_deg in ((a[0], a[1]), (b[0], b[1])):
+            lines.append(f'circle({_place(ra_deg, dec_deg)},{END_ARCSEC:.1f}") # color={colour}')
+    lines.append(f"point({_place(row.ra_icrs_deg, row.dec_icrs_deg)}) # point=cross color={colour}")
+    return lines
+
+
+def _ellipse(state: TrackState) -> str:
+    covariance = sky_covariance_arcsec2(state)
+    variances, axes = np.linalg.eigh(covariance)
+    east, north = axes[:, 1]
+    position_angle_deg = math.degrees(math.atan2(east, north))
+    long_arcsec, short_arcsec = (
+        max(SIGMAS * math.sqrt(max(float(v), 0.0)), SMALLEST_ARCSEC) for v in variances[::-1]
+    )
+    angle_deg = wrap_360(position_angle_deg + 90.0) % 180.0
+    return (
+        f'ellipse({_place(state.x[0], state.x[2])},{long_arcsec:.3f}",{short_arcsec:.3f}",'
+        f"{angle_deg:.3f}) # color=green dash=1 text={_braced('predicted, 3 sigma')}"
+    )
+
+
+def _place(ra_deg: float, dec_deg: float) -> str:
+    return f"{wrap_360(ra_deg):.8f},{dec_deg:+.8f}"
+
+
+def _braced(text: str) -> str:
+    """As DS9 writes text: in braces, which cannot stand inside, nor anything beyond ASCII."""
+    plain = text.encode("ascii", "replace").decode()
+    return "{" + re.sub(r"[{}\s]+", " ", plain).strip() + "}"

@@ -4,6 +4,8 @@ import re
 from dataclasses import dataclass
 
 from rsoconsole.errors import ExportError
+from rsoconsole.records import CatalogueMatch, Identified
+from rsoconsole.words import called, clock
 
 _COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
 LARGEST_NORAD = 999_999_999
@@ -73,3 +75,29 @@ def piece_letters(number: int) -> str:
         number, place = divmod(number - 1, len(_PIECES))
         letters = _PIECES[place] + letters
     return letters
+
+
+_LIKELY = 0.05
+
+
+def name_words(name: Identified) -> str:
+    """Verdict, objects and probabilities, in one line of ASCII where the names are."""
+    with_others = ""
+    if name.named_with:
+        others = "1 other track" if name.named_with == 1 else f"{name.named_with} other tracks"
+        with_others = f", named together with {others}"
+    if name.verdict == "identified" and name.matches:
+        return f"identified: {_called(name.matches[0])}{with_others}"
+    if name.verdict == "ambiguous":
+        likely = [_called(each) for each in name.matches if each.probability >= _LIKELY]
+        return f"ambiguous: {' or '.join(likely) or 'no object is likely'}{with_others}"
+    past = name.ledger
+    if past is None:
+        return "uncorrelated: no catalogued object"
+    doubt = "" if past.is_sure else "perhaps "
+    seen = clock(past.t_last_utc_ns, "day", "")
+    return f"uncorrelated: {doubt}{past.name}, seen {seen}, probability {past.probability:.3f}"
+
+
+def _called(match: CatalogueMatch) -> str:
+    return f"{called(match.name, match.norad_id)}, probability {match.probability:.3f}"

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export.tdm_xml import lines_of_xml
-from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
+from rsoconsole.export.tdm import lines_of_xml
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 
 VERSIONS = ("1.0", "2.0")
 TIME_SYSTEMS = ("UTC", "TAI", "GPS", "TT", "UT1", "TDB", "TCB", "TCG", "TDR", "MET", "MRT", "SCLK")

@@ -16,7 +16,7 @@ import numpy as np
 from rsoconsole.night import FrameTrack, NightFrame, rms
 from rsoconsole.records import Identified, Measurement, TrackState
 from rsoconsole.sky import wrap_180
-from rsoconsole.tracking.filters import lag_one, sky_covariance_arcsec2
+from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
 
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""

@@ -1,11 +1,11 @@
-from .detecting import detect as detect
-from .determining import orbit as orbit
-from .identification import Identification as Identification
+from .frames import detect as detect
+from .frames import solve as solve
+from .identifying import Identification as Identification
 from .identifying import identify as identify
 from .known_orbit import Orbit as Orbit
+from .known_orbit import orbit as orbit
 from .measuring import measure as measure
 from .plate import PlateWCS as PlateWCS
-from .solving import solve as solve
+from .tracking import Track as Track
+from .tracking import Tracks as Tracks
 from .tracking import track as track
-from .tracks import Track as Track
-from .tracks import Tracks as Tracks

@@ -1,17 +1,19 @@
 """What a caller may give: numbers with units, times, places. Units are dealt with here alone."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from rsoconsole.config import Config, effective_settings, load_config, with_changes
 from rsoconsole.errors import InputError
-from rsoconsole.records import Site
+from rsoconsole.night import Row, rows_of
+from rsoconsole.notebook import as_table
+from rsoconsole.records import TABLES, Column, Record, Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns
 
 _SITE_SETTINGS = ("site.latitude_deg", "site.longitude_deg")
@@ -215,3 +217,34 @@ def configured_site(config: ConfigLike) -> Site | None:
     if any(origins[name] == "default" for name in _SITE_SETTINGS):
         return None
     return load_config(path).site.to_site()
+
+
+if TYPE_CHECKING:
+    from astropy.table import QTable
+
+_OF_THE_LOG = ("seq", "t_utc_ns", "is_superseded")
+FRAME = Column(name="frame", type="text", meaning="The frame by its name.")
+
+
+def table_of(
+    name: str,
+    records: Sequence[Record],
+    meta: dict[str, Any],
+    *,
+    names: Mapping[int, str] | None = None,
+    extra: Sequence[Column] = (),
+    more: Sequence[Row] = (),
+) -> "QTable":
+    """The view of that name over these records, a ``QTable``; ``sessions/README.md`` describes it.
+
+    ``names``: of the frames, by their numbers, for a first column ``frame``. ``extra``: further
+    columns, whose values ``more`` has for each row.
+    """
+    rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
+    columns = [each for each in TABLES[name].columns if each.name not in _OF_THE_LOG]
+    if names is not None:
+        columns.insert(0, FRAME)
+        rows = [{**row, "frame": names.get(row["frame_id"])} for row in rows]
+    if extra:
+        rows = [{**row, **added} for row, added in zip(rows, more, strict=True)]
+    return as_table((*columns, *extra), rows, meta)

@@ -5,7 +5,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import FrameError
-from rsoconsole.library.columns import table_of
 from rsoconsole.library.frames import Frames, frame_facts, opened
 from rsoconsole.library.given import (
     ConfigLike,
@@ -16,20 +15,13 @@ from rsoconsole.library.given import (
     config_of,
     configured_site,
     site_of,
+    table_of,
 )
 from rsoconsole.library.observations import META, sigmas_of
-from rsoconsole.pipeline.cycle import taken_record
-from rsoconsole.pipeline.frame import Reduction, open_reducer
-from rsoconsole.records import (
-    Column,
-    Frame,
-    Measurement,
-    NotSolved,
-    Record,
-    Solution,
-)
-from rsoconsole.session.log import encode
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.pipeline import Reduction, open_reducer, taken_record
+from rsoconsole.records import Column, Frame, Measurement, NotSolved, Record, Solution
+from rsoconsole.session import encode
+from rsoconsole.words import utc_ns_to_iso
 
 if TYPE_CHECKING:
     from astropy.table import QTable

@@ -10,25 +10,18 @@ import numpy as np
 
 from rsoconsole.errors import InputError, raised_as
 from rsoconsole.export import ReadAs, read_observations
-from rsoconsole.library.given import (
-    ConfigLike,
-    Number,
-    Place,
-    needed_site,
-    number,
-    site_of,
-)
+from rsoconsole.library.given import ConfigLike, Number, Place, needed_site, number, site_of
 from rsoconsole.library.observations import (
     TableLike,
     directions_of,
     expect_one_object,
     expect_table,
 )
-from rsoconsole.library.tracks import Track
+from rsoconsole.library.tracking import Track
 from rsoconsole.night import NightTrack
 from rsoconsole.notebook import Session
-from rsoconsole.orbits.first import sightings
-from rsoconsole.pipeline.orbits import Observed
+from rsoconsole.orbits import sightings
+from rsoconsole.pipeline import Observed
 from rsoconsole.records import Measurement, Site
 
 Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
-from rsoconsole.night.frame import NightFrame
+from rsoconsole.night.frame import NightFrame, was_pointed_at
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.pointed_at import was_pointed_at
 from rsoconsole.night.quality import Quality, Update, quality_of, updates_of
 from rsoconsole.records import (
     FrameTaken,
@@ -19,7 +18,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking.association import three_sigma_deg
+from rsoconsole.tracking import three_sigma_deg
 
 CURVE_FRAMES = 40
 """Of the curve of what a setting changes."""

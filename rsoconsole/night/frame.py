@@ -1,12 +1,11 @@
 """One exposure of a night: everything that is on record of it, and its row in a plot."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
-from rsoconsole.night.facts import facts_of
-from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
-from rsoconsole.reasons import CLOUD, Reason
+from rsoconsole.reasons import CLOUD, Cause, Reason
 from rsoconsole.records import (
     Closeup,
     Detection,
@@ -26,6 +25,79 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.words import text
+
+
+def is_without_detection(record: Record) -> bool:
+    """Whether it says that a frame had none."""
+    reason = record.reason if isinstance(record, Miss | StateChange) else None
+    missed = reason.missed if isinstance(reason, Cause) else reason
+    return missed is not None and missed.kind == "no detection" and not missed.hidden_by
+
+
+def looked_elsewhere(
+    predicted: TrackState | None,
+    solution: Solution | NotSolved | None,
+    taken: FrameTaken | None,
+) -> bool:
+    """Whether a solved frame's field does not have the place where the lead is predicted."""
+    if predicted is None or taken is None or not isinstance(solution, Solution):
+        return False
+    from rsoconsole.sky import sky_to_pixel
+
+    x_px, y_px = sky_to_pixel(solution.wcs, predicted.x[0] % 360.0, predicted.x[2])
+    return not (0.0 <= x_px <= taken.width_px and 0.0 <= y_px <= taken.height_px)
+
+
+def was_pointed_at(
+    records: Iterable[Record], solution: Solution | NotSolved | None, taken: FrameTaken
+) -> bool:
+    """Of a folded frame by its records: False where the lead was missed for want of looking."""
+    predicted = lead_id = None
+    is_missed = False
+    for each in records:
+        if isinstance(each, TrackState) and each.is_lead:
+            lead_id = each.track_id
+            predicted = each if each.kind == "predicted" else predicted
+        elif isinstance(each, Miss) and each.track_id in {None, lead_id}:
+            is_missed = is_missed or is_without_detection(each)
+    return not (is_missed and looked_elsewhere(predicted, solution, taken))
+
+
+class FrameFact(NamedTuple):
+    """One of them."""
+
+    name: str
+    """Of the field and its column."""
+    label: str
+    unit: str
+    form: str
+    """Of a figure."""
+
+
+FRAME_FACTS = (
+    FrameFact("star_fwhm_px", "FWHM", "px", ".1f"),
+    FrameFact("background_adu", "background", "ADU", ".0f"),
+    FrameFact("zero_point_mag", "transparency, zero point", "mag", ".2f"),
+    FrameFact("star_count", "stars", "", ".0f"),
+)
+"""In the order in which they are shown."""
+
+
+def facts_of(seen: Detections | None) -> dict[str, float | None]:
+    """By name; None where the frame does not say."""
+    return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
+
+
+def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
+    """The middle one of a night and the span of all; empty where no frame says it."""
+    known = sorted(value for value in values if value is not None)
+    if not known:
+        return ""
+    middle, low, high = (
+        f"{each:{fact.form}}" for each in (known[len(known) // 2], known[0], known[-1])
+    )
+    return f"{middle} {fact.unit}".rstrip() + f" ({low} to {high})"
+
 
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""

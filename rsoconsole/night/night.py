@@ -5,20 +5,26 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.night.chunks import Chunks, in_chunks
-from rsoconsole.night.frame import ELSEWHERE, FrameRow, NightFrame, row_of
+from rsoconsole.night.frame import (
+    ELSEWHERE,
+    FrameRow,
+    NightFrame,
+    is_without_detection,
+    looked_elsewhere,
+    row_of,
+)
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.last_measured import last_measured
-from rsoconsole.night.log_lines import LogLine, left_out, line_of
-from rsoconsole.night.log_merging import append_line
+from rsoconsole.night.log_lines import LogLine, append_line, left_out, line_of
 from rsoconsole.night.night_view import (
+    Chunks,
     KeptNight,
     NightView,
     Pointing,
     above_horizon,
+    in_chunks,
     is_same_name,
+    last_measured,
 )
-from rsoconsole.night.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.night.track_fold import TracksNow, pairs_after, tracks_after
 from rsoconsole.records import (
     FOLLOWING,

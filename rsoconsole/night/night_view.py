@@ -1,14 +1,12 @@
 """What a night's fold knows at one instant, to be shown."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.night.chunks import Chunks
-from rsoconsole.night.frame import FrameRow
-from rsoconsole.night.last_measured import LastMeasured
+from rsoconsole.night.frame import FrameRow, NightFrame
 from rsoconsole.night.log_lines import LogLine
 from rsoconsole.night.track_fold import FollowedTrack, TracksNow
 from rsoconsole.records import (
@@ -23,6 +21,59 @@ from rsoconsole.records import (
     SlewCommand,
     TrackState,
 )
+from rsoconsole.sky import largest_sigma
+
+Item = TypeVar("Item")
+Chunks: TypeAlias = tuple[tuple[Item, ...], ...]
+"""The items, in order, in chunks of one size."""
+CHUNK = 256
+
+
+def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
+    """The items in chunks, those of ``before`` where they are the same."""
+    chunks = []
+    for number, start in enumerate(range(0, len(items), CHUNK)):
+        chunk = tuple(items[start : start + CHUNK])
+        is_as_before = number < len(before) and before[number] == chunk
+        chunks.append(before[number] if is_as_before else chunk)
+    return tuple(chunks)
+
+
+LOOKED_AT = 8
+"""The last frames, of which this is told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastMeasured:
+    """What the track took of one of the last frames."""
+
+    frame_id: int
+    t_utc_ns: int
+    source: str
+    sigma_arcsec: float
+    """One sigma where it is known worst."""
+    nis: float | None
+
+
+def last_measured(
+    frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
+) -> tuple[LastMeasured, ...]:
+    """Newest first, of the last eight frames."""
+    found: list[LastMeasured] = []
+    for frame in [*frames][-LOOKED_AT:]:
+        taken, row = frame.followed, rows.get(frame.frame_id)
+        if taken is None or row is None or not row.is_followed:
+            continue
+        found.append(
+            LastMeasured(
+                frame_id=frame.frame_id,
+                t_utc_ns=taken.t_mid_utc_ns,
+                source=taken.source,
+                sigma_arcsec=largest_sigma(*taken.cov_sky_arcsec2),
+                nis=row.nis,
+            )
+        )
+    return tuple(sorted(found, key=lambda each: -each.frame_id))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.records import TrackState
-from rsoconsole.tracking.filters import Consistency, consistency, mean_band
+from rsoconsole.tracking import Consistency, consistency, mean_band
 
 
 class Update(NamedTuple):

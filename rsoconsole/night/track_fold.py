@@ -19,7 +19,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking.initiation import ON_TRIAL
+from rsoconsole.tracking import ON_TRIAL
 from rsoconsole.words import text
 
 MOST_ROWS = 400

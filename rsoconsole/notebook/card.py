@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.night import Spell, Summary, shown
-from rsoconsole.notebook.night import GREEN, GREY, RED, text
+from rsoconsole.notebook.night.svg import GREEN, GREY, RED, text
 from rsoconsole.notebook.pictures import Picture, layered
 from rsoconsole.words import span
 

@@ -21,19 +21,18 @@ from rsoconsole.night import (
     tracks_of,
 )
 from rsoconsole.notebook import card
-from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import DrawnNight, night_of, title_of, with_frames
-from rsoconsole.notebook.session_pictures import SessionPictures
+from rsoconsole.notebook.figures.figures import NightPlots
+from rsoconsole.notebook.night.night import DrawnNight, night_of, title_of, with_frames
+from rsoconsole.notebook.pictures import SessionPictures
 from rsoconsole.records import TABLES, Column
-from rsoconsole.session.files import folders_in
+from rsoconsole.session import SessionReader, folders_in
 from rsoconsole.session.log import schema
-from rsoconsole.session.reading import SessionReader
 from rsoconsole.words import settings_words, when
 
 if TYPE_CHECKING:
-    from rsoconsole.notebook.panel import LivePanel
+    from rsoconsole.notebook.panel.panel import LivePanel
     from rsoconsole.notebook.what_if import WhatIf
-    from rsoconsole.pipeline.replay import ReplayedFrame
+    from rsoconsole.pipeline import ReplayedFrame
 
 BRANCHES = "branches"
 
@@ -194,7 +193,7 @@ class Session(SessionPictures, NightPlots):
         A frame's ``is_as_recorded`` tells whether that gave the same bits as it did then.
         On another processor the last digits may differ: ``is_alike`` allows for that.
         """
-        from rsoconsole.pipeline.replay import replay
+        from rsoconsole.pipeline import replay
 
         return tuple(replay((record for _, _, record in self._log), self.config))
 
@@ -255,7 +254,7 @@ class Session(SessionPictures, NightPlots):
 
         place = None if out is None else Path(out).expanduser()
         if format == "html":
-            from rsoconsole.notebook.report import render_report
+            from rsoconsole.notebook.report.report import render_report
 
             report = render_report(self.path)
             made = save_text(self.path, report.html, report.made, place, is_forced=force)
@@ -272,7 +271,7 @@ class Session(SessionPictures, NightPlots):
         """
         from rsoconsole.control import ControlClient, Sender, status_of
         from rsoconsole.errors import ControlError
-        from rsoconsole.notebook import live_panel
+        from rsoconsole.notebook.tables import live_panel
 
         path = None if socket is None else Path(socket)
         written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session

@@ -6,9 +6,10 @@ from typing import Any, Protocol
 
 from rsoconsole.config import Config, with_changes
 from rsoconsole.night import NightFrames, Summary, shown, summary_of
-from rsoconsole.notebook.figures import NightPlots
-from rsoconsole.notebook.night import DrawnNight, night_of, text
-from rsoconsole.pipeline.replay import ReplayedFrame, replay
+from rsoconsole.notebook.figures.figures import NightPlots
+from rsoconsole.notebook.night.night import DrawnNight, night_of
+from rsoconsole.notebook.night.svg import text
+from rsoconsole.pipeline import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record
 from rsoconsole.words import settings_words
 
@@ -89,7 +90,7 @@ class WhatIf(NightPlots):
         The session's own record is not touched. Raises SessionError for a name that is taken
         (unless ``force``) or cannot be one, and where it cannot be written.
         """
-        from rsoconsole.pipeline.replay import save_branch, what_if_session
+        from rsoconsole.pipeline import save_branch, what_if_session
 
         return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
 

@@ -1,14 +1,8 @@
-from . import field as field
-from . import leaps as leaps
-from . import steps as steps
-from .columns import HEAD as HEAD
 from .columns import SUPERSEDED as SUPERSEDED
 from .columns import TABLES as TABLES
 from .columns import Column as Column
 from .columns import ColumnType as ColumnType
 from .columns import Table as Table
-from .columns import documentation as documentation
-from .columns import documented as documented
 from .columns import member as member
 from .field import ClosestKind as ClosestKind
 from .field import ExpectedMembers as ExpectedMembers

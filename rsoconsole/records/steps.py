@@ -11,13 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from rsoconsole.reasons import (
-    Cause,
-    CommandResult,
-    Missed,
-    NotTaken,
-    SlewRefusal,
-)
+from rsoconsole.reasons import Cause, CommandResult, Missed, NotTaken, SlewRefusal
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import (
     CameraMode,

@@ -2,3 +2,7 @@
 
 May touch records, config and errors below, SQLite and the session's folder; never instruments.
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

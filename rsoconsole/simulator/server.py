@@ -6,33 +6,123 @@ until stdin closes, so that it never outlives what started it.
 
 import asyncio
 import contextlib
+import importlib
 import json
 import logging
 import socket
 import sys
 import threading
 from collections.abc import Coroutine
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from indipydriver import IPyDriver, getProperties
 from indipyserver import IPyServer
 
-from rsoconsole.simulator.camera import camera_traits
-from rsoconsole.simulator.devices import (
-    CameraDevice,
-    ClockDevice,
-    DomeDevice,
-    MountDevice,
-    VirtualClock,
-    WeatherDevice,
-)
+from rsoconsole.config import OpticsConfig
+from rsoconsole.records import Site
+from rsoconsole.simulator.camera.indi_fits import camera_traits
+from rsoconsole.simulator.devices.camera_device import CameraDevice, SceneLike
+from rsoconsole.simulator.devices.clock_device import ClockDevice, VirtualClock
+from rsoconsole.simulator.devices.mount_device import MountDevice
+from rsoconsole.simulator.devices.weather_and_dome import DomeDevice, Schedule, WeatherDevice
 from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME, WEATHER_NAME
-from rsoconsole.simulator.mount import MountModel, MountTraits, MountUnrest, stamp
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.stage import Stage, open_stage
-from rsoconsole.simulator.world import World
-from rsoconsole.sky import icrs_to_jnow
+from rsoconsole.simulator.mount.indi_vectors import stamp
+from rsoconsole.simulator.mount.mount_model import MountModel, MountTraits, MountUnrest
+from rsoconsole.simulator.nights.night_plan import plan_of_table, scenario_of, stars_of
+from rsoconsole.simulator.nights.scenarios import scenario_named
+from rsoconsole.simulator.scene.scene import Scene
+from rsoconsole.simulator.scene.world_scene import binned
+from rsoconsole.simulator.world.world import NAMELESS, World, world_from
+from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservatorySettings:
+    """What the observatory is to be; crosses to its process as JSON."""
+
+    scenario: str
+    seed: int
+    speed: float
+    """Virtual seconds a wall second; 0: at once."""
+    truth_path: str | None = None
+    width_px: int | None = None
+    """A smaller sensor than the scenario's, for quick looks."""
+    height_px: int | None = None
+    stage: str | None = None
+    """``module:function`` that opens another stage than the scenarios'."""
+    plan: dict[str, Any] | None = None
+    """A ``NightPlan`` as a table, instead of the scenario."""
+    weather: Schedule = ()
+    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
+    dome: Schedule = ()
+    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
+    world: dict[str, Any] = field(default_factory=dict)
+    """Imperfections, as ``World.named`` gives them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Where, when, with what, and what is to be seen."""
+
+    site: Site
+    optics: OpticsConfig
+    t_start_utc_ns: int
+    start_ra_icrs_deg: float
+    """Where the mount looks when the night begins."""
+    start_dec_icrs_deg: float
+    scene: SceneLike
+    world: World = NAMELESS
+    """What is imperfect; the scene knows its own part of it."""
+
+
+def open_stage(settings: ObservatorySettings) -> Stage:
+    """The stage of a named scenario, of a plan, or of the function that the settings name.
+
+    Raises ConfigError for a name that no scenario has, and for a world that cannot be.
+    """
+    if settings.stage is None:
+        return _scenario_stage(settings)
+    module, _, function = settings.stage.partition(":")
+    stage: Stage = getattr(importlib.import_module(module), function)(settings)
+    return stage
+
+
+def _scenario_stage(settings: ObservatorySettings) -> Stage:
+    plan = None if settings.plan is None else plan_of_table(settings.plan)
+    scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
+    world = world_from(settings.world)
+    standard = OpticsConfig()
+    optics = standard.model_copy(
+        update={
+            "width_px": settings.width_px or standard.width_px,
+            "height_px": settings.height_px or standard.height_px,
+        }
+    )
+    optics = binned(optics, world)
+    ra_icrs_deg, dec_icrs_deg = icrs_of_hour_angle(
+        scenario.site,
+        scenario.start_hour_angle_for(optics.field_deg[0]),
+        scenario.start_declination_deg,
+        scenario.t_start_utc_ns,
+    )
+    return Stage(
+        site=scenario.site,
+        optics=optics,
+        t_start_utc_ns=scenario.t_start_utc_ns,
+        start_ra_icrs_deg=float(ra_icrs_deg),
+        start_dec_icrs_deg=float(dec_icrs_deg),
+        scene=Scene(
+            scenario,
+            settings.seed,
+            optics=optics,
+            catalogue=None if plan is None else stars_of(plan),
+            world=world,
+        ),
+        world=world,
+    )
+
 
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 

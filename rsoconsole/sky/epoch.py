@@ -14,9 +14,10 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky.bodies import sun_icrs
 from rsoconsole.sky.frames import icrs_to_jnow
-from rsoconsole.sky.sun import sun_icrs
-from rsoconsole.sky.times import NS_PER_S, TimeLike, gast_deg, jd_tt
+from rsoconsole.sky.times import TimeLike, gast_deg, jd_tt
+from rsoconsole.words import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S
 SIDEREAL_DEG_S = 360.98564736629 / 86_400.0

@@ -13,7 +13,8 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import Angle
-from rsoconsole.sky.times import TimeLike, jd_tt, lst_deg
+from rsoconsole.sky.times import IntArray, TimeLike, jd_tt, lst_deg
+from rsoconsole.words import NS_PER_S
 
 PierSide = Literal["east", "west"]
 
@@ -119,3 +120,26 @@ def _like(model: Angle, value: FloatArray) -> Angle:
     if isinstance(model, np.ndarray):
         return np.asarray(value)
     return float(value)
+
+
+def chart_to_icrs(
+    ra_deg: FloatArray, dec_deg: FloatArray, equinox_year: int | None, t_utc_ns: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """(N,) degrees of directions seen at (N,) instants, on charts of one equinox.
+
+    ``equinox_year``: 2000 and later of FK5, before 1984 of FK4; None: that of date.
+    """
+    if equinox_year == 2000:
+        return ra_deg, dec_deg  # FK5 differs from ICRS by 0.02 arcsec
+    from astropy.coordinates import FK4, FK5, SkyCoord
+    from astropy.time import Time
+
+    date = Time(t_utc_ns / NS_PER_S, format="unix")
+    if equinox_year is None:
+        frame = FK5(equinox=date)
+    elif equinox_year < 1984:
+        frame = FK4(equinox=Time(equinox_year, format="byear"), obstime=date)
+    else:
+        frame = FK5(equinox=Time(equinox_year, format="jyear"))
+    found = SkyCoord(ra_deg, dec_deg, unit="deg", frame=frame).icrs
+    return np.asarray(found.ra.deg), np.asarray(found.dec.deg)

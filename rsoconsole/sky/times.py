@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
-from rsoconsole.words import NS_PER_DAY as NS_PER_DAY  # noqa: PLC0414 -- handed on
-from rsoconsole.words import NS_PER_S as NS_PER_S  # noqa: PLC0414
-from rsoconsole.words import utc_ns_to_iso as utc_ns_to_iso  # noqa: PLC0414
+from rsoconsole.words import (
+    NS_PER_DAY,
+    NS_PER_S,
+)
 
 IntArray = npt.NDArray[np.int64]
 TimeLike = int | IntArray

@@ -15,8 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking.association import FollowSettings, Pattern, Seen, expected_motion
-from rsoconsole.tracking.filters import Plane, estimator, lqe, streak_motion
+from rsoconsole.tracking.association.following import FollowSettings, Seen, expected_motion
+from rsoconsole.tracking.association.pattern import Pattern
+from rsoconsole.tracking.filters import estimator, lqe
+from rsoconsole.tracking.filters.agreement import streak_motion
+from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.joint import Assignment, Weighed
 
 WIDTHS = 2.5

@@ -11,22 +11,21 @@ from dataclasses import replace
 from rsoconsole.reasons import Cause, NotTaken
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, StateChange, TrackState
 from rsoconsole.tracking import blended, further_tracks, track_words
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking.association import pattern as patterns
+from rsoconsole.tracking.association.following import (
     CROSSED,
     NOTHING_SEEN,
     Following,
     FollowSettings,
-    Pattern,
-    Place,
     Seen,
     Tracked,
     expected_motion,
     not_followed,
     of_track,
 )
-from rsoconsole.tracking.association import pattern as patterns
-from rsoconsole.tracking.gates import INDISTINGUISHABLE, all_updated_with, nis_of, refusals
-from rsoconsole.tracking.initiation import REFUSED, acquire, chains
+from rsoconsole.tracking.association.pattern import Pattern, Place
+from rsoconsole.tracking.initiation import chains
+from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
 from rsoconsole.tracking.joint import Weighed, assigned
 from rsoconsole.tracking.one_track import (
     follow_chosen,
@@ -35,7 +34,14 @@ from rsoconsole.tracking.one_track import (
     shared_track,
     stepped_track,
 )
-from rsoconsole.tracking.takeover import Step, cause_of
+from rsoconsole.tracking.takeover import (
+    INDISTINGUISHABLE,
+    Step,
+    all_updated_with,
+    cause_of,
+    nis_of,
+    refusals,
+)
 
 
 def follow(

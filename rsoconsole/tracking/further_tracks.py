@@ -14,7 +14,7 @@ import numpy as np
 
 from rsoconsole.reasons import TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking.association.following import (
     MAY_BE_FOLLOWED,
     Following,
     FollowSettings,
@@ -23,8 +23,10 @@ from rsoconsole.tracking.association import (
     expected_motion,
     three_sigma_deg,
 )
-from rsoconsole.tracking.filters import adaptive, disagreement, lqe, motion_between, streak_motion
-from rsoconsole.tracking.initiation import chains, first_state
+from rsoconsole.tracking.filters import adaptive, lqe
+from rsoconsole.tracking.filters.agreement import disagreement, motion_between, streak_motion
+from rsoconsole.tracking.initiation import chains
+from rsoconsole.tracking.initiation.acquisition import first_state
 from rsoconsole.tracking.takeover import Step, is_neighbour
 
 UNSEEN_EACH = 2

@@ -20,16 +20,19 @@ import numpy as np
 
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking.association import (
-    NEAREST_ARCSEC,
+from rsoconsole.tracking.association.neighbours import NEAREST_ARCSEC, BoolArray
+from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
     OTHER_MOTION_ARCSEC_S,
-    BoolArray,
     Pattern,
     own_covariance,
 )
-from rsoconsole.tracking.filters import Plane, Update, adaptive, inverted, lqe, motion_between
-from rsoconsole.tracking.gates import nis_of
+from rsoconsole.tracking.filters import adaptive, lqe
+from rsoconsole.tracking.filters.agreement import motion_between
+from rsoconsole.tracking.filters.bank_update import inverted
+from rsoconsole.tracking.filters.estimator import Update
+from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.takeover import nis_of
 
 DETECTED = 0.9
 """Chance that what is in the field is detected."""

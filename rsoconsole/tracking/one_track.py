@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rsoconsole.reasons import Missed, NotTaken, TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, TrackState
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking.association.following import (
     NOTHING_SEEN,
     FollowSettings,
     Seen,
@@ -14,8 +14,7 @@ from rsoconsole.tracking.association import (
 )
 from rsoconsole.tracking.blended import Shared
 from rsoconsole.tracking.filters import estimator
-from rsoconsole.tracking.gates import INDISTINGUISHABLE, off_nis, rejections, updated_with
-from rsoconsole.tracking.initiation import (
+from rsoconsole.tracking.initiation.acquisition import (
     NOT_CHOSEN,
     beside,
     excesses_with,
@@ -23,7 +22,15 @@ from rsoconsole.tracking.initiation import (
     half_turns_with,
 )
 from rsoconsole.tracking.joint import Weighed
-from rsoconsole.tracking.takeover import Step, is_in_field, with_rivals
+from rsoconsole.tracking.takeover import (
+    INDISTINGUISHABLE,
+    Step,
+    is_in_field,
+    off_nis,
+    rejections,
+    updated_with,
+    with_rivals,
+)
 
 ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins again."""

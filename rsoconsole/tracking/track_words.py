@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FoldRecord, Miss, NotFollowed, TrackState
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking.association.following import (
     Following,
     FollowSettings,
     Seen,

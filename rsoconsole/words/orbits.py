@@ -1,7 +1,10 @@
-"""An orbit's size, and what comes within a day, in words."""
+"""Names, orbits and pairs of satellites in words."""
 
+from collections.abc import Iterable
+
+from rsoconsole.records import CatalogueMatch, Identified, LedgerName, PairMotion, UnseenMember
 from rsoconsole.words.angles import plus_minus
-from rsoconsole.words.times import NS_PER_S, Clock, clock, span
+from rsoconsole.words.times import NS_PER_S, Clock, age, clock, span
 
 
 def size_words(a_km: float, sigma_a_km: float) -> str:
@@ -36,3 +39,87 @@ def eclipse_words(
     until = f" to {clock(ends, 'minute')}" if ends else ""
     is_in = begins <= from_utc_ns
     return ("in eclipse" if is_in else due("eclipse", begins, now_utc_ns, form)) + until
+
+
+def apart_words(pair: PairMotion) -> str:
+    """253.2 ± 0.5″."""
+    return f"{pair.separation_arcsec:.1f} ± {pair.sigma_separation_arcsec:.1f}″"
+
+
+def nearing_words(pair: PairMotion) -> str:
+    """-1.44 ± 0.03″/min: below 0 while they approach."""
+    sigma = pair.sigma_separation_rate_arcsec_min
+    return f"{pair.separation_rate_arcsec_min:+.2f} ± {sigma:.2f}″/min"
+
+
+def closest_words(pair: PairMotion) -> str:
+    """How near they come and when, or that they part."""
+    hours = pair.horizon_s / 3600.0
+    if pair.closest == "now":
+        return f"they part, looked {hours:.1f} h ahead"
+    within = f"{pair.closest_low_arcsec:.0f} to {pair.closest_high_arcsec:.0f}″"
+    if pair.closest == "beyond":
+        return f"still nearing in {hours:.1f} h: {within}"
+    off_min = max(pair.sigma_closest_s / 60.0, 0.5)
+    return f"least {within} at {clock(pair.closest_utc_ns, 'minute', '')} ± {off_min:.0f} min"
+
+
+def unseen_words(name: str, member: UnseenMember) -> str:
+    """Who is missing, where in the frame, and why it may not be seen."""
+    whys = (("in shadow", member.is_lit), ("at the edge", member.is_usable))
+    why = ", ".join(words for words, is_plain in whys if not is_plain)
+    return f"{name} x {member.x_px:.0f} y {member.y_px:.0f} {why}".rstrip()
+
+
+def called(name: str | None, norad_id: int) -> str:
+    """INTELSAT 14 (36097), or its number where it has no name."""
+    return f"{name} ({norad_id})" if name else str(norad_id)
+
+
+def identity(found: Identified | None) -> str:
+    """INTELSAT 14, UCT 7?, not in catalogue; "-": not known yet. "?" stands for doubt."""
+    if found is None:
+        return "-"
+    if found.verdict == "unknown":
+        past = found.ledger
+        return "not in catalogue" if past is None else past.name + ("" if past.is_sure else "?")
+    if not found.matches:
+        return "-"
+    best = found.matches[0]
+    return (best.name or str(best.norad_id)) + ("" if found.verdict == "identified" else "?")
+
+
+def off_words(match: CatalogueMatch) -> str:
+    """How far beside its elements what was seen is: 3.1″, 12″, 2′, 1.7°."""
+    off = match.separation_arcsec
+    if off < 100.0:
+        return f"{off:.{0 if off >= 10.0 else 1}f}″"
+    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"
+
+
+def match_words(match: CatalogueMatch) -> list[str]:
+    """98%, 3.1″ off, elements 0.4 d old."""
+    return [
+        chance(match.probability),
+        f"{off_words(match)} off",
+        f"elements {age(match.tle_age_days)}",
+    ]
+
+
+def ledger_words(past: LedgerName) -> str:
+    """UCT 7, seen 2026-11-20; perhaps UCT 7, seen 2026-11-20 (93%)."""
+    words = f"{past.name}, seen {clock(past.t_last_utc_ns, 'day', '')}"
+    return words if past.is_sure else f"perhaps {words} ({chance(past.probability)})"
+
+
+def chance(probability: float) -> str:
+    """Never more certain than it is: >99%."""
+    if probability >= 0.995:
+        return ">99%"
+    return "<1%" if probability < 0.005 else f"{probability:.0%}"
+
+
+def tracks_words(numbers: Iterable[int | str]) -> str:
+    """Tracks by their numbers: "track 3", "tracks 1 3 4"."""
+    words = [str(each) for each in numbers]
+    return f"track{'s' if len(words) > 1 else ''} {' '.join(words)}"

@@ -3,7 +3,7 @@
 from datetime import date
 
 from rsoconsole.config import CalibratedTiming, ExposureConfig
-from rsoconsole.words.numbers import counted
+from rsoconsole.words.angles import counted
 
 OLD_DAYS = 180
 """Drivers are updated, cables changed: by then it is worth another look."""

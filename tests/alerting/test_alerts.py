@@ -15,18 +15,15 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
-from rsoconsole.alerting import AlertProcess
-from rsoconsole.alerting.alert import Alert
-from rsoconsole.alerting.limiter import Limiter
-from rsoconsole.alerting.news import News
+from rsoconsole.alerting import AlertProcess, services_of
+from rsoconsole.alerting.child import Limiter
+from rsoconsole.alerting.news import Alert, News
 from rsoconsole.alerting.process import _log_file
-from rsoconsole.alerting.sender import Sender
-from rsoconsole.alerting.services import Sent, Service, send, services_of
+from rsoconsole.alerting.services import Sender, Sent, Service, send
 from rsoconsole.alerting.spool import MOST, OLDEST_NS, Spool
 from rsoconsole.cli.app import app
-from rsoconsole.cli.telescope.prometheus import metrics
+from rsoconsole.cli.telescope.telescope import metrics
 from rsoconsole.config import (
-    ALERT_KINDS,
     AlertsConfig,
     Config,
     config_faults,
@@ -35,13 +32,21 @@ from rsoconsole.config import (
     load_config,
     with_setting,
 )
-from rsoconsole.control import ControlServer, Health, Outcome, Status, default_socket_path
-from rsoconsole.control.status import Machine, TrackNow, status_json
+from rsoconsole.config.alerts import ALERT_KINDS
+from rsoconsole.control import (
+    ControlServer,
+    Health,
+    Machine,
+    Outcome,
+    Status,
+    TrackNow,
+    default_socket_path,
+    status_json,
+)
 from rsoconsole.errors import ConfigError
 from rsoconsole.reasons import Cause, HiddenBy, Missed, TrackLost
 from rsoconsole.records import CatalogueMatch, Event, Identified, Miss, Record, StateChange
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader, SessionWriter
 from tests.children.bad_server import BadServer, bad_server, drip
 from tests.children.bad_server import send as answer
 from tests.children.bad_server import status as refuse
@@ -299,7 +304,7 @@ child.own_words_alone(sys.stderr)
 logging.getLogger("urllib3.connectionpool").warning("Retrying: /bot%s/sendMessage", "T0KEN")
 logging.getLogger("apprise").error("T0KEN")
 logging.getLogger("requests").exception("T0KEN")
-logging.getLogger("rsoconsole.alerting.sender").warning("tgram 1: no network")
+logging.getLogger("rsoconsole.alerting.services").warning("tgram 1: no network")
 def breaks():
     raise OSError("https://x/T0KEN")
 thread = threading.Thread(target=breaks, name="tgram 1")
@@ -629,7 +634,7 @@ def test_alerts_test_logs_nothing_that_a_library_says(
 def test_a_service_that_never_answers_is_given_up(
     server: BadServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rsoconsole.alerting.services import call, send_within
+    from rsoconsole.alerting import call, send_within
 
     monkeypatch.setattr(
         "rsoconsole.alerting.services.send", lambda *_: time.sleep(5.0) or Sent(True, "")

@@ -14,14 +14,12 @@ import time
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.plan import Planner
-from rsoconsole.instruments.ports import MountReport
-from rsoconsole.pipeline.cycle.cycle import Cycle
-from rsoconsole.pipeline.frame.open import open_reducer
+from rsoconsole.instruments import MountReport
+from rsoconsole.pipeline import Cycle, open_reducer
 from rsoconsole.records import Frame
-from rsoconsole.simulator.nights.scenarios import scenario_named
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.tracking.association.following import Following
+from rsoconsole.simulator import Scene, scenario_named
+from rsoconsole.sky import icrs_of_hour_angle
+from rsoconsole.tracking import Following
 
 NS = 1_000_000_000
 TARGET_HOUR_ANGLE_DEG = -41.0

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import ElementSet, Satellite, parse_elements
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import NS_PER_DAY
+from rsoconsole.words import NS_PER_DAY
 
 HISTORY = Path(__file__).parents[3] / "shared" / "data" / "tles" / "geo_3sats_history_2019_2025.tle"
 AGES_DAYS = ((3, 7), (7, 14), (14, 20), (20, 25), (25, 35), (35, 60))

@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 
-from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorFactors
-from rsoconsole.orbits.identification.element_fit import fit_factors
+from rsoconsole.orbits import ErrorFactors, fit_factors
+from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED
 from rsoconsole.records import FloatArray
 from tests.truth.element_rows_of_truth import low_rows, times
 

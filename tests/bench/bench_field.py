@@ -12,13 +12,16 @@ from collections import Counter
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbits.elements.sky_paths import Lookout, array_of
-from rsoconsole.orbits.identification.field_crossings import FieldCatalogue
-from rsoconsole.orbits.identification.field_match import match_field
-from rsoconsole.sky.angles import unit_to_direction
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    FieldCatalogue,
+    array_of,
+    match_field,
+    nearest_in_epoch_of_each,
+)
+from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.sky import site_gcrs, unit_to_direction
+from rsoconsole.words import NS_PER_S
 from tests.truth.fields_of_truth import (
     DAY_UTC_NS,
     SITE,

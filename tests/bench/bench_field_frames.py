@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.pipeline.field.field import FieldRun, FrameAnswer
-from rsoconsole.pipeline.field.field_frame import FieldReader, PlateMode, open_field_reader
+from rsoconsole.instruments import read_frame
+from rsoconsole.pipeline import FieldRun, PlateMode, open_field_reader
+from rsoconsole.pipeline.field.field_frame import FieldReader, FrameAnswer
 from rsoconsole.simulator.camera.truth import FrameTruth, SatelliteTruth
 from tests.truth.simulated_fields import OPTICS, crowd, frames_in
 

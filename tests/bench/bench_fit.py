@@ -18,13 +18,10 @@ import cv2
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.simulator.camera.rendering import cloud_at, frame_rng, render, straight_streak
-from rsoconsole.simulator.nights.scenarios import scenario_named
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.wcs import tan_wcs
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.simulator import Scene, cloud_at, frame_rng, render, scenario_named, straight_streak
+from rsoconsole.sky import tan_wcs
+from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
+from rsoconsole.vision.streaks.streak_fit import NoStreak
 
 SNR_BINS = ((1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 20.0))
 LENGTH_BINS = ((30.0, 60.0), (60.0, 90.0), (90.0, 150.0), (150.0, 300.0))

@@ -12,13 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue, states_gcrs
-from rsoconsole.orbits.first.directions import Sightings, sightings
-from rsoconsole.orbits.identification.element_errors import UNDISTURBED, covariance_rtn
-from rsoconsole.orbits.identification.single import Identification, identify
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    Identification,
+    Sightings,
+    covariance_rtn,
+    parse_catalogue,
+    sightings,
+    states_gcrs,
+)
+from rsoconsole.orbits.identification.element_errors import UNDISTURBED
+from rsoconsole.orbits.identification.single import identify
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.places import astrometric_places
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray
+from rsoconsole.sky import IntArray, astrometric_places
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_element_errors import MEAN_MOTION_RAD_S, measured_errors
 
 TLES = Path(__file__).parents[3] / "shared" / "data" / "tles"
@@ -57,7 +64,7 @@ def seen_off_elements(
 
 def visible(entries: tuple[CatalogueEntry, ...], t_utc_ns: int) -> list[CatalogueEntry]:
     """Those that stand 15 degrees high."""
-    from rsoconsole.sky.places import site_gcrs
+    from rsoconsole.sky import site_gcrs
 
     at = np.array([t_utc_ns])
     r = states_gcrs(entries, at)[0][:, 0]

@@ -15,13 +15,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification.element_errors import UNDISTURBED, covariance_rtn
-from rsoconsole.orbits.identification.joint_identification import identify_jointly
-from rsoconsole.orbits.identification.single import Identification, identify
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    Identification,
+    Sightings,
+    covariance_rtn,
+    identify_jointly,
+    parse_catalogue,
+)
+from rsoconsole.orbits.identification.element_errors import UNDISTURBED
+from rsoconsole.orbits.identification.single import identify
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_element_errors import MEAN_MOTION_RAD_S, measured_errors
 from tests.bench.bench_identify import TLES, seen_off_elements
 

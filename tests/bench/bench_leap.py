@@ -17,13 +17,11 @@ import time
 
 from rsoconsole.cli.demo.demo_targets import plan_targets
 from rsoconsole.config import Config, OpticsConfig
-from rsoconsole.pipeline.frame.open import open_reducer
+from rsoconsole.pipeline import open_reducer
 from rsoconsole.records import CycleTiming, Event, Frame, SlewCommand
+from rsoconsole.simulator import Scene, binned, world_from
 from rsoconsole.simulator.nights.night_plan import scenario_of, stars_of
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.scene.world_scene import binned
-from rsoconsole.simulator.world.world_file import world_from
-from rsoconsole.sky.frames import icrs_of_hour_angle
+from rsoconsole.sky import icrs_of_hour_angle
 from tests.campaign.leaps import FILE
 from tests.makers import NS
 from tests.rigs import engine_rig

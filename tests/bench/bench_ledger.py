@@ -13,16 +13,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsoconsole.orbits.determination.from_directions import determine
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification.uncorrelated import (
+from rsoconsole.orbits import (
+    CatalogueEntry,
     SeenBefore,
+    Sightings,
     attributable,
-    log_density,
+    determine,
+    parse_catalogue,
     recognise,
 )
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
+from rsoconsole.orbits.identification.uncorrelated import log_density
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_identify import SITE, TLES, seen_off_elements, visible
 
 GAPS_DAYS = (1, 2, 3, 7, 14, 30)

@@ -10,8 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbits.determination.join import Alone, alone, log_odds, probability_of
-from rsoconsole.tracking.initiation.link import link_points
+from rsoconsole.orbits import Alone, alone, probability_of
+from rsoconsole.orbits.determination.join import log_odds
+from rsoconsole.tracking import link_points
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
 from tests.truth.seen_satellites import geostationary, instants, seen
 

@@ -24,15 +24,12 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config, DetectorConfig, OpticsConfig
-from rsoconsole.pipeline.orbits.orbits import Orbits
+from rsoconsole.pipeline import Orbits
 from rsoconsole.records import Frame, Identified
+from rsoconsole.simulator import elements_path
 from rsoconsole.simulator.camera.psf import add_points
-from rsoconsole.simulator.nights.scenarios import elements_path
-from rsoconsole.tracking.association.following import Following, FollowSettings
-from rsoconsole.tracking.frame_by_frame import follow
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.tracking import Following, FollowSettings, follow
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.nights.slot_of_twelve import MEMBERS, frames, members
 from tests.tracking.test_company import settings
 from tests.tracking.test_rivals import config as plain_config

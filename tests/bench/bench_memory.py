@@ -34,7 +34,8 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import CHILDREN, COMMAND, WholeEngine, whole_engine
 

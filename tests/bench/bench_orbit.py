@@ -26,16 +26,12 @@ from unittest.mock import patch
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.orbits import Orbit, Sightings, determine, elements_of, predict
 from rsoconsole.orbits.determination.fit import Prior
-from rsoconsole.orbits.determination.from_directions import Orbit, determine
 from rsoconsole.orbits.determination.regimes import REGIMES
-from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.orbits.motion.two_body import elements_of
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
+from rsoconsole.pipeline import OnlineOrbit
 from rsoconsole.records import FloatArray, Measurement, Site, TrackState
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import Places, iso_to_utc_ns
 from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
 
 RESULTS = Path(__file__).parent / "results" / "orbit.json"

@@ -24,7 +24,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.vision import Network
 from tests.bench.peers import binarising
 from tests.bench.peers.child import Child
 from tests.bench.peers.frames import (

@@ -30,13 +30,12 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments import IndiWire, read_frame
 from rsoconsole.judge.summary import HIDDEN_SNR
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import text
 from tests.bench.quota import Quota, command_of, cpu_s, exempt, family, open_quota
 from tests.rigs.terminal import Terminal

@@ -24,13 +24,9 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.durable_files import write_durably
+from rsoconsole.session import SessionReader, SessionWriter, encode, summarise, verify_session
 from rsoconsole.session.files.digest import digest_log, sha256_of
-from rsoconsole.session.log.codec import encode
 from rsoconsole.session.log.database import connect_to_write
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.store import summarise
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights import made_up_night as night
 
 RESULTS = Path(__file__).parent / "results" / "record.json"

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
+from rsoconsole.instruments import PlateSolver, SolveHint
 from tests.drawn.plate_fields import SCALE, SIZE, belt_plate, belt_stars
 
 REPEATS = 40

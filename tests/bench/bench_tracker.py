@@ -13,8 +13,7 @@ import time
 import numpy as np
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.association.following import Following, FollowSettings
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, follow
 from tests.tracking.test_rivals import FRAMES, config, every_day, seen, streak, truth
 
 NIGHTS = 5

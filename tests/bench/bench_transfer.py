@@ -16,12 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frames.frame_files import frame_from_bytes
+from rsoconsole.instruments import Instruments, connect_instruments, frame_from_bytes
 from rsoconsole.instruments.indi.wire_stop import stop_mount
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import Instruments
-from rsoconsole.simulator.camera.indi_fits import fits_bytes
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.simulator import fits_bytes, start_observatory
 
 WIDTH_PX, HEIGHT_PX = 4656, 3520
 NS = 1_000_000_000

@@ -31,9 +31,7 @@ from rsoconsole.cli import ONE_THREAD
 from rsoconsole.config import DetectorConfig, OpticsConfig
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.psf import add_points
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 
 RESULTS = Path(__file__).parent / "results" / "vision.json"
 START_PX, END_PX = (2000.0, 1500.0), (2118.0, 1512.0)

@@ -19,10 +19,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_log import what_if_session
-from rsoconsole.pipeline.tuning.proposal import propose
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.pipeline import propose, replay, what_if_session
+from rsoconsole.session import SessionReader
 from tests.nights.measured_night import record_night
 
 RESULTS = Path(__file__).parent / "results" / "what_if.json"

@@ -18,7 +18,7 @@ import time
 
 import numpy as np
 
-from rsoconsole.simulator.camera.indi_fits import fits_bytes
+from rsoconsole.simulator import fits_bytes
 
 MOUNT, CAMERA = "Telescope Simulator", "CCD Simulator"
 _ORDER = re.compile(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rsoconsole.simulator.nights.scenarios import elements_path
+from rsoconsole.simulator import elements_path
 from tests.campaign import clusters
 from tests.real_sky import real_sky_night
 

@@ -7,9 +7,7 @@ their hours.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rsoconsole.simulator.nights.world_laws import random_world
-from rsoconsole.simulator.world.world import World
-from rsoconsole.simulator.world.world_file import world_from, world_to_toml
+from rsoconsole.simulator import World, random_world, world_from, world_to_toml
 
 FRAMES, LONG_FRAMES = 60, 400
 RANDOM_WORLDS = 2

@@ -20,9 +20,8 @@ from models.fields import clip_to_box
 from models.frames import noise_electrons, sky_field
 from models.intervals import share_interval
 from rsoconsole.records import Detection, Frame
-from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.camera.rendering import FieldContent, frame_rng, render, straight_streak
-from rsoconsole.sky.angles import turn_deg
+from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, frame_rng, render, straight_streak
+from rsoconsole.sky import turn_deg
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.campaign.streaks import TAU, Trail, detector, off
 

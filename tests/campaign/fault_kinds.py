@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments import IndiWire
 from tests.campaign.fault_night import FaultNight, Row
 from tests.rigs.stop_situations import full_disk
 from tests.rigs.whole_engine import COMMAND, OVERRIDES, wait_for

@@ -16,8 +16,8 @@ from typing import Any, Self
 from rsoconsole.control import ControlClient, Outcome, Sender, command_of
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import OperatorAction
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import start_observatory
 from tests.campaign.fault_growth import Sample, pace_s
 from tests.campaign.fault_wire import FaultyWire
 from tests.rigs.stop_witness import Ear

@@ -27,13 +27,12 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite
 from rsoconsole.records import LeapDone, LowPass, Site
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.nights.world_laws import random_world
-from rsoconsole.simulator.world.world_file import world_to_toml
-from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import random_world, world_to_toml
+from rsoconsole.sky import icrs_to_altaz
+from rsoconsole.words import NS_PER_S
 from tests.campaign import runner
 from tests.campaign.cases import ELEMENTS, Case
 from tests.truth.regimes import samples

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.vision.detector.network import MODEL_NAME
+from rsoconsole.vision import MODEL_NAME
 from tests.bench.peers.roster import PEERS
 from tests.campaign.pairs import Key, Look
 

@@ -4,9 +4,8 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FrameTaken
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from rsoconsole.tracking.filters import lqe
-from rsoconsole.tracking.frame_by_frame import follow
 from tests.campaign.slots import EXPOSURE_S, SITE, Night
 from tests.campaign.slots_judge import At
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.records import Frame
-from rsoconsole.simulator.camera.rendering import Streak
+from rsoconsole.simulator import Streak
 from tests.bench.peers.child import Child
 from tests.bench.peers.roster import PEERS, present
 from tests.bench.peers.scoring import Candidate, Line, TrueStreak, judge

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.records import Frame
 
 FRAMES = Path(__file__).resolve().parents[3] / "shared" / "data" / "simulated"

@@ -13,12 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import FloatArray, Measurement, Site
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import NS_PER_S, IntArray
+from rsoconsole.sky import IntArray, Places, wrap_180
+from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import SHARED
 
 ELEMENTS = SHARED / "tles" / "geo_all_20230622.tle"

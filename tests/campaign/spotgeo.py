@@ -24,9 +24,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, TrackState
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.filters.sky_path import Plane
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
 from tests.campaign.arguments import seeds_of
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.makers import NS, T0_UTC_NS

@@ -18,10 +18,8 @@ from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Detection, Rejection
-from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.families import FAMILIES, draw
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 

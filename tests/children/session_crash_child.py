@@ -20,8 +20,8 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Event, Frame, Miss
-from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter, compress_frame
+from rsoconsole.session.files.kept_frames import encode_preview
 
 SAID = struct.Struct("=BQ")
 BEGUN, RECORD, FRAME, CLOSING, CLOSED = range(5)

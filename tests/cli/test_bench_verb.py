@@ -8,15 +8,14 @@ import pytest
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.cli.demo.bench_frame import draw_fits
+from rsoconsole.cli.demo.bench import draw_fits
 from rsoconsole.config import Config
+from rsoconsole.engine import STAGES, identity, judge, measure, summary_lines
 from rsoconsole.engine.doctor import bench
-from rsoconsole.engine.doctor.bench import STAGES, BenchResult, BenchStage, measure
-from rsoconsole.engine.doctor.bench_summary import BenchSummary, judge, summary_lines
-from rsoconsole.engine.machine.machine_name import identity
+from rsoconsole.engine.doctor.bench import BenchResult, BenchStage, BenchSummary
 from rsoconsole.errors import SessionError
-from rsoconsole.instruments.frames.frame_files import frame_from_bytes
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.instruments import frame_from_bytes
+from rsoconsole.sky import iso_to_utc_ns
 from tests.rigs.pi_files import pi_files, put
 
 NOW = iso_to_utc_ns("2023-06-23T00:00:00Z")
@@ -220,7 +219,7 @@ def configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A configuration file, and a bench that answers at once."""
     path = tmp_path / "config.toml"
     path.write_text(f"[session]\nroot = '{tmp_path}'\n", encoding="utf-8")
-    monkeypatch.setattr("rsoconsole.cli.demo.bench_frame.draw_fits", lambda _: b"")
+    monkeypatch.setattr("rsoconsole.cli.demo.bench.draw_fits", lambda _: b"")
     monkeypatch.setattr(bench, "measure", lambda *_, **__: told())
     monkeypatch.setattr("rsoconsole.engine.machine.machine_name.load_share", lambda: 0.0)
     return path

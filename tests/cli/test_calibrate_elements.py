@@ -12,16 +12,15 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_to_toml, load_config
 from rsoconsole.errors import ConfigError, RsoconsoleError
-from rsoconsole.orbits.elements.elements import ElementSet
-from rsoconsole.orbits.identification.element_errors import ASSUMED
-from rsoconsole.pipeline.orbits.element_errors_of import errors_of
-from rsoconsole.session.ledgers.element_ledger import (
+from rsoconsole.orbits import ASSUMED, ElementSet
+from rsoconsole.pipeline import errors_of
+from rsoconsole.session import (
+    SessionReader,
+    SessionWriter,
     element_ledger_path,
     keep_rows,
     read_element_ledger,
 )
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
 from tests.cli.test_cli_orbit import write_track
 from tests.orbits.test_element_fit import row
 from tests.pages.json_page import expect_documented

@@ -13,12 +13,12 @@ from rsoconsole.cli.app import app, main
 from rsoconsole.cli.words.orbit_words import orbit_lines
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.orbits.elements.elements import ElementSet
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
+from rsoconsole.orbits import ElementSet, Satellite
+from rsoconsole.pipeline import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.sky.times import NS_PER_S, IntArray, utc_ns_to_iso
+from rsoconsole.session import SessionWriter
+from rsoconsole.sky import IntArray
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented
 from tests.truth.seen_satellites import DAYTONA, SHARED, geostationary, instants

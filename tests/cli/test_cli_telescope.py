@@ -24,9 +24,9 @@ from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
 from rsoconsole.control.stop import LATE_S
 from rsoconsole.errors import ControlError
+from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import StopResult
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.rigs.stub_stage import SITE
 
 UNMEASURED = {"is_answered": True, "path": "mount", "ms": 12.5, "detail": "", "number": 1}

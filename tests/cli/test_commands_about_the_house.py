@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config, load_config
-from rsoconsole.instruments.solver.index_files import list_index_files, shipped_index_dir
+from rsoconsole.instruments import list_index_files
+from rsoconsole.instruments.solver.index_files import shipped_index_dir
+from rsoconsole.session import SessionReader, archive_session, verify_session
 from rsoconsole.session.files import upkeep_log
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.archive import archive_session
-from rsoconsole.session.upkeep.verify import verify_session
 from tests.children.bad_server import BadServer, bad_server, send
 from tests.element_sources.test_catalogue_update import GOOD
 from tests.nights.target_night import INDEX

@@ -13,14 +13,13 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, Sender
-from rsoconsole.control.commands import AskStatus
+from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Event, SlewCommand
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.nights.scenarios import scenario_named
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import scenario_named
+from rsoconsole.sky import separation_deg
+from rsoconsole.words import NS_PER_S
 from tests.pages.command_house import PATIENCE_S, PROGRAM, House, Recipes, a_house, seen
 from tests.pages.command_sky import SPEED, engine_toml, observatory
 from tests.pages.command_things import BELT, TARGET, TARGET_NAME, Things, gps_over_warsaw, pass_over

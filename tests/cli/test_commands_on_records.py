@@ -12,11 +12,9 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import load_config
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.pipeline.replay import branches_of
-from rsoconsole.session.ledgers.element_ledger import read_element_ledger
-from rsoconsole.session.ledgers.ledger import change_ledger, kept, read_ledger
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.orbits import parse_elements
+from rsoconsole.pipeline import branches_of
+from rsoconsole.session import SessionReader, change_ledger, kept, read_element_ledger, read_ledger
 from tests.nights.samples import SAMPLE
 from tests.nights.target_night import INDEX
 from tests.pages.command_house import PROGRAM, Done, House, NearHouse, Recipes, a_house

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.records import Event, FrameTaken
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sessions" / "intelsat-14"
 FAR = 253_402_300_800 * 10**9

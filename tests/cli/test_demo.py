@@ -7,12 +7,10 @@ from typing import Any
 import pytest
 
 from rsoconsole.cli.demo.demo import config_in, demo_config
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline import replay
 from rsoconsole.records import TrackState
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.simulator.nights.scenarios import DAYTONA_BEACH
-from rsoconsole.simulator.world.world_file import load_world
+from rsoconsole.session import SessionReader, verify_session
+from rsoconsole.simulator import DAYTONA_BEACH, load_world
 from tests.cli.test_cli_frames import rsoconsole
 from tests.pages.json_page import expect_documented
 from tests.rigs.in_process import run_here

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.nights.scenarios import scenario_named
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import scenario_named
 from tests.pages.command_things import pass_over
 from tests.rigs.in_process import run_here
 
@@ -30,7 +30,7 @@ class Called:
 @pytest.fixture
 def engine(monkeypatch: pytest.MonkeyPatch) -> Called:
     called = Called()
-    monkeypatch.setattr("rsoconsole.engine.service.run_engine", called)
+    monkeypatch.setattr("rsoconsole.engine.service.service.run_engine", called)
     return called
 
 

@@ -8,14 +8,9 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import ExportError, SessionError
-from rsoconsole.export import (
-    ExportOptions,
-    Target,
-    export,
-    parse_iod,
-    read_night,
-)
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.export import ExportOptions, Target, export, read_night
+from rsoconsole.export.iod_reader import parse_iod
+from rsoconsole.session import SessionWriter
 from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
 from tests.nights.orbit_night import identified_of
@@ -200,7 +195,7 @@ def test_several_tracks_are_several_segments_and_a_name_needs_one(tmp_path: Path
     """Two nights' records in one log: the second begins a track of its own."""
     from dataclasses import replace
 
-    from rsoconsole.session.reading.reader import SessionReader
+    from rsoconsole.session import SessionReader
 
     first = closed_night(tmp_path / "first")
     writer = SessionWriter.create(tmp_path / "both", SessionReader(first).config(), {})

@@ -9,13 +9,21 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.control import ControlServer, MovePreview, Outcome, Request, default_socket_path
-from rsoconsole.control.commands import AskStatus, Goto, Preview
-from rsoconsole.control.fields import as_json
-from rsoconsole.control.status import Status, status_json
+from rsoconsole.control import (
+    AskStatus,
+    ControlServer,
+    Goto,
+    MovePreview,
+    Outcome,
+    Preview,
+    Request,
+    Status,
+    as_json,
+    default_socket_path,
+    status_json,
+)
 from rsoconsole.records import Site
-from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import icrs_to_altaz, iso_to_utc_ns
 
 NOW = iso_to_utc_ns("2023-06-22T05:00:00Z")
 HILL = Site(latitude_deg=47.1, longitude_deg=8.5, elevation_m=620.0)

@@ -13,24 +13,24 @@ from sgp4.api import Satrec
 from sgp4.exporter import export_omm
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.elements.catalogue import (
+from rsoconsole.orbits import (
     CatalogueEntry,
-    nearest_in_epoch_of_each,
-    parse_catalogue,
-    states_gcrs,
-)
-from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.identification.element_errors import (
-    MANOEUVRED,
-    UNDISTURBED,
+    ElementSet,
+    Identification,
+    Satellite,
     covariance_rtn,
     manoeuvred_probability,
+    nearest_in_epoch_of_each,
+    parse_catalogue,
+    parse_elements,
+    states_gcrs,
 )
-from rsoconsole.orbits.identification.single import Identification, identify
-from rsoconsole.pipeline.orbits.sightings_of import read_observed
+from rsoconsole.orbits.elements.elements import checksum
+from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED
+from rsoconsole.orbits.identification.single import identify
+from rsoconsole.pipeline import read_observed
 from rsoconsole.records import Site
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 needs_shared = [

@@ -11,15 +11,20 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope.order import verb_of
 from rsoconsole.cli.words.output import WITH_UNITS, emit_json
-from rsoconsole.control import COMMANDS, ControlServer, Health, Outcome, Status, default_socket_path
-from rsoconsole.control.status import (
-    FIRST_NAMES,
+from rsoconsole.control import (
+    COMMANDS,
     SCHEMA,
+    ControlServer,
+    Health,
     LastStop,
     Machine,
+    Outcome,
+    Status,
+    default_socket_path,
     read_status,
     status_json,
 )
+from rsoconsole.control.status import FIRST_NAMES
 from rsoconsole.records import Detection, Detections, Frame, NotSolved
 from tests.makers import straight_detection
 from tests.pages.json_page import expect_documented, first_keys, keys_of
@@ -155,7 +160,7 @@ def test_what_one_record_has_of_another_is_a_key_too(capsys):
 
 
 def test_detections_and_solutions_are_as_on_the_page(capsys):
-    from rsoconsole.pipeline.words.reports import detections_report, solved_report
+    from rsoconsole.pipeline import detections_report, solved_report
 
     seen: Detection = straight_detection()
     found = Detections(frame_id=1, width_px=64, height_px=48, detections=(seen,))

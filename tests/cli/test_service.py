@@ -17,11 +17,10 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope import service
-from rsoconsole.engine.machine.systemd import notify
+from rsoconsole.engine.machine.machine import notify
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.session import SessionReader, verify_session
+from rsoconsole.simulator import start_observatory
 
 COMMAND = ("/opt/a b/bin/python", "-c", "run()", "engine", "--config", "/home/o/50% $x.toml")
 

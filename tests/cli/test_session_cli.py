@@ -10,7 +10,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.session import verify_session
 from tests.nights.made_up_night import begin
 from tests.nights.samples import SAMPLE
 from tests.pages.json_page import expect_documented

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import load_config
-from rsoconsole.orbits.navigation.navigation import utc_ns_of_gps
-from rsoconsole.pipeline.calibrations.navigation_files import read_rinex
+from rsoconsole.orbits.navigation.sp3 import utc_ns_of_gps
+from rsoconsole.pipeline import read_rinex
 from rsoconsole.records import CameraMode
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from rsoconsole.words import mode_words
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S, mode_words
 from tests.pages.json_page import expect_documented
 from tests.pipeline.test_navigation_files import BROADCAST_2, PRECISE, epochs_of
 from tests.truth.navigation_truth import (

@@ -57,14 +57,14 @@ def test_help_is_help_and_no_complaint(capsys, monkeypatch):
     ],
 )
 def test_the_setting_that_was_meant(name, meant):
-    from rsoconsole.engine.tasks.tunables import TUNABLE
+    from rsoconsole.engine import TUNABLE
 
     assert nearest(name, sorted(TUNABLE)) == meant
 
 
 def test_a_value_out_of_bounds_is_said_in_the_settings_own_terms():
     from rsoconsole.config import Config
-    from rsoconsole.engine.tasks.tunables import changed
+    from rsoconsole.engine.tasks.pace import changed
 
     with pytest.raises(ValueError, match=r"^detector\.tau = 2\.0: must be below 1$"):
         changed(Config(), "detector.tau", 2.0)

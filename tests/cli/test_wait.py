@@ -11,11 +11,23 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope import waiting
-from rsoconsole.control import ControlServer, MovePreview, Outcome, Request, default_socket_path
-from rsoconsole.control.commands import AskStatus, Goto, Park, Preview
-from rsoconsole.control.fields import as_json
-from rsoconsole.control.status import LastStop, Status, status_json
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.control import (
+    AskStatus,
+    ControlServer,
+    Goto,
+    LastStop,
+    MovePreview,
+    Outcome,
+    Park,
+    Preview,
+    Request,
+    Status,
+    as_json,
+    default_socket_path,
+    status_json,
+)
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 
 NOW = iso_to_utc_ns("2023-06-22T05:00:00Z")
 VEGA = (279.2347, 38.7837)

@@ -13,18 +13,17 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ArmDialog, MessageDialog
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import alert_text
-from rsoconsole.control import ON_RECORD, Outcome, read_status
-from rsoconsole.control.commands import Seek
-from rsoconsole.control.words import mount_words
+from rsoconsole.control import ON_RECORD, Outcome, Seek, mount_words, read_status
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import MountReport, StopResult, unheard
-from rsoconsole.night.log_lines import LogLine, line_of
-from rsoconsole.night.log_merging import append_line
+from rsoconsole.instruments.ports import unheard
+from rsoconsole.night import LogLine, line_of
+from rsoconsole.night.log_lines import append_line
 from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
 from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.engine_rig import Rig, asked, command_handler_of, heed_alarms, rig
@@ -169,7 +168,7 @@ def test_the_banner_of_a_stop_ends_when_the_mount_is_measured_to_stand(wire: Fak
 
 def test_the_banner_says_a_fault_once_and_that_it_is_over():
     from rsoconsole.console.night.engine_seen import engine_view
-    from rsoconsole.night.night_view import NightView
+    from rsoconsole.night import NightView
 
     fault = {"state": "FAULT", "faults": [SERVER_IS_GONE] * 3, "session": "/n"}
     assert alert_text(NightView(), engine_view(fault)).count("start indiserver") == 1
@@ -203,7 +202,7 @@ def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
     width: int, rows: int
 ):
     from rsoconsole.console.night.engine_seen import engine_view
-    from rsoconsole.night.night_view import NightView
+    from rsoconsole.night import NightView
 
     at_rest = {
         "state": "IDLE",

@@ -18,7 +18,7 @@ from textual.widgets import Button, Input
 from rsoconsole.config import Config
 from rsoconsole.console import run_console
 from rsoconsole.console.actions import seat
-from rsoconsole.console.actions.second_press import RELEASED_S
+from rsoconsole.console.actions.seat import RELEASED_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, fold
@@ -31,14 +31,19 @@ from rsoconsole.console.watches import watch
 from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import wrapped
-from rsoconsole.control import ControlClient, ControlServer, Found, Outcome, Request, Sender
-from rsoconsole.control.stop import StopNews
+from rsoconsole.control import (
+    ControlClient,
+    ControlServer,
+    Found,
+    Outcome,
+    Request,
+    Sender,
+    StopNews,
+)
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.night.log_lines import LogLine, line_of
-from rsoconsole.night.log_merging import append_line
-from rsoconsole.night.night import Night
-from rsoconsole.night.night_view import NightView
+from rsoconsole.night import LogLine, Night, NightView, line_of
+from rsoconsole.night.log_lines import append_line
 from rsoconsole.reasons import ACCEPTED, DONE, Cause, CommandResult, Missed, NotTaken, done
 from rsoconsole.records import (
     Event,
@@ -49,8 +54,7 @@ from rsoconsole.records import (
     SlewCommand,
     StateChange,
 )
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader, SessionWriter
 from tests.makers import NS, geo_measurement
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (

@@ -12,19 +12,15 @@ from textual.widgets import Button, Input, Static
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
-from rsoconsole.console.commands.key_names import key_words
-from rsoconsole.console.commands.keymap import load_keymap
-from rsoconsole.console.commands.orders import Orders
+from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
 from rsoconsole.console.dialogs.dialogs import help_text
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
-from rsoconsole.console.screens.drawn_from import DrawnFrom
-from rsoconsole.control import Command, Outcome
-from rsoconsole.control.commands import Hold
-from rsoconsole.control.frame_commands import MarkByHand
+from rsoconsole.console.screens.night_screen import DrawnFrom
+from rsoconsole.control import Command, Hold, MarkByHand, Outcome
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Detections, Event, NotSolved
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (

@@ -8,13 +8,11 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.night.alerts import alerts_between, notification
-from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.night.log_lines import line_of
-from rsoconsole.night.night_view import NightView
+from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
+from rsoconsole.night import NightView, line_of
 from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import Event, StateChange
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, play, until
 

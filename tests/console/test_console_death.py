@@ -18,8 +18,8 @@ from rsoconsole.cli.app import app
 from rsoconsole.cli.demo import demo, demo_night
 from rsoconsole.control import ControlServer, Outcome, Request, default_socket_path
 from rsoconsole.records import FrameTaken
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import start_observatory
 from tests.rigs.seat_rig import ANSWERED
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine

@@ -10,15 +10,15 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.second_press import REPEAT_S
+from rsoconsole.console.actions.seat import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.control import Command, Later, Outcome, Request, Sender
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.session import SessionWriter
+from rsoconsole.sky import separation_deg
 from tests.pipeline.test_rulings import night
 from tests.rigs.engine_rig import Memory, Rig, heed_alarms
 from tests.rigs.seat_rig import can_answer, opened, until

@@ -7,9 +7,8 @@ import pytest
 
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
 from rsoconsole.console.words.facts import fact_lines
-from rsoconsole.night.frame import FrameRow
-from rsoconsole.night.night_view import NightView
-from rsoconsole.pipeline.outlook.hours_ahead import Outlook
+from rsoconsole.night import FrameRow, NightView
+from rsoconsole.pipeline import Outlook
 from rsoconsole.records import CycleTiming, SlewCommand
 from rsoconsole.sky.limits.refusals import beyond
 from tests.makers import NS, T0_UTC_NS

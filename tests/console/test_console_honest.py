@@ -7,10 +7,9 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
-from rsoconsole.console.timeline.lines import Place, timeline_lines
+from rsoconsole.console.timeline.lines import Place, place_words, timeline_lines
 from rsoconsole.console.timeline.night_line import FrameMark, Timeline
-from rsoconsole.console.timeline.review_words import place_words
-from rsoconsole.night.night import Night
+from rsoconsole.night import Night
 from rsoconsole.reasons import BelowTau, Cause, HiddenBy, Missed, NotAStreak
 from rsoconsole.records import Detections, FrameTaken, Miss, Rejection, StateChange
 from tests.makers import T0_UTC_NS, straight_detection

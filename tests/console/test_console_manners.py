@@ -12,18 +12,14 @@ from textual.widgets import Button, OptionList
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import dialogs
 from rsoconsole.console.dialogs.dialogs import ArmDialog, Dialog, Tick
-from rsoconsole.console.drawing.colours import COLOURS
+from rsoconsole.console.drawing.plain import COLOURS
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.night.alerts import alerts_between
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_seen import EngineView, alerts_between
 from rsoconsole.console.screens.reading import ReadingDialog
-from rsoconsole.control import Command, Outcome
-from rsoconsole.control.commands import Arm, Hold, Seek, Shutdown
-from rsoconsole.control.frame_commands import MarkByHand
+from rsoconsole.control import Arm, Command, Hold, MarkByHand, Outcome, Seek, Shutdown
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Event, OperatorAction
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader, SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
@@ -189,7 +185,7 @@ def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
 
 
 def test_an_engine_that_dies_is_an_alarm_as_ever():
-    from rsoconsole.night.night_view import NightView
+    from rsoconsole.night import NightView
 
     seen = NightView(is_read=True), EngineView(reach="attached", state="TRACK")
     gone = seen[0], EngineView(reach="gone", state="TRACK")

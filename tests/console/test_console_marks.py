@@ -13,12 +13,11 @@ from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.frame.sheet_marks import faint_ends
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
-from rsoconsole.control import Outcome
-from rsoconsole.control.frame_commands import MarkByHand
-from rsoconsole.night.frame import NightFrame
+from rsoconsole.control import MarkByHand, Outcome
+from rsoconsole.night import NightFrame
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement, straight_detection
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, pane, play, until

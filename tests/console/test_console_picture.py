@@ -17,11 +17,10 @@ from rsoconsole.console.picture.picture import (
     light_of,
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
-from rsoconsole.night.frame import NightFrame
+from rsoconsole.night import NightFrame
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import pixel_to_sky
+from rsoconsole.sky import pixel_to_sky, separation_deg
 from tests.makers import straight_detection
 
 WIDE, HIGH = 4656, 3520

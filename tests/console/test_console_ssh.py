@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.simulator import start_observatory
 from tests.console.test_console_death import FIRST_WORDS, FRAMES_AFTER, SIZE, frames_without_a_gap
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine

@@ -24,16 +24,16 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
+from rsoconsole.console import run_console
 from rsoconsole.console.app import ConsoleApp, action_of, is_utf8
 from rsoconsole.console.commands.commands import COMMANDS, commands_in
-from rsoconsole.console.run import run_console
 from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Event
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.stage import Stage
+from rsoconsole.session import SessionWriter
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
+from rsoconsole.simulator.server import ObservatorySettings, Stage
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (

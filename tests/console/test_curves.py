@@ -12,12 +12,15 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.drawing.plot import AXIS_COLUMNS, Line
 from rsoconsole.console.words.curves import alignment_lines, focus_lines, quality_lines, trend_words
-from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
-from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
-from rsoconsole.night import FRAME_FACTS
-from rsoconsole.night.frame import FrameRow
-from rsoconsole.night.night_view import NightView
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.console.words.panels import (
+    PlotWindow,
+    axis_lines,
+    confidence_lines,
+    nis_lines,
+    residual_lines,
+)
+from rsoconsole.night import FRAME_FACTS, FrameRow, NightView
+from rsoconsole.sky import iso_to_utc_ns
 from tests.rigs.seat_rig import FakeWire, pane, play, until
 
 BEGUN = iso_to_utc_ns("2023-06-22T05:30:00Z")
@@ -161,7 +164,7 @@ def test_the_focus_is_shown_large_with_its_best():
 
 def drifting_night(latitude_deg: float, hour_angle_deg: float) -> NightView:
     """The stars drift 90 arcsec an hour north of where the mount says."""
-    from rsoconsole.sky.frames import icrs_of_hour_angle
+    from rsoconsole.sky import icrs_of_hour_angle
 
     config = Config.model_validate({"site": {"latitude_deg": latitude_deg}})
     ra, dec = icrs_of_hour_angle(config.site.to_site(), hour_angle_deg, -5.0, BEGUN)

@@ -17,25 +17,30 @@ from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
-from rsoconsole.console.orbit.lines import orbit_lines, target_words
-from rsoconsole.console.orbit.orbit_view import orbit_shown
+from rsoconsole.console.orbit.lines import orbit_lines, orbit_shown, target_words
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
-from rsoconsole.console.tuning.quality import frames_of_track, of_settings_now, track_quality
 from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
+from rsoconsole.console.tuning.what_if_watch import frames_of_track, of_settings_now, track_quality
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.words import top_lines
-from rsoconsole.night import TrackFigures, as_recorded
-from rsoconsole.night.frame import FrameRow
-from rsoconsole.night.log_lines import LogLine, line_of
-from rsoconsole.night.log_merging import append_line
-from rsoconsole.night.night import ELSEWHERE, Night
-from rsoconsole.night.night_view import NightView, Pointing
+from rsoconsole.night import (
+    ELSEWHERE,
+    FrameRow,
+    LogLine,
+    Night,
+    NightView,
+    TrackFigures,
+    as_recorded,
+    line_of,
+)
+from rsoconsole.night.log_lines import append_line
+from rsoconsole.night.night_view import Pointing
 from rsoconsole.reasons import Cause, HiddenBy, Missed
 from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.words import span
 from tests.makers import NS
 from tests.nights import made_up_night as night

@@ -20,20 +20,20 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import help_text
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet import Sheet
-from rsoconsole.console.frame.sheet_actions import FAR, MarkTo
+from rsoconsole.console.frame.sheet_actions import MarkTo
 from rsoconsole.console.panes.last_line import MARKABLE
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.picture.sheet_view import STEPS
+from rsoconsole.console.picture.marking import FAR
+from rsoconsole.console.picture.sheet_pixels import STEPS
 from rsoconsole.console.watches.sheet_worker import Opened
-from rsoconsole.control.frame_commands import MarkByHand
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.night.frame import NightFrame
+from rsoconsole.control import MarkByHand
+from rsoconsole.instruments import read_frame
+from rsoconsole.night import NightFrame
+from rsoconsole.pipeline import HELD, Reprocessed, Reprocessor, recorded_frame
 from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
-from rsoconsole.pipeline.frame.held_frames import HELD
 from rsoconsole.pipeline.replay import reprocess
-from rsoconsole.pipeline.replay.reprocess import Reprocessed, Reprocessor, recorded_frame
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.session import SessionReader
+from rsoconsole.vision import Network
 from tests.console.test_graphics import kitty_pictures
 from tests.nights.samples import SAMPLE
 from tests.rigs.screen_text import expect_as_agreed, screen_text

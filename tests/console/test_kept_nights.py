@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from rsoconsole.night import Night
-from rsoconsole.night.chunks import CHUNK, in_chunks
+from rsoconsole.night.night_view import CHUNK, in_chunks
 from rsoconsole.reasons import DONE
 from rsoconsole.records import CycleTiming, FollowedAgain, OperatorAction, Ruling
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 from tests.nights import eventful_night
 
 

@@ -12,19 +12,17 @@ from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
 from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.night.ahead import OrbitAhead, orbit_ahead
-from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.orbit.lines import orbit_lines, target_words
-from rsoconsole.console.orbit.orbit_view import OrbitShown, orbit_shown
+from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead, orbit_ahead
+from rsoconsole.console.orbit.lines import OrbitShown, orbit_lines, orbit_shown, target_words
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.timeline.review_words import review_top_lines
+from rsoconsole.console.timeline.lines import review_top_lines
 from rsoconsole.console.tuning.tuning_pane import TunePane
-from rsoconsole.console.watches import outlook_watch
-from rsoconsole.console.watches.outlook_watch import OutlookWatch
+from rsoconsole.console.watches import watch as outlook_watch
+from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words.words import top_lines
-from rsoconsole.night.night_view import NightView
-from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
+from rsoconsole.night import NightView
+from rsoconsole.pipeline import Ahead, OrbitOutlook
 from rsoconsole.records import FollowedAgain
 from tests.makers import NS
 from tests.nights import made_up_night as night

@@ -14,8 +14,7 @@ from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
-from rsoconsole.console.panes.panes import FramePane, LinesPane
-from rsoconsole.console.panes.timeline_pane import MomentField
+from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
 from rsoconsole.console.screens.compare import CompareDialog
 from rsoconsole.console.screens.review import ReviewScreen
 from rsoconsole.console.screens.review_log import ReviewLogPane

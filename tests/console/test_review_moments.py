@@ -11,18 +11,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rsoconsole.console import understood
 from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
-from rsoconsole.console.timeline.night_line import FrameMark, StateMark, Timeline, TimelineEvent
-from rsoconsole.console.timeline.player import SPEEDS, Player
-from rsoconsole.console.timeline.typed_moments import Typed, seq_of, understood
+from rsoconsole.console.timeline.night_line import (
+    SPEEDS,
+    FrameMark,
+    Player,
+    StateMark,
+    Timeline,
+    TimelineEvent,
+    Typed,
+    seq_of,
+)
 from rsoconsole.console.watches.watch import SessionWatch
-from rsoconsole.night.frame import NightFrame
-from rsoconsole.night.night import Night
-from rsoconsole.night.night_view import NightView
+from rsoconsole.night import Night, NightFrame, NightView
 from rsoconsole.records import FollowedAgain, Ruling
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.makers import NS
 from tests.nights import eventful_night, made_up_night
 

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.console.run import run_review
+from rsoconsole.console import run_review
 from rsoconsole.errors import SessionError
 from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import EVERY_S, Terminal

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from rsoconsole.records import OperatorAction, StateChange
-from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.stage import Stage
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
+from rsoconsole.simulator.server import ObservatorySettings, Stage
 from tests.children.relay import Relay
 from tests.rigs.stub_stage import open_plain
 from tests.rigs.terminal import Terminal

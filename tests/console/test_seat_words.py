@@ -12,24 +12,19 @@ from textual.widgets import Button
 from rsoconsole.config import Config
 from rsoconsole.console.actions import seat
 from rsoconsole.console.actions.mark_actions import too_late_to_mark
-from rsoconsole.console.actions.second_press import WITHIN_S
+from rsoconsole.console.actions.seat import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
 from rsoconsole.console.panes.last_line import keys_for
 from rsoconsole.console.watches.messages import StopNewsCame
-from rsoconsole.console.words.coast_words import coast_words
 from rsoconsole.console.words.facts import fact_lines
-from rsoconsole.console.words.kept import kept_words
+from rsoconsole.console.words.leaving import coast_words, kept_words
 from rsoconsole.console.words.words import top_lines
-from rsoconsole.control import Outcome
-from rsoconsole.control.stop import StopNews
+from rsoconsole.control import Outcome, StopNews
 from rsoconsole.engine.aim.states import Taken
-from rsoconsole.night.frame import FrameRow
-from rsoconsole.night.night import Night
-from rsoconsole.night.night_view import NightView
-from rsoconsole.night.track_fold import FollowedTrack
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.night import FollowedTrack, FrameRow, Night, NightView
+from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Frame
 from rsoconsole.words import clock
 from tests.makers import NS

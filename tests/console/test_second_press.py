@@ -5,18 +5,12 @@ import asyncio
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.actions.second_press import (
-    RELEASED_S,
-    REPEAT_S,
-    SETTLES_S,
-    WITHIN_S,
-    SecondPress,
-)
+from rsoconsole.console.actions.seat import RELEASED_S, REPEAT_S, SETTLES_S, WITHIN_S, SecondPress
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, click, pane, play, until
 

@@ -8,13 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.console.drawing.sheet_layout import sheet_boxes
+from rsoconsole.console.drawing.pane_layout import sheet_boxes
 from rsoconsole.console.frame.sheet_marks import box_points
 from rsoconsole.console.picture.marks import Mark, Window, overlay
 from rsoconsole.console.picture.picture import FLOOR, STRETCHES
-from rsoconsole.console.picture.sheet_pixels import SheetPixels, averaged, map_shares, map_sigma
-from rsoconsole.console.picture.sheet_view import CLOSEST, View, whole
-from rsoconsole.vision.frame.maps import FrameMap, make_map
+from rsoconsole.console.picture.sheet_pixels import (
+    CLOSEST,
+    SheetPixels,
+    View,
+    averaged,
+    map_shares,
+    map_sigma,
+    whole,
+)
+from rsoconsole.vision import FrameMap, make_map
 from tests.drawn.drawn_light import sky_with, streak
 
 SIDES = st.integers(64, 5000)

@@ -6,8 +6,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.console.words.sky_view import MOON, MOUNT, TARGET, place, sky_lines
-from rsoconsole.sky.belt import slot_direction
-from rsoconsole.sky.frames import icrs_of_hour_angle, icrs_to_altaz
+from rsoconsole.sky import icrs_of_hour_angle, icrs_to_altaz, slot_direction
 from tests.pipeline.test_outlook import NIGHT, SIDEREAL_DEG_S, outlook, track
 
 SIZE = (58, 18)

@@ -22,7 +22,7 @@ from textual.color import Color
 
 import rsoconsole.cli
 from rsoconsole.cli import main
-from rsoconsole.console.drawing.clean import CleanFilter, clean
+from rsoconsole.console.drawing.plain import CleanFilter, clean
 from rsoconsole.resources import resource
 from tests.console.test_review_terminal import COMMAND, home, shown_after, wait_for
 from tests.nights.samples import SAMPLE

@@ -11,8 +11,8 @@ from rsoconsole.console.dialogs.dialogs import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog, TourMemory, intro_text, tour_pages
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.words.words import top_lines
-from rsoconsole.night.night_view import NightView
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.night import NightView
+from rsoconsole.sky import iso_to_utc_ns
 from tests.rigs.seat_rig import FakeWire, play, until
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:07Z")

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.actions.second_press import REPEAT_S
+from rsoconsole.console.actions.seat import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.words.track_lines import track_list_lines
-from rsoconsole.night.night import Night
+from rsoconsole.night import Night
 from rsoconsole.night.track_fold import MOST_ROWS
 from rsoconsole.reasons import Cause, Missed, TrackLost
 from rsoconsole.records import FollowedAgain, LedgerName, Miss, Ruling, StateChange, TrackState
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.nights import eight_tracks as eight
 from tests.nights import made_up_night
 from tests.nights.made_up_night import t_of

@@ -13,14 +13,21 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, fold, tune_box
 from rsoconsole.console.tuning.lines import tune_lines
-from rsoconsole.console.tuning.presets import load_presets, save_preset
-from rsoconsole.console.tuning.tuning_pane import NAMES, TUNABLES, TunePane, Tuning
-from rsoconsole.engine.tasks.tunables import TUNABLE
+from rsoconsole.console.tuning.tuning_pane import (
+    NAMES,
+    TUNABLES,
+    TunePane,
+    Tuning,
+    load_presets,
+    save_preset,
+)
+from rsoconsole.engine import TUNABLE
 from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded
-from rsoconsole.pipeline.replay.what_if_figures import figures_of, what_if
+from rsoconsole.pipeline import what_if
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.records import Miss, TrackState
-from rsoconsole.session.log.codec import decode, encode
+from rsoconsole.session import decode, encode
 from tests.rigs.engine_rig import rig
 from tests.rigs.seat_rig import FakeWire, pane, play, screen_text, until
 

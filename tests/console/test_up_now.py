@@ -15,9 +15,9 @@ from rsoconsole.console.dialogs.ask import UNREAD, GotoDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.pipeline.outlook.above_limit import up_now
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.orbits import parse_catalogue
+from rsoconsole.pipeline import up_now
+from rsoconsole.sky import iso_to_utc_ns
 from tests.console.test_console_actions import PREVIEW
 from tests.rigs.seat_rig import FakeWire, play, until
 
@@ -74,8 +74,8 @@ def test_a_low_satellite_is_up_for_minutes_as_skyfield_has_them():
 
 
 def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
-    from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
-    from rsoconsole.simulator.nights.scenarios import elements_path
+    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.simulator import elements_path
 
     entries = read_catalogue([elements_path()])
     found = up_now(entries, SITE, NOW, LIMITS)
@@ -90,7 +90,7 @@ def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
 
 
 def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: FakeWire):
-    from rsoconsole.simulator.nights.scenarios import elements_path
+    from rsoconsole.simulator import elements_path
 
     wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
     wire.status["now_utc_ns"] = NOW
@@ -120,7 +120,7 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
 
 @pytest.mark.parametrize("key", ["g", "5"])
 def test_what_is_asked_before_the_night_is_read_waits_for_its_settings(wire: FakeWire, key: str):
-    from rsoconsole.simulator.nights.scenarios import elements_path
+    from rsoconsole.simulator import elements_path
 
     wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
     wire.status["now_utc_ns"] = NOW
@@ -156,12 +156,12 @@ def test_without_element_files_it_says_where_to_name_them(wire: FakeWire):
 
 
 def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypatch, caplog):
-    from rsoconsole.simulator.nights.scenarios import elements_path
+    from rsoconsole.simulator import elements_path
 
     def broken(*_: object) -> None:
         raise ZeroDivisionError("no such night")
 
-    monkeypatch.setattr("rsoconsole.pipeline.outlook.above_limit.up_now", broken)
+    monkeypatch.setattr("rsoconsole.pipeline.outlook.passes.up_now", broken)
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})

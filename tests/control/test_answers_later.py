@@ -10,8 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Sender
-from rsoconsole.control.commands import AskStatus, Goto, Note, Stop
+from rsoconsole.control import (
+    AskStatus,
+    ControlClient,
+    ControlServer,
+    Goto,
+    Note,
+    Outcome,
+    Sender,
+    Stop,
+)
 from rsoconsole.control.server import MAX_LATER
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S
 from rsoconsole.engine.service.command_handler import MOUNT_WORD_S, SENT, WAITS

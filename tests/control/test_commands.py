@@ -5,21 +5,26 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import COMMANDS, Command, command_of, command_words
-from rsoconsole.control.command import register
-from rsoconsole.control.commands import (
+from rsoconsole.control import (
+    COMMANDS,
+    Accept,
     AnswerSeat,
     Arm,
     Beside,
+    Choose,
+    Command,
     Goto,
     Hold,
+    MarkByHand,
     Nudge,
     Preview,
     Set,
     Stop,
     Track,
+    command_of,
+    command_words,
 )
-from rsoconsole.control.frame_commands import Accept, Choose, MarkByHand
+from rsoconsole.control.command import register
 
 PLACE = {"ra_icrs_deg": 83.05, "dec_icrs_deg": -4.87}
 

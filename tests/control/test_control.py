@@ -17,18 +17,23 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.control import (
+    Arm,
+    AskStatus,
     ControlClient,
     ControlServer,
+    EngineLock,
     Outcome,
+    Park,
     Request,
     Sender,
+    Set,
+    Stop,
     command_of,
-    sender_of,
 )
 from rsoconsole.control import wire as control_wire
-from rsoconsole.control.commands import Arm, AskStatus, Park, Set, Stop
-from rsoconsole.control.place import EngineLock, address_of
+from rsoconsole.control.record_lock import address_of
 from rsoconsole.control.server import MAX_CONNECTIONS
+from rsoconsole.control.wire import sender_of
 from rsoconsole.errors import ControlError
 
 
@@ -284,7 +289,7 @@ def test_a_forked_child_that_outlives_the_engine_does_not_hold_its_lock(path: Pa
     try:
         lock.release()
         program = (
-            "import sys; from pathlib import Path; from rsoconsole.control.place import EngineLock"
+            "import sys; from pathlib import Path; from rsoconsole.control import EngineLock"
             "\nwith EngineLock(Path(sys.argv[1])): print('held')\n"
         )
         done = subprocess.run(

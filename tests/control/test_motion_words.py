@@ -2,8 +2,7 @@
 
 import pytest
 
-from rsoconsole.control import Status
-from rsoconsole.control.words import motion_words
+from rsoconsole.control import Status, motion_words
 
 
 @pytest.mark.parametrize(

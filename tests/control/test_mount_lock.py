@@ -10,17 +10,24 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import IndiConfig, state_dir
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Request
-from rsoconsole.control.commands import AskStatus
-from rsoconsole.control.mount_lock import MountLock, engine_behind, running_engines
-from rsoconsole.control.place import EngineLock, engine_pid
+from rsoconsole.control import (
+    AskStatus,
+    ControlClient,
+    ControlServer,
+    EngineLock,
+    MountLock,
+    Outcome,
+    Request,
+    engine_pid,
+)
+from rsoconsole.control.record_lock import engine_behind, running_engines
 from rsoconsole.errors import ControlError
 
 INDI = IndiConfig(host="observatory", port=7624, mount="EQMod Mount")
 SECOND = """
 import sys; from pathlib import Path
 from rsoconsole.config import IndiConfig
-from rsoconsole.control.mount_lock import MountLock
+from rsoconsole.control import MountLock
 with MountLock(IndiConfig(host=sys.argv[1], port=7624, mount=sys.argv[2]), Path(sys.argv[3])):
     print('held')
 """

@@ -3,10 +3,9 @@
 import json
 from dataclasses import replace
 
-from rsoconsole.console.words.pair_lines import neighbour_lines
-from rsoconsole.control.field_now import field_words, nearest_first
-from rsoconsole.control.status import Status, read_status, status_json
-from rsoconsole.night.night import Night
+from rsoconsole.console.words.track_lines import neighbour_lines
+from rsoconsole.control import Status, field_words, nearest_first, read_status, status_json
+from rsoconsole.night import Night
 from tests.nights import eight_tracks as eight
 from tests.nights.made_up_night import t_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of

@@ -6,13 +6,12 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import Command, LastStop, Outcome, Stop
-from rsoconsole.control.stop import StopNews, Stopping
+from rsoconsole.control import Command, LastStop, Outcome, Stop, StopNews, Stopping
 from rsoconsole.engine.service import stop_now as stop_now_module
+from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.mount.mount_stop import MountStop
-from rsoconsole.instruments.ports import StopResult
-from rsoconsole.night.log_lines import line_of
+from rsoconsole.night import line_of
 from rsoconsole.records import Event, OperatorAction
 from rsoconsole.words import text
 from tests.rigs.engine_rig import asked, command_handler_of, end_when_idle, rig

@@ -9,10 +9,18 @@ import pytest
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.console.commands.orders import Orders
-from rsoconsole.control import Command, ControlServer, Outcome, Request, default_socket_path
-from rsoconsole.control.commands import Stop
-from rsoconsole.control.stop import Found, StopNews, Stopping
+from rsoconsole.console.commands.keymap import Orders
+from rsoconsole.control import (
+    Command,
+    ControlServer,
+    Found,
+    Outcome,
+    Request,
+    Stop,
+    StopNews,
+    Stopping,
+    default_socket_path,
+)
 from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.panel.panel_orders import PanelOrders
 

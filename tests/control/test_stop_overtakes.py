@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Sender
-from rsoconsole.control.commands import Goto, Nudge, Stop
+from rsoconsole.control import ControlClient, ControlServer, Goto, Nudge, Outcome, Sender, Stop
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
 from rsoconsole.engine.service.command_handler import CommandHandler
-from rsoconsole.instruments.ports import MountReport
+from rsoconsole.instruments import MountReport
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import OperatorAction
 from rsoconsole.words import text

@@ -5,9 +5,16 @@ import json
 import pytest
 
 from rsoconsole.console.words.track_lines import track_list_lines
-from rsoconsole.control import NextAim, Outcome, TrackNow, read_status, status_json
-from rsoconsole.control.status import Status
-from rsoconsole.control.words import aim_parts, track_table
+from rsoconsole.control import (
+    NextAim,
+    Outcome,
+    Status,
+    TrackNow,
+    aim_parts,
+    read_status,
+    status_json,
+    track_table,
+)
 from rsoconsole.records import SlewCommand
 from tests.cli.test_cli_telescope import engine_that, home, rsoconsole
 from tests.nights import eight_tracks as eight

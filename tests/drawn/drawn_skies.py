@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, Frame, Solution, Wcs
-from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, tan_wcs
+from rsoconsole.sky import pixel_to_sky, sky_to_pixel, tan_wcs
 from tests.makers import NS, T0_UTC_NS, straight_detection
 
 SIZE_PX = 600

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import OpticsConfig
+from rsoconsole.simulator import Scene, scenario_named
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.simulator.nights.scenarios import scenario_named
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.frames import icrs_of_hour_angle
+from rsoconsole.sky import icrs_of_hour_angle
 
 NS = 1_000_000_000
 FILE = Path(__file__).parents[1] / "data" / "nameless_frames.json"

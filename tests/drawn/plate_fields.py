@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.instruments.solver.index_files import SYSTEM_DIR, list_index_files
+from rsoconsole.instruments import list_index_files
+from rsoconsole.instruments.solver.index_files import SYSTEM_DIR
 from rsoconsole.records import FloatArray, Wcs
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue
-from rsoconsole.sky.wcs import tan_wcs, wcs_cards
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.sky import StarCatalogue, tan_wcs, wcs_cards
+from rsoconsole.vision import find_stars
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 CACHE = Path(__file__).resolve().parents[2] / ".cache" / "index"

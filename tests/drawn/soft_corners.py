@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import erf
 
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.network import NetworkBox
+from rsoconsole.vision import NetworkBox
 
 HEIGHT, WIDTH = 900, 1200
 SKY_ADU, NOISE_ADU = 700.0, 20.0

@@ -24,14 +24,12 @@ from rsoconsole.config import (
     write_initial_config,
     write_settings,
 )
-from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path
-from rsoconsole.control.status import status_json
-from rsoconsole.element_sources import ElementStore, default_folder, parse_source
+from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path, status_json
+from rsoconsole.element_sources import ElementStore, Update, Updated, default_folder, parse_source
 from rsoconsole.element_sources import fetch as fetching
-from rsoconsole.element_sources.update import Update, Updated
 from rsoconsole.errors import ConfigError, OrbitError
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
+from rsoconsole.orbits import parse_catalogue
+from rsoconsole.pipeline import read_catalogue
 from tests.children.bad_server import (
     BadServer,
     Behaviour,

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.engine import CHECKS
 from rsoconsole.engine.doctor import doctor, doctor_system
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.operator.arming import (
-    CHECKS,
     ArmingFacts,
     arming_checks,
     gather_facts,
@@ -18,15 +18,9 @@ from rsoconsole.engine.operator.arming import (
     refusal_text,
 )
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import (
-    Instruments,
-    MountAbilities,
-    MountReport,
-    SiteCheck,
-    SkyReport,
-)
+from rsoconsole.instruments import Instruments, MountAbilities, MountReport, SiteCheck, SkyReport
 from rsoconsole.records import NotSolved, Site, Solution, Wcs
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
 
 MIDNIGHT = iso_to_utc_ns("2023-06-22T05:30:00Z")
 """In Daytona Beach, the default site."""

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.engine.tasks.preview import PlacesOfInterest
 from rsoconsole.records import NotSolved
-from rsoconsole.sky.wcs import pixel_to_sky
+from rsoconsole.sky import pixel_to_sky
 from tests.nights.made_up_night import solution_of
 
 WIDE, HIGH = 4656, 3520

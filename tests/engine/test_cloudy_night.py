@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, Sender
-from rsoconsole.control.commands import AskStatus
+from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.records import Identified, OperatorAction, Ruling, StateChange, TrackState
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.engine.test_scripted_night import house, wait_for
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND

@@ -14,10 +14,9 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor import doctor, doctor_system
 from rsoconsole.engine.doctor.doctor_system import ClockReading, Terminal, colours_of
-from rsoconsole.engine.machine.retention import disk_outlook
-from rsoconsole.instruments.indi.client_choice import meant_libraries
-from rsoconsole.instruments.observatory.clock import utc_now_ns
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.engine.machine.medium import disk_outlook
+from rsoconsole.instruments import meant_libraries, utc_now_ns
+from rsoconsole.sky import iso_to_utc_ns
 
 SITE_WORDS = b"""
 <defNumberVector device="Telescope Simulator" name="GEOGRAPHIC_COORD" state="Ok">

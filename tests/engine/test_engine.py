@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control.commands import Seek
-from rsoconsole.engine.tasks.tunables import changed
+from rsoconsole.control import Seek
+from rsoconsole.engine.tasks.pace import changed
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import MountReport, StopResult
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.pipeline import Reduction
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import (
     Event,
@@ -23,8 +23,7 @@ from rsoconsole.records import (
     SlewCommand,
     StateChange,
 )
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import hour_angle_icrs_deg
+from rsoconsole.sky import hour_angle_icrs_deg, separation_deg
 from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.rigs.engine_rig import (

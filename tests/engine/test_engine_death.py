@@ -18,9 +18,10 @@ import pytest
 
 from rsoconsole.errors import ControlError
 from rsoconsole.records import Event, FrameTaken, OperatorAction
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.session.writing.log_writer import COMMIT_S
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.stop_witness import Ear
 from tests.rigs.whole_engine import WholeEngine, is_sidereal, is_slewing, mount_by_itself, wait_for
 from tests.rigs.whole_engine import whole_engine as an_engine

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, Sender
-from rsoconsole.control.commands import AskStatus
+from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.instruments.indi.wire_stop import stop_mount
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.whole_engine import OVERRIDES
 
 STAGE = "tests.rigs.stub_stage:open_plain"

@@ -9,8 +9,8 @@ from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet, Stopped
 from rsoconsole.engine.service.command_handler import MOUNT_WORD_S, SENT, WAITS, CommandHandler
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import MountAbilities
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import MountAbilities
 from rsoconsole.records import OperatorAction
 from rsoconsole.words import text
 from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, rig

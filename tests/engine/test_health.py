@@ -6,15 +6,14 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control import Machine
+from rsoconsole.engine import troubles_of
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.loop.interruptions import TimeTrouble
-from rsoconsole.engine.machine.machine import troubles_of
 from rsoconsole.engine.machine.medium import Medium
 from rsoconsole.engine.machine.time_source import TimeSource
-from rsoconsole.engine.service import health
-from rsoconsole.engine.service.health import HealthMeter
-from rsoconsole.engine.service.machine_watch import MachineState
-from rsoconsole.instruments.ports import ClockFault, MountReport
+from rsoconsole.engine.service import machine_watch as health
+from rsoconsole.engine.service.machine_watch import HealthMeter, MachineState
+from rsoconsole.instruments import ClockFault, MountReport
 from tests.makers import NS, T0_UTC_NS
 
 

@@ -7,20 +7,23 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request, Sender
-from rsoconsole.control.commands import Goto
+from rsoconsole.control import Goto, Request, Sender
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import MountReport, SkyReport, StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, StateChange
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
-from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
+from rsoconsole.sky import (
+    altaz_to_icrs,
+    icrs_of_hour_angle,
+    separation_deg,
+    sun_altitude_deg,
+    sun_icrs,
+)
 from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import (

@@ -4,14 +4,14 @@ import dataclasses
 
 import pytest
 
+from rsoconsole.engine import CHECKS
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, Marked
-from rsoconsole.engine.operator.arming import CHECKS
 from rsoconsole.errors import InstrumentError
-from rsoconsole.pipeline.cycle.kept_until import KEPT_S, NS
-from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.pipeline.replay.refold import Walk, replay
+from rsoconsole.pipeline import Reduction, replay
+from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, NS
+from rsoconsole.pipeline.replay.refold import Walk
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
-from rsoconsole.session.log.codec import decode, encode
+from rsoconsole.session import decode, encode
 from rsoconsole.words import text
 from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, heed_alarms, rig
 

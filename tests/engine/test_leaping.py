@@ -3,18 +3,9 @@
 import numpy as np
 import pytest
 
-from rsoconsole.judge.passes import leap_figures
-from rsoconsole.records import (
-    Event,
-    FrameTaken,
-    LeapDone,
-    LowPass,
-    ParameterChange,
-    SlewCommand,
-)
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_altaz
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.judge.summary import leap_figures
+from rsoconsole.records import Event, FrameTaken, LeapDone, LowPass, ParameterChange, SlewCommand
+from rsoconsole.sky import altaz_to_icrs, icrs_to_altaz, iso_to_utc_ns, separation_deg
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs import engine_rig
 from tests.rigs.engine_rig import SITE, Rig
@@ -85,7 +76,7 @@ def test_it_ends_at_the_limit_with_an_orbit_and_its_next_pass(followed) -> None:
 
 
 def altitudes(r: Rig, about_ns: int) -> np.ndarray:
-    from rsoconsole.sky.places import astrometric_places
+    from rsoconsole.sky import astrometric_places
 
     t = about_ns + (np.arange(-12, 13) * NS).astype(np.int64)
     places = astrometric_places(r.reducer.orbit.states, SITE, t)

@@ -13,7 +13,7 @@ from rsoconsole.engine.aim.states import Held
 from rsoconsole.engine.leaps.leap_times import LeapTimes
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import MountReport
+from rsoconsole.instruments import MountReport
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand
 from tests.makers import NS

@@ -14,20 +14,21 @@ from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Interrupted, Ordered
 from rsoconsole.engine.aim.states import LimitMet, Taken
 from rsoconsole.engine.tasks.watch import Watch
+from rsoconsole.instruments import MountAbilities, MountReport, PierSide, StopResult
 from rsoconsole.instruments.motion import DirectionReport, Motion, MotionMeter
-from rsoconsole.instruments.ports import MountAbilities, MountReport, PierSide, StopResult
 from rsoconsole.records import Event, Site
 from rsoconsole.simulator.mount.mount_model import MountModel, MountTraits
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.frames import (
+from rsoconsole.sky import (
+    Limits,
+    Pose,
     altaz_to_icrs,
     icrs_of_hour_angle,
     icrs_to_altaz,
     icrs_to_jnow,
     jnow_to_icrs,
+    sun_icrs,
+    wrap_180,
 )
-from rsoconsole.sky.limits.limits import Limits, Pose
-from rsoconsole.sky.sun import sun_icrs
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import CONFIG, SITE, PlainMount, Rig, StillClock, rig
 from tests.tiers import plain_first

@@ -15,8 +15,8 @@ import rsoconsole.cli.app, rsoconsole.console.app, rsoconsole.library
 import rsoconsole.engine.service.service
 from rsoconsole.config import Config
 from rsoconsole.pipeline.replay import what_if_process
-from rsoconsole.pipeline.replay.what_if_figures import what_if
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.pipeline import what_if
+from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 from tests.rigs.engine_rig import rig
 

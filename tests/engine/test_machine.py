@@ -8,10 +8,11 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control import Machine, Status, read_status, status_json
-from rsoconsole.engine.doctor import doctor_machine
+from rsoconsole.engine import medium_of, read_machine, troubles_of
+from rsoconsole.engine.doctor import checks as doctor_machine
 from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
-from rsoconsole.engine.machine.medium import Medium, medium_of
+from rsoconsole.engine.machine.machine import Trouble
+from rsoconsole.engine.machine.medium import Medium
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
 from rsoconsole.engine.service import machine_watch
 from rsoconsole.engine.service.machine_watch import QUIET_LOOKS, MachineWatch, Troubles

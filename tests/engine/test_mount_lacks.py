@@ -13,9 +13,9 @@ from rsoconsole.engine.doctor import doctor
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, Lack, lacks_of
 from rsoconsole.engine.service import service
 from rsoconsole.engine.service.command_handler import CommandHandler
-from rsoconsole.engine.service.health import driver_health
+from rsoconsole.engine.service.machine_watch import driver_health
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import MountAbilities, SiteCheck
+from rsoconsole.instruments import MountAbilities, SiteCheck
 from rsoconsole.records import Event, Site
 from tests.rigs.engine_rig import asked, rig
 

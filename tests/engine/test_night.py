@@ -7,10 +7,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.night import darkness_words, lasting_overrides, night_end
-from rsoconsole.instruments.ports import SkyReport
+from rsoconsole.instruments import SkyReport
 from rsoconsole.records import Site
-from rsoconsole.sky.bodies.darkness import night_span
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.sky import iso_to_utc_ns, night_span
+from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 HOUR_NS = 3600 * NS_PER_S
 NOON = iso_to_utc_ns("2023-06-22T17:00:00Z")

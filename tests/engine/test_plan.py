@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.engine.aim.instrument_controller import Plan
 from rsoconsole.engine.aim.plan import Planner
-from rsoconsole.engine.aim.planned import Plan
-from rsoconsole.instruments.ports import MountReport
+from rsoconsole.instruments import MountReport
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.tracking.association.following import Following
+from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, separation_deg
+from rsoconsole.tracking import Following
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import solution_at
 from tests.tracking.test_follow import locked

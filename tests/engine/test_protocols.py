@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor import check_indi_server, check_mount_site
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.observatory.connect import connect_instruments
+from rsoconsole.instruments import connect_instruments
 
 MODULE = """
 class Device:

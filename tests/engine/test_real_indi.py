@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
+from rsoconsole.sky import hours_to_deg, separation_deg, wrap_180
 from tests.children.indi_clients import CLIENTS
 
 pytestmark = [pytest.mark.indi_bin, pytest.mark.nightly("Debian's INDI server and drivers")]

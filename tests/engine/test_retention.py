@@ -3,9 +3,9 @@
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.machine.retention import bytes_until_dawn, disk_outlook, raw_frame_bytes
-from rsoconsole.sky.bodies.darkness import night_span
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.engine.machine.medium import bytes_until_dawn, disk_outlook, raw_frame_bytes
+from rsoconsole.sky import iso_to_utc_ns, night_span
+from rsoconsole.words import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S
 MIDNIGHT = iso_to_utc_ns("2023-12-22T05:30:00Z")

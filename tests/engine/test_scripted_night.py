@@ -16,11 +16,10 @@ from typing import Any
 import pytest
 
 from rsoconsole.console.tuning.tuning_pane import NAMES
-from rsoconsole.control import ControlClient, Sender
-from rsoconsole.control.commands import AskStatus
+from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import COMMAND
 

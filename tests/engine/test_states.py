@@ -25,7 +25,7 @@ from rsoconsole.engine.aim.states import (
     step,
 )
 from rsoconsole.records import LoopState
-from rsoconsole.tracking.association.following import Following, Tracked
+from rsoconsole.tracking import Following, Tracked
 from rsoconsole.tracking.filters.lqe import initialise
 from rsoconsole.words import text
 from tests.makers import geo_measurement

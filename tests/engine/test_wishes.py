@@ -6,14 +6,12 @@ from collections.abc import Callable
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request, Sender
-from rsoconsole.control.commands import Goto
+from rsoconsole.control import Goto, Request, Sender
 from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import MountAbilities, MountReport, StopResult
+from rsoconsole.instruments import MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event, OperatorAction, StateChange
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.sky import altaz_to_icrs, separation_deg
 from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs.engine_rig import (
@@ -511,9 +509,7 @@ def test_a_plain_hold_does_not_end_by_the_sky_when_one_that_would_came_before():
 
 def test_an_exposure_for_some_frames_goes_back_to_the_night_s_own():
     """Not to the one that the track had it changed to, which no track's end would set back."""
-    from rsoconsole.engine.tasks.pace import Pace
-    from rsoconsole.engine.tasks.temporary import Temporary
-    from rsoconsole.engine.tasks.tunables import changed
+    from rsoconsole.engine.tasks.pace import Pace, Temporary, changed
     from tests.engine.test_pace import track
 
     night = Config.model_validate({"exposure": {"automatic": True}})

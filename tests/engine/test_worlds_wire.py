@@ -8,13 +8,9 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.simulator.launch import start_observatory
-from rsoconsole.simulator.scene.world_scene import binned
-from rsoconsole.simulator.world.world_file import world_from
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.sky.wcs import describe, wcs_from_cards
+from rsoconsole.instruments import connect_instruments
+from rsoconsole.simulator import binned, start_observatory, world_from
+from rsoconsole.sky import describe, iso_to_utc_ns, separation_deg, wcs_from_cards
 from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000

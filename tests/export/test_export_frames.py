@@ -12,14 +12,12 @@ from astropy.io import fits
 from astropy.wcs import WCS
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export import ExportOptions, export, read_night
-from rsoconsole.export.frames import frames_on_record, parse_numbers
-from rsoconsole.export.regions import SIGMAS, to_regions
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.export import ExportOptions, export, parse_numbers, read_night
+from rsoconsole.export.solved_fits import SIGMAS, frames_on_record, to_regions
+from rsoconsole.instruments import read_frame
 from rsoconsole.records import Frame
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
-from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
+from rsoconsole.sky import pixel_to_sky, wcs_from_cards, wrap_180
+from rsoconsole.tracking import sky_covariance_arcsec2
 from tests.nights.export_nights import HEIGHT_PX, NS, T0, WIDTH_PX, plate, taken, written_night
 from tests.nights.samples import SAMPLE
 

@@ -10,19 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.errors import ExportError
-from rsoconsole.export import (
-    ExportOptions,
-    ReadAs,
-    Target,
-    parse_iod,
-    read_night,
-    read_observations,
-)
-from rsoconsole.export.api import render
+from rsoconsole.export import ExportOptions, ReadAs, Target, read_night, read_observations, render
 from rsoconsole.export.iod import mx, position_sigma_arcsec, to_iod, to_the_millisecond
+from rsoconsole.export.iod_reader import parse_iod
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns, wrap_180
 from tests.nights.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
 from tests.nights.samples import SAMPLE
 

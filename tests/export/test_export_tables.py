@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.export import COLUMNS, export, read_night
-from rsoconsole.export.api import ExportOptions
-from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.export import ExportOptions, export, read_night
+from rsoconsole.export.api import to_csv, to_ecsv, to_jsonl
+from rsoconsole.export.rows import COLUMNS
+from rsoconsole.session import SessionWriter
 from tests.nights.export_nights import (
     MISSED,
     STRAY_ARCSEC,

@@ -18,15 +18,14 @@ from rsoconsole.export import (
     ReadAs,
     Target,
     export,
-    parse_tdm,
     read_night,
     read_observations,
+    render,
 )
-from rsoconsole.export.api import render
 from rsoconsole.export.tdm import LONGEST_LINE, aberration_deg, to_tdm
+from rsoconsole.export.tdm_reader import parse_tdm
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns, wrap_180
 from tests.nights.export_nights import NS, closed_night, night_of, read_tdm, taken_rows
 from tests.nights.samples import SAMPLE
 

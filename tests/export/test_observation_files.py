@@ -12,13 +12,12 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export import ExportOptions, Target, parse_tdm, read_night, render
-from rsoconsole.export.observed import ReadAs, read_observations
-from rsoconsole.export.uk_reader import parse_uk
-from rsoconsole.pipeline.orbits.sightings_of import read_observed
+from rsoconsole.export import ExportOptions, ReadAs, Target, read_night, read_observations, render
+from rsoconsole.export.iod_reader import parse_uk
+from rsoconsole.export.tdm_reader import parse_tdm
+from rsoconsole.pipeline import read_observed
 from rsoconsole.records import Site
-from rsoconsole.sky.equinox import chart_to_icrs
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import chart_to_icrs, iso_to_utc_ns
 from tests.nights.samples import SAMPLE
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export.observed import ReadAs, read_observations
-from rsoconsole.export.uk_reader import is_uk, parse_uk
+from rsoconsole.export import ReadAs, read_observations
+from rsoconsole.export.iod_reader import is_uk, parse_uk
 from rsoconsole.records import Site
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
 
 HERE = Site(latitude_deg=52.1358, longitude_deg=-2.3264, elevation_m=70.0)
 ASK = ReadAs(site=HERE)

@@ -9,11 +9,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiWire
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import Instruments
+from rsoconsole.instruments import IndiWire, Instruments, connect_instruments
 from rsoconsole.records import Frame
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 
 NS = 1_000_000_000
 WIDTH_PX, HEIGHT_PX = 640, 480

@@ -9,9 +9,9 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, InstrumentError
-from rsoconsole.instruments.indi.client_choice import LIBRARIES, client_library
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.instruments import client_library, connect_instruments
+from rsoconsole.instruments.indi.client_choice import LIBRARIES
+from rsoconsole.simulator import start_observatory
 from tests.rigs.stub_stage import T_START_UTC_NS
 
 OPEN = """

@@ -5,11 +5,11 @@ from contextlib import closing
 
 import pytest
 
+from rsoconsole.instruments import ClockFault
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.observatory import clock as clock_module
 from rsoconsole.instruments.observatory.clock import SystemClock, read_clocks
-from rsoconsole.instruments.ports import ClockFault
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
 
 NS = 1_000_000_000
 EVENING_NS = iso_to_utc_ns("2026-11-25T19:00:00Z")

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 import pytest
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.indi.indi_process import IndiProcess
-from rsoconsole.instruments.indi.indi_wire import IndiWire
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.whole_engine import WholeEngine, is_slewing, mount_by_itself, wait_for, whole_engine
 
 FEW, MANY = 3, 20

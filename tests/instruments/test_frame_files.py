@@ -11,9 +11,9 @@ import pytest
 from astropy.io import fits
 
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frames.frame_files import frame_from_bytes, read_frame, read_frames
+from rsoconsole.instruments import frame_from_bytes, read_frame, read_frames
 from rsoconsole.records import Frame
-from rsoconsole.session.files.kept_frames import compress_frame
+from rsoconsole.session import compress_frame
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 

@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.instruments.frames.frame_header import camera_mode, start
-from rsoconsole.sky.times import iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.instruments import camera_mode
+from rsoconsole.instruments.frames.frame_header import start
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import utc_ns_to_iso
 
 NINA = {
     "DATE-OBS": "2024-01-21T11:43:31.100",

@@ -6,18 +6,16 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SolverError
-from rsoconsole.instruments.solver import index_files, index_install
+from rsoconsole.instruments import IndexFile, install, list_index_files, needed_scales
+from rsoconsole.instruments.solver import index_files
+from rsoconsole.instruments.solver import index_files as index_install
 from rsoconsole.instruments.solver.index_files import (
-    IndexFile,
     choose_index_files,
-    list_index_files,
-    needed_scales,
     search_dirs,
     shipped_index_dir,
 )
 from rsoconsole.instruments.solver.index_fits import read_stars
-from rsoconsole.instruments.solver.index_install import install
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky import separation_deg
 
 SMALLEST = "index-tycho2-belt-10.fits"
 

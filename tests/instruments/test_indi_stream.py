@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("indipyclient")
 
-from rsoconsole.instruments.indi.indi_stream import IndiStream
+from rsoconsole.instruments.indi.by_indipyclient import IndiStream
 from rsoconsole.instruments.indi.stream_mender import StreamMender
 
 

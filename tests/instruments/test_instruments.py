@@ -15,15 +15,15 @@ import pytest
 
 from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.camera.camera import ARRIVED_KEY, IndiCamera
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments import ARRIVED_KEY, IndiWire, Instruments, connect_instruments
+from rsoconsole.instruments.camera.camera import IndiCamera
+from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.observatory.clock import SimulatedClock, SystemClock
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import Instruments
 from rsoconsole.records import Site
-from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
+from rsoconsole.sky import hours_to_deg, separation_deg, wrap_180
 from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.rigs.stub_stage import SITE, T_START_UTC_NS
 

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.tasks.frame_times import FrameTimes
+from rsoconsole.engine.tasks.exposures import FrameTimes
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import ClockFault, SlewEnd
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.instruments import ClockFault, SlewEnd
+from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChange, TrackState
-from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.sky import altaz_to_icrs
 from tests.makers import NS
 from tests.rigs.engine_rig import SITE, Rig, asked, command_handler_of, end_when_idle, rig
 from tests.rigs.kept_sun import kept_sun

@@ -14,12 +14,14 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config, WaitsConfig
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments import IndiWire
+from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.observatory.clock import SimulatedClock
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.rigs.stub_stage import T_START_UTC_NS
 

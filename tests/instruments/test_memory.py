@@ -15,7 +15,8 @@ from rsoconsole.config import IndiConfig, OpticsConfig
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.instruments.process_memory import forget_contents
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.children.indi_clients import OTHERS_NIGHTLY
 
 WIDTH_PX, HEIGHT_PX = 640, 480
@@ -112,7 +113,7 @@ def test_only_whole_pages_within_the_range_are_forgotten():
 FREEING = """
 import threading
 import numpy as np
-from rsoconsole.instruments.process_memory import return_what_is_freed
+from rsoconsole.instruments import return_what_is_freed
 assert return_what_is_freed()
 def resident_kib():
     for line in open("/proc/self/status"):

@@ -6,15 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 
+from rsoconsole.instruments import SIDEREAL_ARCSEC_S
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.reported_motion import ReportedMotion
-from rsoconsole.instruments.motion import (
-    SIDEREAL_ARCSEC_S,
-    DirectionReport,
-    Motion,
-    MotionMeter,
-)
-from rsoconsole.instruments.stop_measure import StopMeasure
+from rsoconsole.instruments.motion import DirectionReport, Motion, MotionMeter, StopMeasure
 
 SEEDS = range(20)
 PLACE_H = 3.30012345

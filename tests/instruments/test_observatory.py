@@ -10,12 +10,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.camera.camera import ARRIVED_KEY
-from rsoconsole.instruments.observatory.connect import connect_instruments
+from rsoconsole.instruments import ARRIVED_KEY, connect_instruments
 from rsoconsole.records import Frame
-from rsoconsole.simulator.camera.indi_fits import fits_bytes
-from rsoconsole.simulator.launch import start_observatory
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.simulator import fits_bytes, start_observatory
+from rsoconsole.sky import separation_deg
 from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000

@@ -9,10 +9,10 @@ from astropy.io import fits
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole.instruments import frame_from_bytes
 from rsoconsole.instruments.frames.fits_by_astropy import image_by_astropy
-from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.instruments.frames.plain_fits import read_plain
-from rsoconsole.simulator.camera.indi_fits import fits_bytes
+from rsoconsole.simulator import fits_bytes
 
 NUMBERS = np.random.default_rng(3).integers(0, 65535, (80, 96), dtype=np.uint16)
 VALUES = st.one_of(

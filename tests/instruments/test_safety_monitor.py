@@ -9,12 +9,12 @@ import pytest
 
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments import IndiWire, SkyReport, connect_instruments
+from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor
 from rsoconsole.instruments.observatory.clock import SimulatedClock
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import SkyReport
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.stub_stage import T_START_UTC_NS
 
 NS = 1_000_000_000

@@ -10,10 +10,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import Instruments, connect_instruments
 from rsoconsole.instruments.observatory.clock import SimulatedClock
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import Instruments
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.children.indi_clients import OTHERS_NIGHTLY
 from tests.children.relay import Relay
 

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.errors import SolverError
+from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.instruments.solver import index_files
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
 from rsoconsole.records import NotSolved, Solution
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
+from rsoconsole.sky import pixel_to_sky, separation_deg, wcs_from_cards
 from tests.drawn.plate_fields import SCALE, SIZE, belt_plate, belt_stars, satsim_frame
 from tests.tiers import plain_first
 
@@ -211,7 +210,7 @@ def test_a_field_at_the_edge_of_the_belt_still_solves_and_beyond_it_says_so(solv
 
 _ORPHAN = """
 import os, signal, threading, numpy as np
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
+from rsoconsole.instruments import PlateSolver, SolveHint
 solver = PlateSolver()
 print(solver._child.pid, flush=True)
 rng = np.random.default_rng(0)

@@ -5,10 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
+from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.records import Solution
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
+from rsoconsole.sky import pixel_to_sky, separation_deg, wcs_from_cards
 from tests.drawn.plate_fields import SHARED, star_rows, whole_sky_index_dir
 
 pytestmark = pytest.mark.shared_data

@@ -13,16 +13,16 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.after_stop import tracking_after_stop
+from rsoconsole.instruments import IndiWire, StopResult
 from rsoconsole.instruments.indi.indi_client import Vector
-from rsoconsole.instruments.indi.indi_wire import IndiWire
 from rsoconsole.instruments.indi.wire_stop import stop_mount
+from rsoconsole.instruments.motion import tracking_after_stop
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 from rsoconsole.instruments.observatory.clock import SimulatedClock
-from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import Site
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.children.indi_clients import OTHERS_NIGHTLY
 
 NS = 1_000_000_000

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.judge.summary import summarise
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.nights.scenarios import scenario_named
+from rsoconsole.judge import summarise
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import scenario_named
 from tests.cli.test_demo import night
 from tests.notebook.test_figures import ARCSEC, FRAMES, MISSED, NS, measurement, record
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.judge.summary import read_truth
+from rsoconsole.instruments import read_frame
+from rsoconsole.judge import read_truth
 from rsoconsole.records import FrameTaken, Solution
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.real_sky import real_sky_night
 from tests.real_sky.gsc_sky import Sky, streaks
 from tests.real_sky.real_sky_judge import truth_of

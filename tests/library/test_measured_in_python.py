@@ -15,8 +15,7 @@ from astropy.time import Time
 import rsoconsole as rso
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError, InputError
-from rsoconsole.pipeline.batch.batch import Processed, process_files
-from rsoconsole.pipeline.frame.open import open_reducer
+from rsoconsole.pipeline import Processed, open_reducer, process_files
 from rsoconsole.records import TrackState
 from tests.drawn.plate_fields import SHARED
 from tests.nights.samples import SAMPLE

@@ -19,8 +19,7 @@ from models.dataset import (
 )
 from models.fields import Conditions
 from models.real_fields import draw_on
-from rsoconsole.simulator.camera.rendering import FieldContent, frame_rng, render, straight_streak
-from rsoconsole.simulator.camera.sensor import SensorModel
+from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, render, straight_streak
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 

@@ -18,10 +18,8 @@ from models.judging import (
 )
 from rsoconsole.config import DetectorConfig
 from rsoconsole.resources import model_resource
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import NetworkBox
+from rsoconsole.simulator import SensorModel
+from rsoconsole.vision import ConfidenceCurve, NetworkBox, StreakDetector
 from tests.makers import straight_detection
 
 SMALL = SensorModel(width_px=1000, height_px=800)

@@ -7,8 +7,7 @@ import pytest
 
 from models.card import CARD, FIGURES, PEERS, README, TIMES, read_json, rewritten
 from models.figures import BELOW_TAU, average_precision, figures, outcome_of
-from rsoconsole.vision.detector.candidate import Focus
-from rsoconsole.vision.detector.confidence import FEATURES, ConfidenceCurve
+from rsoconsole.vision import FEATURES, ConfidenceCurve, Focus
 from tests.makers import straight_detection
 
 CURVE = ConfidenceCurve(tuple(4.0 if name.endswith("network") else 0.0 for name in FEATURES))

@@ -18,13 +18,8 @@ from models.satellites import Satellites
 from models.scoring import fit_platt, score
 from models.targets import targets_of
 from models.turning import cropped, turned
-from rsoconsole.simulator.camera.rendering import (
-    FieldContent,
-    expected_electrons,
-    frame_rng,
-    straight_streak,
-)
-from rsoconsole.simulator.camera.sensor import SensorModel
+from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, straight_streak
+from rsoconsole.simulator.camera.rendering import expected_electrons
 
 coordinates = st.floats(-300, 500, allow_nan=False)
 

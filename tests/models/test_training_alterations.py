@@ -11,15 +11,15 @@ from models.extras import Canvas
 from models.field_scene import draw_field, draw_sensor
 from models.fields import DIAGONAL_CELLS, FIELD_CELLS, Conditions, Field, TrueStreak
 from models.satellites import Satellites
-from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA
-from rsoconsole.simulator.camera.rendering import (
+from rsoconsole.simulator import (
+    FWHM_PER_SIGMA,
     FieldContent,
-    expected_electrons,
+    SensorModel,
     frame_rng,
+    integrated_snr,
     straight_streak,
 )
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.simulator.camera.streak_snr import integrated_snr
+from rsoconsole.simulator.camera.rendering import expected_electrons
 
 EVEN = SensorModel(width_px=400, height_px=300, vignetting_corner=0, prnu=0, hot_fraction=0)
 

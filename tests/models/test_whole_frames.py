@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from models.frames import HARD, KINDS, TrueFrame, draw
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
+from rsoconsole.simulator import Scene, SensorModel
 from rsoconsole.simulator.camera.rendering import expected_electrons
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky import separation_deg
+from rsoconsole.words import utc_ns_to_iso
 
 SATSIM = Path(__file__).resolve().parents[3] / "shared" / "data" / "simulated"
 SMALL = SensorModel(width_px=640, height_px=480)

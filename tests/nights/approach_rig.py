@@ -14,16 +14,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.filters.lqe import sky_covariance_arcsec2
-from rsoconsole.tracking.filters.sky_path import Plane
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.tracking import (
+    Following,
+    FollowSettings,
+    Plane,
+    Seen,
+    follow,
+    sky_covariance_arcsec2,
+)
+from rsoconsole.words import NS_PER_S
 
 CADENCE_S, EXPOSURE_S = 30.0, 10.0
 BLEND_ARCSEC = 8.0

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from rsoconsole.config import Config
-from rsoconsole.night.night import Night
+from rsoconsole.night import Night
 from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
     CatalogueMatch,
@@ -18,7 +18,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement, straight_detection
 from tests.nights.made_up_night import (
     CADENCE_S,

@@ -14,12 +14,11 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.states import LimitMet
 from rsoconsole.errors import InstrumentError
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.pipeline import Reduction
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Frame, Rejection, measurement_id_of
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.tracking.association.following import Following
+from rsoconsole.session import SessionWriter, decode, encode
+from rsoconsole.tracking import Following
 from tests.makers import straight_detection
 from tests.rigs.engine_rig import Rig, ScriptedReducer, asked, command_handler_of, rig, told
 

@@ -14,7 +14,7 @@ from rsoconsole.records import (
     Ruling,
     StateChange,
 )
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement
 from tests.nights import made_up_night as night
 

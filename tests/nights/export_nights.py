@@ -7,12 +7,13 @@ from typing import Any, get_args
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.export import ExportedNight, MeasuredRow, parse_iod, parse_tdm
+from rsoconsole.export import ExportedNight, MeasuredRow
+from rsoconsole.export.iod_reader import parse_iod
+from rsoconsole.export.tdm_reader import parse_tdm
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.session import SessionWriter
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 
 NS = 1_000_000_000
 T0 = iso_to_utc_ns("2023-06-23T05:30:00Z") + 123_456_789

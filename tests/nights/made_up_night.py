@@ -22,7 +22,7 @@ from rsoconsole.records import (
     TrackState,
     Wcs,
 )
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import NS, T0_UTC_NS, geo_measurement, straight_detection
 
 CADENCE_S = 30

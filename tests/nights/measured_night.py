@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
-from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
+from rsoconsole.pipeline import Shown, StarHistory, fold
 from rsoconsole.records import CycleTiming, Detections, FrameTaken, Measurement, Solution
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.sky import times
-from rsoconsole.sky.wcs import tan_wcs
-from rsoconsole.tracking.association.following import Following
+from rsoconsole.session import SessionWriter
+from rsoconsole.sky import tan_wcs, times
+from rsoconsole.tracking import Following
 from tests.makers import straight_detection
 from tests.orbits.test_lqe_satellites import DAYTONA, geo
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.night.night import Night
+from rsoconsole.night import Night
 from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2
 from rsoconsole.reasons import Cause
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate, StateChange
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 
 A_KM, TOWARDS_DEG, INCLINATION_DEG = 42_165.0, 195.0, 0.052

@@ -10,14 +10,9 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import (
-    CatalogueEntry,
-    parse_catalogue,
-    places_of,
-    states_gcrs,
-)
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue, places_of, states_gcrs
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
-from rsoconsole.sky.places import site_gcrs
+from rsoconsole.sky import site_gcrs
 from tests.truth.regimes import TLES
 
 NS = 1_000_000_000

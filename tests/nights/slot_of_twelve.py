@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import ElementSet, Satellite, parse_elements
+from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Measurement
-from rsoconsole.simulator.nights.scenarios import elements_path
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import NS_PER_S
-from rsoconsole.tracking.association.following import Seen
+from rsoconsole.simulator import elements_path
+from rsoconsole.sky import Places
+from rsoconsole.tracking import Seen
+from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import DAYTONA
 from tests.truth.sidereal import gmst_deg
 

@@ -14,14 +14,11 @@ from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError
 from rsoconsole.judge import summary
 from rsoconsole.records import Measurement, Site
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import NightPlan
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.simulator.nights.night_plan import NightPlan
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.stage import open_stage
-from rsoconsole.sky import times
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import icrs_to_jnow, jnow_to_icrs
+from rsoconsole.simulator.server import ObservatorySettings, open_stage
+from rsoconsole.sky import icrs_to_jnow, jnow_to_icrs, separation_deg, times
 from tests.orbits.test_places import skyfield_site, skyfield_timescale
 from tests.truth.regimes import Sample
 

@@ -14,14 +14,13 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
+from rsoconsole.notebook import write_figures
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
-from rsoconsole.notebook.figures.figures import write_figures
 from rsoconsole.notebook.night.night import read_night, read_truth
 from rsoconsole.records import FrameTaken, Measurement
-from rsoconsole.session.writing.recording import BatchRecording
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.session import BatchRecording
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from tests.cli.test_cli_frames import rsoconsole
 from tests.tiers import plain_first
 

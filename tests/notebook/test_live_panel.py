@@ -14,9 +14,10 @@ import pytest
 pytest.importorskip("anywidget", reason="needs rsoconsole[notebook]: anywidget is missing")
 
 from rsoconsole.control import Found, Outcome, Sender
-from rsoconsole.notebook.panel import LivePanel, link, panel
+from rsoconsole.notebook.panel import link, panel
+from rsoconsole.notebook.panel.panel import LivePanel
 from rsoconsole.records import Event
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import ANSWERED, FRAMES, FakeWire
 
@@ -325,7 +326,7 @@ def test_nonsense_is_answered_with_what_may_be_written(opened: LivePanel) -> Non
 
 
 def test_the_effect_of_a_setting_is_what_the_fold_makes_of_it(opened: LivePanel) -> None:
-    from rsoconsole.pipeline.replay.what_if_figures import what_if
+    from rsoconsole.pipeline import what_if
 
     page(opened, "try", settings={"filter.q_multiplier": 1e4}, number=3)
     until(lambda: opened.effect.get("rows"))

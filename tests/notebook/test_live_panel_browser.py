@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from rsoconsole.records import ParameterChange
-from rsoconsole.simulator.launch import Observatory, start_observatory
+from rsoconsole.simulator import start_observatory
+from rsoconsole.simulator.launch import Observatory
 from tests.rigs.browser_lab import (
     Page,
     environment_of,

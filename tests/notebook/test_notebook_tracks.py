@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole import open_session
 from rsoconsole.errors import SessionError
 from rsoconsole.night import frames_of, tracks_of
+from rsoconsole.notebook import render_report
 from rsoconsole.notebook.pictures import TrackStreak, draw_tracks
-from rsoconsole.notebook.report.report import render_report
+from rsoconsole.notebook.session import open_session
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import FollowedAgain, Miss, Ruling
 from tests.makers import straight_detection
@@ -76,7 +76,7 @@ def test_the_report_has_a_line_for_each_member_and_says_whose_misses_they_are(fo
 
 
 def test_two_streaks_of_one_frame_are_drawn_with_their_tracks_numbers_and_confidences():
-    from rsoconsole.notebook.figures.inline import NightFigure
+    from rsoconsole.notebook.figures.figures import NightFigure
 
     pixels = np.full((600, 800), 1000, np.uint16)
     pixels[300:302, 200:320] = 3000

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 import rsoconsole
-from rsoconsole import open_session
 from rsoconsole.errors import ConfigError, ControlError, RsoconsoleError, SessionError
 from rsoconsole.night import Spell
 from rsoconsole.notebook import session as session_room
 from rsoconsole.notebook.card import card_text, strip_svg
-from rsoconsole.notebook.figures.plots import NightPlots
-from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.notebook.figures.figures import NightPlots
+from rsoconsole.notebook.session import open_session
+from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
+from rsoconsole.session import SessionReader
 from rsoconsole.session.log import schema
-from rsoconsole.session.reading.reader import SessionReader
 from tests.nights import made_up_night as made
 from tests.nights import orbit_night
 from tests.nights.samples import SAMPLE
@@ -440,7 +440,7 @@ def test_nothing_tried_gives_what_was_recorded(night):
 
 
 def test_what_if_agrees_with_the_consoles(night):
-    from rsoconsole.pipeline.replay.what_if_figures import what_if
+    from rsoconsole.pipeline import what_if
 
     other = night.what_if(q=1e-3, gate_nis=9.0)
     assert other.settings == {"filter.q_arcsec2_s3": 1e-3, "filter.gate_nis": 9.0}

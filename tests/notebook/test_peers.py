@@ -154,12 +154,8 @@ def test_neighbours_and_crossing_lines_stay_apart():
 def test_the_drawn_ridge_is_as_high_as_the_truth_says(fwhm_px):
     from dataclasses import replace
 
-    from rsoconsole.simulator.camera.rendering import (
-        FieldContent,
-        expected_electrons,
-        straight_streak,
-    )
-    from rsoconsole.simulator.camera.sensor import SensorModel
+    from rsoconsole.simulator import FieldContent, SensorModel, straight_streak
+    from rsoconsole.simulator.camera.rendering import expected_electrons
 
     sensor = replace(
         SensorModel(width_px=240, height_px=160),

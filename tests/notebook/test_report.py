@@ -13,14 +13,14 @@ import pytest
 from rsoconsole.errors import SessionError
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import summary_of
+from rsoconsole.notebook import render_report
 from rsoconsole.notebook.night.night import read_night
-from rsoconsole.notebook.report.report import render_report
 from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline import replay
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.reasons import Cause, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.nights.export_nights import MISSED, T0, closed_night, written_night
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.measured_night import record_night

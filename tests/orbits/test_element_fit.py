@@ -7,24 +7,28 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.orbits.identification.element_errors import (
+from rsoconsole.orbits import (
     ASSUMED,
     ERROR_REGIMES,
+    ElementErrors,
+    ElementRow,
+    ErrorFactors,
+    FittedFactors,
+    fit_factors,
+    position_sigmas_km,
+)
+from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     UNDISTURBED,
-    ElementErrors,
-    ErrorFactors,
     Spread,
-    position_sigmas_km,
     regime_numbers,
 )
-from rsoconsole.orbits.identification.element_fit import FittedFactors, fit_factors, weights_of
-from rsoconsole.orbits.identification.element_gates import element_spread
-from rsoconsole.orbits.identification.element_rows import ElementRow
+from rsoconsole.orbits.identification.element_fit import weights_of
+from rsoconsole.orbits.identification.field_crossings import element_spread
 from rsoconsole.orbits.identification.single import identify
-from rsoconsole.pipeline.orbits.element_errors_of import wide_errors_of
+from rsoconsole.pipeline import wide_errors_of
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import NS_PER_DAY
+from rsoconsole.words import NS_PER_DAY
 from tests.truth.element_rows_of_truth import HISTORY, geo_pairs, low_rows, row_by, seen_of, times
 from tests.truth.fields_of_truth import SITE
 

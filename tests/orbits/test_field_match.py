@@ -8,17 +8,21 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry
-from rsoconsole.orbits.elements.sky_paths import Lookout, array_of
-from rsoconsole.orbits.identification.field_crossings import Candidate, FieldCatalogue
-from rsoconsole.orbits.identification.field_match import FieldMatch, Line, match_field
-from rsoconsole.pipeline.field.field import FieldRun
-from rsoconsole.pipeline.field.field_frame import FieldFrame
+from rsoconsole.orbits import (
+    Candidate,
+    CatalogueEntry,
+    FieldCatalogue,
+    FieldMatch,
+    Line,
+    array_of,
+    match_field,
+)
+from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.pipeline import FieldFrame, FieldRun
 from rsoconsole.pipeline.field.field_points import Points
 from rsoconsole.records import Detection, FloatArray, Solution
-from rsoconsole.sky.angles import unit_to_direction
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_DAY
+from rsoconsole.sky import site_gcrs, unit_to_direction
+from rsoconsole.words import NS_PER_DAY
 from tests.bench.bench_field import Fields
 from tests.truth.fields_of_truth import (
     DAY_UTC_NS,

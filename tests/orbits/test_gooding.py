@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.first.gooding_iteration import GoodingOrbit, gooding
+from rsoconsole.orbits import GoodingOrbit, gooding, propagate
 from rsoconsole.orbits.first.lambert import lambert
-from rsoconsole.orbits.motion.two_body import propagate
 from tests.truth.orbit_cases import MU, PUBLISHED, REGIMES, Published, Random, random_case
 from tests.truth.orekit import ask
 

@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbits.elements.sky_paths import Lookout, array_of
+from rsoconsole.orbits import CatalogueEntry, array_of, parse_catalogue
+from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.simulator import elements_path
 from rsoconsole.simulator.camera.truth import FrameTruth
-from rsoconsole.simulator.nights.scenarios import elements_path
-from rsoconsole.sky.angles import separation_deg, unit_to_direction
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky import separation_deg, unit_to_direction
+from rsoconsole.words import NS_PER_S
 from tests.pages.json_page import expect_documented
 from tests.truth.fields_of_truth import SITE, behind, passing
 from tests.truth.seen_satellites import SHARED

@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    Identification,
+    Sightings,
+    identify_jointly,
+    parse_catalogue,
+)
 from rsoconsole.orbits.identification.assignments import best_assignments
-from rsoconsole.orbits.identification.joint_identification import identify_jointly
-from rsoconsole.orbits.identification.seen_at_once import seen_at_once
-from rsoconsole.orbits.identification.single import Identification, identify
+from rsoconsole.orbits.identification.joint_identification import seen_at_once
+from rsoconsole.orbits.identification.single import identify
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import NS_PER_DAY, IntArray
+from rsoconsole.sky import IntArray
+from rsoconsole.words import NS_PER_DAY
 from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 DAYS_OLD = 4.0
@@ -231,7 +236,7 @@ def test_a_track_that_was_taken_back_competes_for_nothing(tmp_path) -> None:
 def test_members_of_a_real_slot_by_elements_a_week_old() -> None:
     """Astra 19.2E, all off as a satellite is that was measured against elements 5 to 9 days old:
     of 24 nights no name twice, and fewer wrong ones than each by itself has."""
-    from rsoconsole.orbits.identification.single import SURE
+    from rsoconsole.orbits import SURE
     from tests.bench.bench_element_errors import measured_errors
     from tests.bench.bench_identify_jointly import SITE, SLOTS, members_of, night
 

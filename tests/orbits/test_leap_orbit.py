@@ -5,15 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from rsoconsole.orbits import (
+    UNSEEN_ARCSEC,
+    ExpectedPass,
+    Forces,
+    LeapTrack,
+    StreakEnds,
+    Timing,
+    begin,
+    passes_above,
+    unseen,
+    updated,
+)
 from rsoconsole.orbits.low import low_fit
-from rsoconsole.orbits.low.leap_track import LeapTrack, begin, in_sense_of, unseen, updated
-from rsoconsole.orbits.low.low_fit import Timing, fit_streaks
-from rsoconsole.orbits.low.next_pass import ExpectedPass, passes_above
-from rsoconsole.orbits.low.streak_ends import UNSEEN_ARCSEC, StreakEnds
-from rsoconsole.orbits.motion.forces import Forces
-from rsoconsole.orbits.motion.zonal import Zonal
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, iso_to_utc_ns
+from rsoconsole.orbits.low.leap_track import in_sense_of
+from rsoconsole.orbits.low.low_fit import fit_streaks
+from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.sky import iso_to_utc_ns, site_gcrs
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.low_passes import (
     FAST_ARCSEC_S,
     MIN_ALTITUDE_DEG,

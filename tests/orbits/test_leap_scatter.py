@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.low.leap_track import LeapTrack, begin, updated
-from rsoconsole.orbits.low.low_fit import Timing
-from rsoconsole.orbits.motion import SkyAhead
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.orbits import LeapTrack, SkyAhead, Timing, begin, updated
+from rsoconsole.sky import wrap_180
+from rsoconsole.words import NS_PER_S
 from tests.truth.low_passes import (
     SITE,
     LowPass,

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import Measurement, Site
-from rsoconsole.sky import times
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.places import Places
+from rsoconsole.sky import Places, times, wrap_180
 from rsoconsole.tracking.filters import lqe
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

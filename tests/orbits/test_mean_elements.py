@@ -9,19 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.determination.from_directions import Orbit, determine
-from rsoconsole.orbits.elements.elements import checksum, parse_elements
-from rsoconsole.orbits.elements.omm_messages import omm
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.elements.sgp4_fit import (
+from rsoconsole.orbits import (
     ANALYST_NUMBERS,
-    TLE_STEP_NS,
     MeanElements,
+    Orbit,
+    Satellite,
+    Sightings,
+    determine,
     mean_elements,
+    omm,
+    parse_elements,
 )
-from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.orbits.elements.elements import checksum
+from rsoconsole.orbits.elements.sgp4_fit import TLE_STEP_NS
+from rsoconsole.sky import Places, iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_truth import DAYTONA, off_arcsec, seen_with_noise
 from tests.truth.orekit import ask
 

@@ -3,8 +3,7 @@
 import pytest
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.orbits.elements.names import find_object
+from rsoconsole.orbits import find_object, parse_catalogue
 from tests.orbits.test_satellite import with_checksums
 
 LINES = """\

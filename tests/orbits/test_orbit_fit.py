@@ -11,16 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.orbits.determination.from_directions import Orbit, determine
-from rsoconsole.orbits.determination.labels import FREE_SIGMA_A_KM
-from rsoconsole.orbits.first.directions import Sightings, sightings
-from rsoconsole.orbits.motion.forces import Forces
-from rsoconsole.orbits.motion.point_mass import PointMass
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.orbits.motion.two_body import elements_of
+from rsoconsole.orbits import (
+    Forces,
+    Orbit,
+    PointMass,
+    Sightings,
+    determine,
+    elements_of,
+    predict,
+    sightings,
+)
+from rsoconsole.orbits.determination.regimes import FREE_SIGMA_A_KM
 from rsoconsole.records import Site
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns, site_gcrs
+from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, Flight, geostationary, off_arcsec, seen_with_noise
 

@@ -7,16 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.determination.from_directions import determine
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.first.directions import Sightings, sightings
-from rsoconsole.orbits.first.gooding_iteration import gooding
-from rsoconsole.orbits.first.initial_states import three_lines
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.orbits.motion.two_body import elements_of
+from rsoconsole.orbits import (
+    Satellite,
+    Sightings,
+    determine,
+    elements_of,
+    gooding,
+    parse_elements,
+    predict,
+    sightings,
+    three_lines,
+)
 from rsoconsole.records import Site
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_truth import off_arcsec
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "observations"

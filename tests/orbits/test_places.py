@@ -10,14 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsoconsole.orbits import ElementSet, Orbit, Satellite, parse_elements, predict
 from rsoconsole.orbits.determination.fit import Fit
-from rsoconsole.orbits.determination.from_directions import Orbit
-from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.motion.prediction import predict
 from rsoconsole.records import Site
-from rsoconsole.sky import places, times
-from rsoconsole.sky.angles import direction_to_unit, separation_deg, wrap_180
+from rsoconsole.sky import direction_to_unit, places, separation_deg, times, wrap_180
 
 PAIRS_AN_EPOCH = 25
 HUNDREDTH_ARCSEC = 0.01

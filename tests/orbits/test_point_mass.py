@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.determination.from_directions import determine
-from rsoconsole.orbits.motion.point_mass import PointMass
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.orbits import PointMass, determine, predict
+from rsoconsole.sky import iso_to_utc_ns
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
 from tests.truth.stepped_motion import SteppedPointMass

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.elements.catalogue import nearest_in_epoch_of_each, parse_catalogue
-from rsoconsole.orbits.elements.elements import checksum, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite, magnitude
+from rsoconsole.orbits import Satellite, nearest_in_epoch_of_each, parse_catalogue, parse_elements
+from rsoconsole.orbits.elements.catalogue import magnitude
+from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Site
-from rsoconsole.sky import frames, sun, times
+from rsoconsole.sky import bodies as sun
+from rsoconsole.sky import frames, times
 
 TLES = Path(__file__).parents[3] / "shared" / "data" / "tles"
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.simulator.camera.sensor import SensorModel
+from rsoconsole.orbits import Satellite, parse_catalogue
+from rsoconsole.simulator import SensorModel
 from rsoconsole.simulator.sky.passes import Sight, satellite_passes
-from rsoconsole.sky import times
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
+from rsoconsole.sky import separation_deg, sky_to_pixel, tan_wcs, times
 from tests.orbits.test_places import earth, site_below, skyfield_site, skyfield_timescale
 from tests.tiers import plain_first
 from tests.truth.regimes import EACH, REGIMES, TLES, samples

@@ -6,12 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rsoconsole.orbits.motion.two_body import (
-    elements_of,
-    period_s,
-    propagate,
-    propagate_with_slopes,
-)
+from rsoconsole.orbits import elements_of, period_s, propagate
+from rsoconsole.orbits.motion.two_body import propagate_with_slopes
 
 MU = 398600.4418
 R = np.array([7000.0, -1200.0, 3000.0])

@@ -5,11 +5,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.simulator.nights.scenarios import ScenarioSatellite, scenario_named
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.stage import Stage, open_stage
+from rsoconsole.simulator import Scene, scenario_named, start_observatory
+from rsoconsole.simulator.launch import Observatory
+from rsoconsole.simulator.nights.scenarios import ScenarioSatellite
+from rsoconsole.simulator.server import ObservatorySettings, Stage, open_stage
 from tests.pages.command_things import BELT, site_toml
 from tests.truth.seen_satellites import geostationary
 

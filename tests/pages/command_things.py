@@ -13,10 +13,9 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator.nights.scenarios import DAYTONA_BEACH, elements_path, scenario_named
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.stars import StarCatalogue
-from rsoconsole.sky.times import NS_PER_DAY, iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.simulator import DAYTONA_BEACH, Scene, elements_path, scenario_named
+from rsoconsole.sky import StarCatalogue, iso_to_utc_ns
+from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 from tests.cli.test_calibrate_elements import SLOTS
 from tests.cli.test_calibrate_elements import night as night_of_slots
 from tests.nights.samples import SAMPLE, SESSIONS

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from astropy.table import Table
 
-from rsoconsole.export import COLUMNS, MeasuredRow
+from rsoconsole.export import MeasuredRow
+from rsoconsole.export.rows import COLUMNS
 
 _OF_TEXT: Mapping[str, Callable[[str], Any]] = {
     "integer": int,

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.cycle import Cycle
+from rsoconsole.pipeline import Cycle, Reduction, StarHistory
 from rsoconsole.pipeline.cycle.miss_reasons import (
     KEPT_FRAMES,
-    StarHistory,
     Stars,
     cloud_before,
     eclipse_of,
@@ -18,13 +17,10 @@ from rsoconsole.pipeline.cycle.miss_reasons import (
     next_eclipse_utc_ns,
     updated_star_history,
 )
-from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.reasons import Missed, SlewRefusal
 from rsoconsole.records import Detections, Frame, Miss, NotSolved, Site, Solution, TrackState, Wcs
-from rsoconsole.sky.belt import slot_direction
-from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.association.following import Following, Tracked
+from rsoconsole.sky import icrs_of_hour_angle, iso_to_utc_ns, slot_direction
+from rsoconsole.tracking import Following, Tracked
 from rsoconsole.words import text
 
 NS = 1_000_000_000

@@ -6,20 +6,24 @@ import pytest
 from skyfield.api import wgs84
 
 from rsoconsole.config import MountConfig, SearchConfig, TargetConfig
-from rsoconsole.pipeline.aim.aim import (
+from rsoconsole.pipeline import (
     SearchBase,
     flip_refusal,
     needs_recentre,
     search_base,
     search_direction,
     side_at_arrival,
-    target_direction,
 )
+from rsoconsole.pipeline.aim.aim import target_direction
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.belt import belt_declination_deg, slot_direction
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import (
+    belt_declination_deg,
+    hour_angle_icrs_deg,
+    icrs_of_hour_angle,
+    iso_to_utc_ns,
+    separation_deg,
+    slot_direction,
+)
 from rsoconsole.words import text
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
@@ -101,7 +105,7 @@ def test_the_telescope_moves_when_it_must(recentre, off_deg, moves):
 
 
 def test_a_slot_that_the_earth_hides_points_below_the_horizon():
-    from rsoconsole.sky.frames import altaz_of_hour_angle
+    from rsoconsole.sky import altaz_of_hour_angle
 
     altitude_deg, _ = altaz_of_hour_angle(DAYTONA, *slot_direction(DAYTONA, 100.0))
     assert altitude_deg < -10.0

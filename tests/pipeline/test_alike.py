@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.cycle.alike import are_alike, is_alike
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline import replay
+from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
 from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 
 

@@ -11,15 +11,13 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.motion.known_orbit import KnownOrbit
-from rsoconsole.orbits.motion.zonal import Zonal
-from rsoconsole.pipeline.leaps.awaited import Awaited, awaited_on, came, expected_at, next_of
+from rsoconsole.orbits import KnownOrbit
+from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.pipeline import Awaited, awaited_on, came, expected_at, next_of
 from rsoconsole.records import Event, SlewCommand
-from rsoconsole.simulator.nights.scenarios import elements_path
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.limits.limits import Limits
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.simulator import elements_path
+from rsoconsole.sky import Limits, icrs_to_altaz, separation_deg
+from rsoconsole.words import NS_PER_S
 from tests.rigs.engine_rig import Rig
 from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
 from tests.tiers import plain_first
@@ -58,7 +56,7 @@ def late_by(one, late_s):
 
     class Late:
         def astrometric_place(self, site, t_utc_ns):
-            from rsoconsole.sky.places import astrometric_places
+            from rsoconsole.sky import astrometric_places
 
             def states(t):
                 return one.satellite.position_gcrs(t - late_ns)

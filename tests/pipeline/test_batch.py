@@ -19,17 +19,11 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import BatchError
+from rsoconsole.pipeline import NightOutcome, WorkerPool, nights_in, pool_for, share_out
 from rsoconsole.pipeline.batch import batch_nights
-from rsoconsole.pipeline.batch.batch_nights import (
-    NightOutcome,
-    nights_in,
-    process_nights,
-    working_in,
-)
-from rsoconsole.pipeline.batch.batch_pool import WorkerPool, pool_for, share_out
+from rsoconsole.pipeline.batch.batch_nights import process_nights, working_in
 from rsoconsole.records import Event
-from rsoconsole.session.log.codec import encode
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader, encode
 from tests.cli.test_cli_frames import objects, rsoconsole
 from tests.nights.samples import SAMPLE, SESSIONS
 

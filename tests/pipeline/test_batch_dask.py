@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.batch.batch_nights import nights_in, process_night, process_nights
-from rsoconsole.pipeline.batch.batch_pool import WorkerPool
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.pipeline import WorkerPool, nights_in
+from rsoconsole.pipeline.batch.batch_nights import process_night, process_nights
+from rsoconsole.session import SessionReader
 from tests.pipeline.test_batch import write_night
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")

@@ -4,9 +4,10 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.pipeline.cycle.frame_fold import Shown, _width_arcsec
+from rsoconsole.pipeline import Shown
+from rsoconsole.pipeline.cycle.frame_fold import _width_arcsec
 from rsoconsole.records import Detections, FrameTaken, Solution
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 
 

@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_faults, load_config
-from rsoconsole.engine.doctor.doctor_calibration import check_calibration
+from rsoconsole.engine.doctor.checks import check_calibration
+from rsoconsole.pipeline import Reprocessor, read_pixels, recorded_frame
 from rsoconsole.pipeline.frame.calibration import Calibration
-from rsoconsole.pipeline.replay.reprocess import Reprocessor, read_pixels, recorded_frame
 from rsoconsole.records import Event, Frame
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.vision.frame.mosaic import evened
+from rsoconsole.session import SessionReader
+from rsoconsole.vision import evened
 from tests.drawn.uneven_camera import STREAK, UnevenCamera
 from tests.nights.samples import SAMPLE
 

@@ -14,12 +14,11 @@ from rsoconsole.config import Config
 from rsoconsole.instruments.camera.camera_child import CameraChild
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.indi.indi_child import ReplyWriter
-from rsoconsole.pipeline.cycle.cycle import Cycle
+from rsoconsole.pipeline import Cycle, FrameReducer, Reduction
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
-from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
 from rsoconsole.records import Detections, Event, Frame, Solution
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.vision.detector.calibrated_range import range_cautions
+from rsoconsole.session import SessionReader
+from rsoconsole.vision import range_cautions
 
 PIXELS = np.random.default_rng(3).integers(0, 255, (480, 640), dtype=np.uint8)
 

@@ -9,13 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.pipeline.words.directions import Names, understand
+from rsoconsole.pipeline import Names, understand
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.bodies.named_stars import NAMED_STARS
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, icrs_to_jnow
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.sky import (
+    NAMED_STARS,
+    StarCatalogue,
+    hour_angle_icrs_deg,
+    icrs_to_altaz,
+    icrs_to_jnow,
+    iso_to_utc_ns,
+    separation_deg,
+)
 from rsoconsole.words import format_dec, format_ra
 
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline import Orbits
 from rsoconsole.pipeline.orbits.expected import EVERY, Expected
-from rsoconsole.pipeline.orbits.orbits import Orbits
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import Event, ExpectedMembers, Identified, Miss, Record, Site, Solution, Wcs
 from tests.nights.eight_tracks import name_of

@@ -10,15 +10,13 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.instruments.solver.index_files import SYSTEM_DIR, list_index_files
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
+from rsoconsole.instruments import PlateSolver, SolveHint, list_index_files, read_frame
+from rsoconsole.instruments.solver.index_files import SYSTEM_DIR
 from rsoconsole.pipeline.frame.hints import hint_of, overridden, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import pixel_to_sky, wcs_from_cards
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.sky import pixel_to_sky, separation_deg, wcs_from_cards
+from rsoconsole.vision import find_stars
 from tests.drawn.plate_fields import CACHE, SHARED, whole_sky_index_dir
 
 FIELD, REAL = SHARED / "field", SHARED / "real"

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline.field.field_frame import FieldPlate
 from rsoconsole.pipeline.field.field_points import Points, movers_of, points_of
 from rsoconsole.records import Solution
-from rsoconsole.sky.angles import (
+from rsoconsole.sky import (
     direction_to_unit,
     parse_dec_deg,
     parse_ra_deg,
     separation_deg,
     unit_to_direction,
 )
-from rsoconsole.sky.times import NS_PER_S
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.vision import find_stars
+from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import SHARED
 
 MODRA = SHARED / "field" / "modra"

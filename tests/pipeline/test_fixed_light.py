@@ -6,21 +6,26 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline import FrameReducer, Reduction
 from rsoconsole.pipeline.comparison import fixed_light
-from rsoconsole.pipeline.comparison.fixed_light import FixedLight, RecordedComparison
-from rsoconsole.pipeline.comparison.known_stars import KnownStars
-from rsoconsole.pipeline.comparison.solved_field import SolvedField
-from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
+from rsoconsole.pipeline.comparison.fixed_light import FixedLight, KnownStars, RecordedComparison
+from rsoconsole.pipeline.comparison.look_back import SolvedField
 from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detections, Frame, Solution, Wcs
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
-from rsoconsole.tracking.association.following import MAY_BE_FOLLOWED
-from rsoconsole.vision.detector.confidence import FEATURES, ConfidenceCurve
-from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.frame.maps import FrameMap
-from rsoconsole.vision.stars.stars import StarList, find_stars
-from rsoconsole.vision.streaks.streak_class import PRIOR, decided, updated
+from rsoconsole.session import decode, encode
+from rsoconsole.sky import StarCatalogue, Stars
+from rsoconsole.tracking import MAY_BE_FOLLOWED
+from rsoconsole.vision import (
+    FEATURES,
+    PRIOR,
+    ConfidenceCurve,
+    FrameMap,
+    NetworkBox,
+    StarList,
+    decided,
+    find_stars,
+    updated,
+)
 from rsoconsole.words import text
 from tests.drawn.drawn_skies import (
     DrawnSky,

@@ -6,12 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.motion.known_orbit import orbit_from_record
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
+from rsoconsole.orbits import orbit_from_record, predict
+from rsoconsole.pipeline.orbits.sightings_of import Exposures, PartErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
-from rsoconsole.sky.places import Places
-from rsoconsole.tracking.association.following import expected_motion
+from rsoconsole.sky import Places
+from rsoconsole.tracking import expected_motion
 from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
 from tests.tracking.test_streak_length import flashing
 from tests.truth.orbit_truth import DAYTONA

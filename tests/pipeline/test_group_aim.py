@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.aim.group_aim import Member, best_centre, group_direction
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.pipeline import group_direction
+from rsoconsole.pipeline.aim.group_aim import Member, best_centre
+from rsoconsole.sky import separation_deg
+from rsoconsole.tracking import Following, follow
 from tests.makers import geo_measurement
 from tests.tracking.test_follow import SETTINGS, seen
 

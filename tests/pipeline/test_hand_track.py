@@ -8,21 +8,18 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.control.frame_commands import MarkByHand
+from rsoconsole.control import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.engine.operator.hand_marks import automatic_of, with_figures
 from rsoconsole.night import as_recorded
+from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
-from rsoconsole.pipeline.cycle.kept_until import KEPT_S
-from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
-from rsoconsole.pipeline.frame.held_frames import HELD
-from rsoconsole.pipeline.frame.refine_mark import refined_mark
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TracksTaken
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.sky.wcs import sky_to_pixel
+from rsoconsole.session import decode, encode
+from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import text
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_rulings import night, replayed, say

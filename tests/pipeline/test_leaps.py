@@ -7,29 +7,37 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, LimitsConfig, MountConfig
-from rsoconsole.orbits.motion.ahead import SkyAhead, path_of
-from rsoconsole.pipeline.leaps import mount_motion
-from rsoconsole.pipeline.leaps.leap_pass import PassPlan, Stare, duty, plan_pass
-from rsoconsole.pipeline.leaps.leaps import (
-    LENGTH_PX,
-    LONGEST_S,
-    SHORTEST_S,
+from rsoconsole.orbits import SkyAhead
+from rsoconsole.orbits.motion.ahead import path_of
+from rsoconsole.pipeline import (
     Leap,
     LeapTerms,
+    MountMotion,
     NoLeap,
+    PassPlan,
+    SlewSeen,
     Telescope,
+    duty,
     exposure_for,
+    learned,
     next_leap,
+    plan_pass,
     terms_of,
-    within_field,
 )
-from rsoconsole.pipeline.leaps.mount_motion import MountMotion, SlewSeen, learned
+from rsoconsole.pipeline.leaps import leaps as mount_motion
+from rsoconsole.pipeline.leaps.awaited import Stare
+from rsoconsole.pipeline.leaps.leaps import LENGTH_PX, LONGEST_S, SHORTEST_S, within_field
 from rsoconsole.simulator.mount.mount_model import travel_s
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, pier_side
-from rsoconsole.sky.limits.limits import Limits, Pose
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky import (
+    Limits,
+    Pose,
+    hour_angle_icrs_deg,
+    icrs_to_altaz,
+    pier_side,
+    separation_deg,
+    site_gcrs,
+)
+from rsoconsole.words import NS_PER_S
 from tests.tiers import plain_first
 from tests.truth.leap_requests import random_leaps
 from tests.truth.limits_by_astropy import EDGE_DEG, margins

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.comparison.look_back import LookBack
-from rsoconsole.pipeline.comparison.solved_field import SolvedField, Word
+from rsoconsole.pipeline.comparison.look_back import LookBack, SolvedField, Word
 from rsoconsole.records import Frame, Wcs
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.vision import find_stars
 from tests.drawn.drawn_lines import line_of_light
 from tests.drawn.drawn_skies import (
     CADENCE_S,

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S, measure
+from rsoconsole.pipeline import measure
+from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S
 from rsoconsole.records import Frame, Solution
-from rsoconsole.sky.wcs import describe, pixel_to_sky, tan_wcs
+from rsoconsole.sky import describe, pixel_to_sky, tan_wcs
 from tests.makers import T0_UTC_NS, straight_detection
 
 SCALE_ARCSEC_PX = 1.264

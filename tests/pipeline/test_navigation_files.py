@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.navigation.navigation import NavigationFile, gps_ns_of_utc, utc_ns_of_gps
-from rsoconsole.orbits.navigation.rinex_nav import parse_rinex_nav
-from rsoconsole.orbits.navigation.sp3 import parse_sp3
-from rsoconsole.pipeline.calibrations.navigation_files import read_rinex, read_sp3
+from rsoconsole.orbits import NavigationFile, parse_rinex_nav, parse_sp3
+from rsoconsole.orbits.navigation.sp3 import gps_ns_of_utc, utc_ns_of_gps
+from rsoconsole.pipeline import read_rinex, read_sp3
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.places import itrf_to_gcrs_rotation
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns, itrf_to_gcrs_rotation, separation_deg
+from rsoconsole.words import NS_PER_S
 from tests.truth.navigation_truth import GPS_MINUS_UTC_S, SITE, constellation
 
 REAL = Path(__file__).parents[1] / "data" / "navigation"

@@ -11,10 +11,11 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.pipeline.outlook.passes import NightPass, night_passes
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.pipeline import NightPass, night_passes
 from rsoconsole.records import Site
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 from tests.console.test_up_now import LOW, with_checksums
 from tests.pages.json_page import expect_documented
 from tests.truth.seen_satellites import SHARED

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rsoconsole.night.log_lines import line_of
+from rsoconsole.night import line_of
 from rsoconsole.records import FollowedAgain, Identified
 from tests.nights import made_up_night as night
 from tests.nights.orbit_night import (

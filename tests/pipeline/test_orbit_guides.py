@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.miss_reasons import direction_at
-from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline import Reduction, direction_at, replay
 from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
 from rsoconsole.records import (
     Event,
@@ -21,9 +19,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.tracking.association.following import Following
+from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, separation_deg
+from rsoconsole.tracking import Following
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.pipeline.test_orbit_online import INCLINED, SITE, TLE, flight, measured_at
 from tests.rigs.engine_rig import Rig, rig

@@ -12,16 +12,11 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide, Way
-from rsoconsole.orbits.motion.forces import Forces
-from rsoconsole.orbits.motion.known_orbit import KnownOrbit, orbit_from_record
-from rsoconsole.orbits.motion.prediction import predict
-from rsoconsole.orbits.motion.two_body import elements_of
-from rsoconsole.pipeline.cycle.better_predictor import Rivals, Score
-from rsoconsole.pipeline.cycle.frame_fold import Shown, fold
-from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
+from rsoconsole.orbits import Forces, KnownOrbit, elements_of, orbit_from_record, predict
+from rsoconsole.pipeline import OnlineOrbit, Orbits, Shown, StarHistory, fold
+from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score
 from rsoconsole.pipeline.orbits.naming import Naming
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
-from rsoconsole.pipeline.orbits.orbits import Orbits
+from rsoconsole.pipeline.orbits.orbit_online import Refined
 from rsoconsole.records import (
     Detections,
     Event,
@@ -33,11 +28,8 @@ from rsoconsole.records import (
     OrbitEstimate,
     TrackState,
 )
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.initiation.acquisition import REFUSED
+from rsoconsole.sky import Places, iso_to_utc_ns, separation_deg
+from rsoconsole.tracking import REFUSED, Following
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, Flight
 
@@ -68,7 +60,7 @@ def flight(
     """Crosses the site's meridian as it begins, on its way up where it is inclined."""
     import erfa
 
-    from rsoconsole.sky.times import jd_ut1
+    from rsoconsole.sky import jd_ut1
 
     sidereal = erfa.era00(*jd_ut1(t0_utc_ns)) + math.radians(DAYTONA.longitude_deg)
     up = math.radians(min(i_deg, 30.0))
@@ -248,7 +240,7 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     truth = (float(later.ra_icrs_deg[0]), float(later.dec_icrs_deg[0]))
     by_orbit = Guide(watched.orbit, watched.config).of_track(t)
     assert by_orbit is not None
-    from rsoconsole.pipeline.aim.aim import follow_direction
+    from rsoconsole.pipeline import follow_direction
 
     track = watched.following.track
     assert track is not None
@@ -506,8 +498,7 @@ TLE = Path(__file__).parents[2] / "rsoconsole" / "simulator" / "data" / "belt_20
 
 
 def test_what_is_followed_is_named_on_record_and_asked_for_more_rarely_as_it_goes_on():
-    from rsoconsole.orbits.elements.elements import parse_elements
-    from rsoconsole.orbits.elements.satellite import Satellite
+    from rsoconsole.orbits import Satellite, parse_elements
 
     elements = next(e for e in parse_elements(TLE.read_text(), "belt") if e.norad_id == 36_097)
     t0 = iso_to_utc_ns("2023-06-23T05:00:00Z")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits.determination import from_directions as determining
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
+from rsoconsole.pipeline import OnlineOrbit
 from rsoconsole.records import Measurement, TrackState
-from rsoconsole.sky.places import Places
+from rsoconsole.sky import Places
 from rsoconsole.tracking.filters import lqe
 from tests.pipeline.test_orbit_online import GEO, config, every_frame, flight, measured_at
 

@@ -4,11 +4,10 @@ from collections import defaultdict
 
 import pytest
 
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit
+from rsoconsole.pipeline import OnlineOrbit
 from rsoconsole.pipeline.orbits.orbit_turns import AT_ONCE
 from rsoconsole.records import OrbitEstimate
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, follow
 from tests.nights.slot_of_twelve import MEMBERS, frames
 from tests.pipeline.test_orbit_online import config
 from tests.tracking.test_company import settings

@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.pipeline.outlook.hours_ahead import outlook
+from rsoconsole.pipeline import outlook
 from rsoconsole.records import Site, TrackState
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.belt import slot_direction
-from rsoconsole.sky.bodies.moon import moon_icrs, moon_lit_fraction
-from rsoconsole.sky.frames import icrs_of_hour_angle, icrs_to_altaz
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.sky import (
+    icrs_of_hour_angle,
+    icrs_to_altaz,
+    iso_to_utc_ns,
+    moon_icrs,
+    moon_lit_fraction,
+    separation_deg,
+    slot_direction,
+)
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 
 SIDEREAL_DEG_S = 15.0410686 / 3600.0
 NIGHT = iso_to_utc_ns("2026-03-10T03:00:00Z")

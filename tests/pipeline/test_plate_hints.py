@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.instruments.solver import index_files
-from rsoconsole.instruments.solver.solver import PlateSolver, SolveHint
 from rsoconsole.pipeline.frame.hints import hint_of, overridden, relaxed, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import CameraMode, FloatArray, Frame, NotSolved, Solution
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky import separation_deg
 from tests.drawn.plate_fields import HEIGHT, SCALE, WIDTH, belt_plate, belt_stars
 
 CONFIG = Config()

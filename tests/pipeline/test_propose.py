@@ -9,15 +9,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from rsoconsole.errors import ConfigError, SessionError
-from rsoconsole.pipeline.replay.branches import save_branch
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_log import what_if_session
-from rsoconsole.pipeline.tuning.proposal import propose
-from rsoconsole.pipeline.tuning.propose_evidence import Proposal
+from rsoconsole.pipeline import Proposal, propose, replay, save_branch, what_if_session
 from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
 from rsoconsole.pipeline.tuning.propose_search import Parameter, Search
 from rsoconsole.records import Measurement, TrackState
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.tracking.filters import lqe
 from tests.cli.test_demo import night
 from tests.nights.measured_night import record_night

@@ -11,9 +11,8 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.orbits.pairs import PAIRS_OF_MANY, Pairs
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import Event, FollowedAgain, Miss, PairMotion, PairMotions
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.tracking.association.closest import closest
+from rsoconsole.session import SessionReader, SessionWriter
+from rsoconsole.tracking.association.relative import closest
 from tests.nights.pair_nights import (
     BEGIN_UTC_NS,
     NS,

@@ -9,8 +9,8 @@ import pytest
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded, frames_of
-from rsoconsole.pipeline.replay.refold import ReplayedFrame, replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline import ReplayedFrame, replay
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
     Detection,
@@ -23,7 +23,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.words import text
 from tests.cli.test_demo import night
 from tests.makers import NS, geo_measurement, straight_detection

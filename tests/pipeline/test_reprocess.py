@@ -11,19 +11,12 @@ import pytest
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError, FrameError, ModelError, SessionError, SolverError
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
+from rsoconsole.pipeline import RecordedFrame, Reprocessor, compare, read_pixels, recorded_frame
 from rsoconsole.pipeline.replay import reprocess
-from rsoconsole.pipeline.replay.reprocess import (
-    RecordedFrame,
-    Reprocessor,
-    compare,
-    read_pixels,
-    recorded_frame,
-)
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
-from rsoconsole.session.files.kept_frames import compress_frame
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader, compress_frame
 from tests.makers import straight_detection
 from tests.nights import made_up_night as night
 from tests.nights.samples import SAMPLE

@@ -7,14 +7,12 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome
-from rsoconsole.judge.summary import summarise
-from rsoconsole.night import as_recorded
-from rsoconsole.night.night import Night
+from rsoconsole.judge import summarise
+from rsoconsole.night import Night, as_recorded
 from rsoconsole.notebook.night.night import read_night
+from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,
@@ -29,8 +27,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader, decode, encode
 from rsoconsole.words import text
 from tests.nights import made_up_night
 from tests.nights.engine_nights import Misleading

@@ -9,12 +9,12 @@ import pytest
 
 from rsoconsole.cli.demo.demo import _track_words
 from rsoconsole.config import Config
-from rsoconsole.export.night import read_night as exported
-from rsoconsole.judge.summary import summarise
-from rsoconsole.night.night import Night
+from rsoconsole.export import read_night as exported
+from rsoconsole.judge import summarise
+from rsoconsole.night import Night
 from rsoconsole.notebook.night.night import read_night
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
-from rsoconsole.pipeline.orbits.orbits import Orbits
+from rsoconsole.pipeline import OnlineOrbit, Orbits
+from rsoconsole.pipeline.orbits.orbit_online import Refined
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import (
     CatalogueMatch,
@@ -29,10 +29,9 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.tracking.association.following import Following, Tracked
+from rsoconsole.session import SessionWriter
+from rsoconsole.tracking import Following, Tracked, follow
 from rsoconsole.tracking.filters import lqe
-from rsoconsole.tracking.frame_by_frame import follow
 from tests.makers import geo_measurement
 from tests.nights.made_up_night import taken
 from tests.pipeline.test_orbit_online import GEO, config, every_frame, flight, measured_at

@@ -15,16 +15,13 @@ from rsoconsole.config import (
     load_config,
     write_settings,
 )
-from rsoconsole.engine.doctor.doctor_shutter import check_shutter
+from rsoconsole.engine.doctor.checks import check_shutter
 from rsoconsole.engine.operator.arming import ArmingCheck, arming_checks
 from rsoconsole.export import read_night
-from rsoconsole.pipeline.calibrations.timing_settings import put_together
-from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns
-from rsoconsole.pipeline.frame.shutter_state import shutter_time
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline import measure, put_together, replay, shutter_mid_utc_ns, shutter_time
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import iso_to_utc_ns
 from tests.engine.test_arming import FACTS
 from tests.makers import straight_detection
 from tests.nights.export_nights import closed_night

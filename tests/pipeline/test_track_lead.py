@@ -8,13 +8,11 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.night import as_recorded
-from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline import Reduction, replay
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, TrackState
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.session import decode, encode
+from rsoconsole.tracking import Following, follow
 from rsoconsole.words import text
 from tests.makers import straight_detection
 from tests.nights.slot_of_twelve import streak

@@ -7,9 +7,9 @@ import pytest
 
 from rsoconsole.night import as_recorded
 from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
+from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
+from rsoconsole.pipeline.replay.what_if_log import figures_of
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Miss,
@@ -20,9 +20,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.session import decode, encode
+from rsoconsole.tracking import Following, follow
 from rsoconsole.words import text
 from tests.pipeline.test_track_lead import FRAMES, SEVERAL, aims, locked, night_of_two, shown
 from tests.rigs.engine_rig import command_handler_of, told

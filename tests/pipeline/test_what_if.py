@@ -16,12 +16,16 @@ from typer.testing import CliRunner, Result
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, SessionError
+from rsoconsole.pipeline import (
+    LogOfOneSession,
+    branches_of,
+    drop_branch,
+    replay,
+    save_branch,
+    what_if_session,
+)
 from rsoconsole.pipeline.replay import branches as branches_module
-from rsoconsole.pipeline.replay.branches import branches_of, drop_branch, save_branch
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import figures_of
-from rsoconsole.pipeline.replay.what_if_log import rewritten_log, what_if_session
-from rsoconsole.pipeline.replay.what_if_process import LogOfOneSession
+from rsoconsole.pipeline.replay.what_if_log import figures_of, rewritten_log
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -33,8 +37,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader, decode, encode
 from tests.nights.made_up_night import begin
 from tests.nights.measured_night import record_night
 from tests.nights.samples import SAMPLE

@@ -12,9 +12,8 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
-from rsoconsole.pipeline.replay.what_if_figures import what_if
-from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.pipeline import Question, WhatIfProcess, what_if
+from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 from tests.rigs.whole_engine import wait_for
 
@@ -149,7 +148,7 @@ def is_alive(pid):
 def test_the_console_reads_what_was_recorded_without_the_filters_libraries():
     program = (
         "import sys; from pathlib import Path; import rsoconsole.console.screens.live\n"
-        "from rsoconsole.session.reading.reader import SessionReader\n"
+        "from rsoconsole.session import SessionReader\n"
         "from rsoconsole.night import as_recorded\n"
         f"log = SessionReader(Path({str(SAMPLE)!r})).records()\n"
         "assert as_recorded(r for _, _, r in log).updates > 10\n"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.simulator.camera.rendering import straight_streak
+from rsoconsole.simulator import straight_streak
 from tests.bench.peers.astride_contours import _linked
 from tests.bench.peers.roster import PEERS, Peer, present
 from tests.bench.peers.scoring import Candidate, Line, threshold_at

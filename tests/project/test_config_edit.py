@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.config import initial_config_text, load_config, with_settings, write_settings
+from rsoconsole.config import load_config, write_settings
+from rsoconsole.config.file import initial_config_text, with_settings
 from rsoconsole.errors import ConfigError
 
 BY_HAND = """\

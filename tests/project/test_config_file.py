@@ -14,12 +14,12 @@ from rsoconsole.config import (
     config_faults,
     config_to_toml,
     effective_settings,
-    initial_config_text,
     load_config,
     runtime_dir,
     walk,
     write_initial_config,
 )
+from rsoconsole.config.file import initial_config_text
 from rsoconsole.errors import ConfigError
 
 

@@ -20,7 +20,7 @@ from rsoconsole.config import (
     load_config,
     walk,
 )
-from rsoconsole.config.environment import OTHERS, variable_of
+from rsoconsole.config.settings import OTHERS, variable_of
 from rsoconsole.errors import ConfigError
 from tests.pages.json_page import expect_documented
 

@@ -12,20 +12,19 @@ import pytest
 
 from rsoconsole.config import config_faults, load_config
 from rsoconsole.console.commands.keymap import load_keymap
-from rsoconsole.console.tuning.presets import load_presets
+from rsoconsole.console.tuning.tuning_pane import load_presets
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ConfigError, ControlError, OrbitError, RsoconsoleError, SessionError
 from rsoconsole.export import ReadAs, read_observations
 from rsoconsole.foreign_text import MOST_BYTES, read_foreign
+from rsoconsole.orbits import parse_catalogue
 from rsoconsole.orbits.elements import catalogue
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
-from rsoconsole.pipeline.orbits.sightings_of import read_observed
+from rsoconsole.pipeline import read_catalogue, read_observed
 from rsoconsole.records import Event, FrameTaken
+from rsoconsole.session import SessionReader
 from rsoconsole.session.files.upkeep_log import parse_notes
-from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.recover import recover_session
-from rsoconsole.simulator.world.world_file import load_world
+from rsoconsole.simulator import load_world
 from tests.nights.made_up_night import add_frames, armed, begin
 
 DEEP_JSON = "[" * 200_000

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Detections, Rejection
-from rsoconsole.session.log.codec import decode, encode
+from rsoconsole.session import decode, encode
 from tests.makers import straight_detection as detection
 
 

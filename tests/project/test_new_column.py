@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rsoconsole.records import documentation, documented
+from rsoconsole.records.columns import documentation, documented
 from tests.rigs.worked_example import expect_used
 
 ROOT = Path(__file__).parents[2]
@@ -44,13 +44,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import rsoconsole
-from rsoconsole.export import COLUMNS, read_night
-from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
+from rsoconsole.export.rows import COLUMNS; from rsoconsole.export import read_night
+from rsoconsole.export.api import to_csv, to_ecsv, to_jsonl
 from rsoconsole.notebook.session import open_session
 from rsoconsole.records.columns import documented
 from rsoconsole.records import Measurement, Ruling
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader
+from rsoconsole.session import SessionWriter
 from tests.pages.tables import read_csv
 
 NAME, root = "position_angle_deg", Path(sys.argv[1])

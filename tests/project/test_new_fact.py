@@ -29,7 +29,7 @@ moon_glow_adu real of the sky's light what the Moon gives
 """,
         )
     ],
-    "rsoconsole/night/facts.py": [
+    "rsoconsole/night/frame.py": [
         (
             """
     FrameFact("star_count", "stars", "", ".0f"),
@@ -49,15 +49,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import rsoconsole
-from rsoconsole.console.words import quality_lines
+from rsoconsole.console.words.curves import quality_lines
 from rsoconsole.export import read_night
-from rsoconsole.export.tables import to_csv
+from rsoconsole.export.api import to_csv
 from rsoconsole.night import Night
-from rsoconsole.notebook import open_session
-from rsoconsole.notebook.report import render_report
+from rsoconsole.notebook.session import open_session
+from rsoconsole.notebook import render_report
 from rsoconsole.records import Detections
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.session.writing import SessionWriter
+from rsoconsole.session import SessionReader
+from rsoconsole.session import SessionWriter
 
 assert Path(rsoconsole.__file__).is_relative_to(Path.cwd()), rsoconsole.__file__
 folder, sample = Path("night"), SessionReader(Path(sys.argv[1]) / "sessions" / "intelsat-14")

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.control import COMMANDS, Command
-from rsoconsole.control.commands import Beside, Preview
+from rsoconsole.control import COMMANDS, Beside, Command, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from rsoconsole.resources import resource
 from tests.rigs.engine_rig import command_handler_of, rig
@@ -20,12 +19,12 @@ USE = """
 from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.console.commands.commands import BY_NAME
-from rsoconsole.console.commands.key_names import bindings
+from rsoconsole.console.commands.keymap import bindings
 from rsoconsole.control import ControlServer, command_of, command_words, default_socket_path
 from rsoconsole.control.commands import Flats
 from rsoconsole.words import text
 from rsoconsole.records import OperatorAction
-from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky import icrs_to_altaz
 from tests.rigs.engine_rig import SITE, command_handler_of, rig
 
 r = rig(set())

@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments import IndiWire
+from rsoconsole.instruments.indi.indi_wire import IndiVector
 from tests.rigs.odd_mount import (
     ABORT,
     AT_REST_ARCSEC_S,

@@ -9,7 +9,7 @@ from typer.main import get_command
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.engine.operator.arming import CHECKS
+from rsoconsole.engine import CHECKS
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 pytestmark = pytest.mark.skipif(not README.exists(), reason="no checkout: the README is not here")

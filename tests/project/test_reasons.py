@@ -11,13 +11,10 @@ from typing import Any
 import pytest
 
 from rsoconsole import words as said_by
-from rsoconsole.console.night.alerts import alerts_between
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_seen import EngineView, alerts_between
 from rsoconsole.console.timeline.night_line import TimelineFold
-from rsoconsole.night import frames_of
-from rsoconsole.night.night import Night
-from rsoconsole.pipeline.replay.refold import replay
-from rsoconsole.pipeline.replay.what_if_figures import what_if
+from rsoconsole.night import Night, frames_of
+from rsoconsole.pipeline import replay, what_if
 from rsoconsole.reasons import (
     Cause,
     CommandResult,
@@ -37,9 +34,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader, SessionWriter, decode, encode
 from tests.nights.engine_nights import CONFIG, busy, ruled
 from tests.rigs.engine_rig import rig
 from tests.rigs.rewritten import rewrite_log

@@ -2,15 +2,8 @@
 
 import pytest
 
-from rsoconsole.records import (
-    HEAD,
-    TABLES,
-    PairMotion,
-    Rejection,
-    Table,
-    UnseenMember,
-    documentation,
-)
+from rsoconsole.records import TABLES, PairMotion, Rejection, Table, UnseenMember
+from rsoconsole.records.columns import HEAD, documentation
 
 ALL = list(TABLES.values())
 

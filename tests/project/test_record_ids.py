@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.night.night import Night
+from rsoconsole.night import Night
+from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
-from rsoconsole.pipeline.replay.refold import replay
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, follow
 from tests.makers import geo_measurement
 from tests.nights.made_up_night import state_of, taken
 from tests.pipeline.test_rulings import CONFIG, night, replayed, say

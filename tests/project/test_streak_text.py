@@ -2,8 +2,8 @@
 
 from rsoconsole.cli.recorded.frames import _detect_lines
 from rsoconsole.console.picture.marks import mark_of
-from rsoconsole.night.log_lines import line_of
-from rsoconsole.pipeline.words.reports import detections_report
+from rsoconsole.night import line_of
+from rsoconsole.pipeline import detections_report
 from rsoconsole.records import Detection, Detections
 from rsoconsole.words import name_of, pulse_of, remarkable
 from tests.makers import straight_detection

@@ -14,14 +14,12 @@ import pytest
 
 from rsoconsole import waits
 from rsoconsole.config import IndiConfig, WaitsConfig
-from rsoconsole.control import ControlClient
-from rsoconsole.control.commands import AskStatus
-from rsoconsole.control.place import EngineLock
+from rsoconsole.control import AskStatus, ControlClient, EngineLock
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments.indi.devices_there import DevicesThere
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.mount.mount import IndiMount
-from rsoconsole.simulator.devices.virtual_clock import CATCH_UP, MOST_BEHIND_S, VirtualClock
+from rsoconsole.simulator.devices.clock_device import CATCH_UP, MOST_BEHIND_S, VirtualClock
 from rsoconsole.waits import LongWait, waits_reported_to
 
 NS = 1_000_000_000
@@ -295,7 +293,7 @@ def test_time_that_cannot_be_caught_up_is_late_by_the_wall(pauses):
 
 HOLD = """
 import sys, pathlib
-from rsoconsole.control.place import EngineLock
+from rsoconsole.control import EngineLock
 with EngineLock(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

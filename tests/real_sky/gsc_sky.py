@@ -26,11 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.stars.proper_motion import julian_year
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
+from rsoconsole.sky import StarCatalogue, Stars, julian_year
 from tests.truth.ccd_law import CcdLaw
 
 NS = 1_000_000_000

@@ -15,12 +15,11 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments import IndiWire, Instruments, MountReport, connect_instruments
+from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.wire_stop import stop_mount
 from rsoconsole.instruments.mount.mount import IndiMount
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.instruments.ports import Instruments, MountReport
-from rsoconsole.sky.frames import icrs_of_hour_angle
+from rsoconsole.sky import icrs_of_hour_angle
 
 PORT = 7624
 MOUNT = "Telescope Simulator"

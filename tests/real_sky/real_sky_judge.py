@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsoconsole.judge.summary import SAME_OBJECT_ARCSEC, summarise
+from rsoconsole.judge import summarise
+from rsoconsole.judge.summary import SAME_OBJECT_ARCSEC
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -20,7 +21,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky import wrap_180
 from rsoconsole.words import text
 
 VISIBLE_SNR = 20.0

@@ -20,8 +20,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.judge.summary import read_truth
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.judge import read_truth
+from rsoconsole.session import SessionReader
 from tests.real_sky.real_sky_judge import judge
 from tests.real_sky.real_sky_rig import STANDARD_MAG
 

@@ -22,16 +22,13 @@ import numpy as np
 
 from rsoconsole.config import Config, config_to_toml
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.mount.mount import IndiMount
-from rsoconsole.orbits.elements.elements import ElementSet
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.elements.sgp4_fit import TLE_STEP_NS, MeanElements
+from rsoconsole.orbits import ElementSet, MeanElements, Satellite
+from rsoconsole.orbits.elements.sgp4_fit import TLE_STEP_NS
 from rsoconsole.records import Site
 from rsoconsole.simulator.sky.star_background import faint_stars
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
-from rsoconsole.sky.sun import sun_icrs
+from rsoconsole.sky import StarCatalogue, Stars, hour_angle_icrs_deg, icrs_of_hour_angle, sun_icrs
 from tests.real_sky.gsc_sky import Sky, serving
 from tests.rigs.whole_engine import COMMAND
 from tests.truth.ccd_law import CcdLaw

@@ -9,26 +9,27 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.control import Outcome, Request, command_of, sender_of
+from rsoconsole.control import Outcome, Request, command_of
+from rsoconsole.control.wire import sender_of
+from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
-from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.motion import SIDEREAL_ARCSEC_S, Motion
-from rsoconsole.instruments.ports import (
+from rsoconsole.instruments import (
+    SIDEREAL_ARCSEC_S,
     ClockFault,
     Instruments,
     MountAbilities,
     MountReport,
     PierSide,
-    SafetyMonitorPort,
     SiteCheck,
     SlewEnd,
     StopResult,
 )
-from rsoconsole.pipeline.frame.glance import Glance
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.instruments.motion import Motion
+from rsoconsole.instruments.ports import SafetyMonitorPort
+from rsoconsole.pipeline import Glance, Reduction
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -38,7 +39,7 @@ from rsoconsole.records import (
     Wcs,
     measurement_id_of,
 )
-from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.sky import altaz_to_icrs
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 CONFIG = Config()

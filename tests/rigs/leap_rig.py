@@ -5,18 +5,21 @@ import dataclasses
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.ports import MountReport
-from rsoconsole.orbits.motion.known_orbit import KnownOrbit
-from rsoconsole.orbits.motion.zonal import Zonal
-from rsoconsole.pipeline.frame.glance import Glance
+from rsoconsole.instruments import MountReport
+from rsoconsole.orbits import KnownOrbit
+from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.pipeline import Glance, Reduction, is_dark
 from rsoconsole.pipeline.frame.measurement import measured
-from rsoconsole.pipeline.frame.reduce import Reduction
-from rsoconsole.pipeline.leaps.awaited import is_dark
 from rsoconsole.records import CameraMode, Detection, Detections, Frame
 from rsoconsole.simulator.mount.mount_model import travel_s
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.places import astrometric_places, line_of_sight_gcrs, site_gcrs
-from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
+from rsoconsole.sky import (
+    astrometric_places,
+    line_of_sight_gcrs,
+    site_gcrs,
+    sky_to_pixel,
+    tan_wcs,
+    wrap_180,
+)
 from tests.makers import NS, T0_UTC_NS
 from tests.rigs import engine_rig
 from tests.rigs.engine_rig import SITE, START_DEG, PlainCamera, PlainMount, Rig, ScriptedReducer

@@ -11,16 +11,16 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.control import LastStop, Outcome, Status
+from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController
-from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
+from rsoconsole.instruments import Instruments
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.observatory.clock import SystemClock
-from rsoconsole.instruments.ports import Instruments
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Detections, Event, Frame, NotSolved
-from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_jnow
+from rsoconsole.sky import altaz_to_icrs, icrs_to_jnow
 from tests.rigs.engine_rig import Memory, PlainCamera, ScriptedReducer, told
 from tests.rigs.odd_mount import ABORT, DEVICE, Oddities
 from tests.rigs.odd_mount_server import OddMountServer

@@ -18,15 +18,20 @@ from rsoconsole.engine.aim.instrument_controller import Ordered
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments import (
+    SIDEREAL_ARCSEC_S,
+    Instruments,
+    MountAbilities,
+    MountReport,
+    StopResult,
+)
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.indi_wire import IndiVector
-from rsoconsole.instruments.motion import SIDEREAL_ARCSEC_S, Motion
+from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.mount.mount_child import MountChild
 from rsoconsole.instruments.mount.mount_owner import MountOwner
-from rsoconsole.instruments.ports import Instruments, MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event
-from rsoconsole.sky import jnow_to_icrs
-from rsoconsole.sky.limits import Pose
+from rsoconsole.sky import Pose, jnow_to_icrs
 from tests.makers import T0_UTC_NS
 from tests.rigs.odd_engine import SITE
 from tests.rigs.odd_mount import ABORT, COORDINATES, DEVICE, PARK, Oddities, OddMount

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.instruments.motion import SIDEREAL_ARCSEC_S
+from rsoconsole.instruments import SIDEREAL_ARCSEC_S
 from tests.rigs.odd_engine import OddEngine, odd_engine
 from tests.rigs.odd_mount import ABORT
 from tests.rigs.odd_sequence import (

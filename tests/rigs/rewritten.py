@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.replay.refold import ReduceAgain, ReplayedFrame, Walk
+from rsoconsole.pipeline import ReplayedFrame
+from rsoconsole.pipeline.replay.refold import ReduceAgain, Walk
 from rsoconsole.pipeline.replay.rewrite_log import LogRewriter
 from rsoconsole.records import Record
 

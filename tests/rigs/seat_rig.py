@@ -20,12 +20,11 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.console.tuning import what_if_watch
-from rsoconsole.control import Command, Outcome
-from rsoconsole.control.frame_commands import BeginMark
+from rsoconsole.control import BeginMark, Command, Outcome
 from rsoconsole.errors import ControlError
 from rsoconsole.night import TrackFigures
-from rsoconsole.pipeline.replay.what_if_process import Question, WhatIfProcess
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.pipeline import Question, WhatIfProcess
+from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
 

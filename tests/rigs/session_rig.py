@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.records import Frame
-from rsoconsole.session.files.verification import Verification
+from rsoconsole.session import Verification
 from tests.nights.made_up_night import add_frames, add_previews, armed, begin
 
 NOW_UTC_NS = 1_900_000_000_000_000_000

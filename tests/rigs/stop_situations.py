@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.simulator import start_observatory
 from tests.rigs.stop_witness import Ear, Witness
 from tests.rigs.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine
 

@@ -7,7 +7,7 @@ import time
 from typing import Self
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments import IndiWire
 from rsoconsole.simulator.launch import Observatory
 from tests.rigs.whole_engine import wait_for
 

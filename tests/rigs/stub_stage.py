@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
-from rsoconsole.simulator.observatory_settings import ObservatorySettings
-from rsoconsole.simulator.stage import Stage
+from rsoconsole.simulator.server import ObservatorySettings, Stage
 
 T_START_UTC_NS = 1_687_400_000_000_000_000
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

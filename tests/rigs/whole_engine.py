@@ -17,8 +17,9 @@ from typing import Any
 
 from rsoconsole.control import ControlClient, Outcome, Sender, command_of
 from rsoconsole.errors import ControlError, SessionError
-from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.instruments import IndiWire
+from rsoconsole.instruments.indi.indi_wire import IndiVector
+from rsoconsole.session import SessionReader
 from rsoconsole.simulator.launch import Observatory
 
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()"]

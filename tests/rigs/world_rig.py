@@ -10,16 +10,11 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from rsoconsole.config import OpticsConfig
+from rsoconsole.simulator import Scene, binned, scenario_named, world_from
 from rsoconsole.simulator.camera.truth import FrameTruth
-from rsoconsole.simulator.nights.scenarios import scenario_named
 from rsoconsole.simulator.scene import scene as scene_module
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.scene.world_scene import binned
 from rsoconsole.simulator.sky.brightness import BrightnessHistory
-from rsoconsole.simulator.world.world_file import world_from
-from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
-from rsoconsole.sky.wcs import pixel_to_sky, tan_wcs
+from rsoconsole.sky import StarCatalogue, Stars, icrs_of_hour_angle, pixel_to_sky, tan_wcs
 
 NS = 1_000_000_000
 SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
@@ -88,7 +83,7 @@ def expose(
     ra, dec = icrs_of_hour_angle(scenario.site, -41.0, scenario.start_declination_deg, t)
     if satellite_mag is not None:
         # Where it is at mid-exposure by UTC, so that it crosses the middle of a perfect frame.
-        from rsoconsole.orbits.elements.satellite import Satellite
+        from rsoconsole.orbits import Satellite
 
         mid = np.array([t + round(exposure_s * NS / 2)])
         place = Satellite(target.element_set).astrometric_place(scenario.site, mid)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.simulator.launch import start_observatory
+from rsoconsole.session import SessionReader
+from rsoconsole.simulator import start_observatory
 from tests.children.bad_server import BadServer, bad_server
 from tests.children.bad_server import send as answer
 from tests.engine.test_engine_process import COMMAND, wait_for

@@ -6,14 +6,11 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.export import Target, read_night
-from rsoconsole.export.tables import to_ecsv
+from rsoconsole.export.api import to_ecsv
 from rsoconsole.export.tdm import to_tdm
-from rsoconsole.notebook.figures.figures import write_figures
-from rsoconsole.notebook.report.report import render_report
+from rsoconsole.notebook import render_report, write_figures
 from rsoconsole.records import Event
-from rsoconsole.session.log.codec import encode
-from rsoconsole.session.reading.clock_history import clock_notes
-from rsoconsole.session.reading.reader import SessionReader
+from rsoconsole.session import SessionReader, clock_notes, encode
 from tests.cli.test_damaged_rows import SAMPLE, change
 
 FAULT = Event(

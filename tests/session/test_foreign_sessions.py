@@ -11,16 +11,19 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline import replay
 from rsoconsole.records import Event
-from rsoconsole.session.log import bounds
-from rsoconsole.session.log.bounds import is_interrupted
+from rsoconsole.session import (
+    SessionReader,
+    archive_session,
+    cut_off_session,
+    list_sessions,
+    repair_session,
+    verify_session,
+)
+from rsoconsole.session.log import database as bounds
+from rsoconsole.session.log.database import is_interrupted
 from rsoconsole.session.log.schema import VIEWS as VIEWS_OF_TODAY
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.archive import archive_session
-from rsoconsole.session.upkeep.repair import repair_session
-from rsoconsole.session.upkeep.store import cut_off_session, list_sessions
-from rsoconsole.session.upkeep.verify import verify_session
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sessions" / "intelsat-14"
 MOST_S = 10.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
-from rsoconsole.session.ledgers.ledger import (
+from rsoconsole.session import (
     Change,
     Ledger,
     LedgerOrbit,

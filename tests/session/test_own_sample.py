@@ -8,10 +8,8 @@ from typer.testing import CliRunner
 from rsoconsole import resources
 from rsoconsole.cli.app import app
 from rsoconsole.errors import SessionError
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.sample import SAMPLE_NAME, own_sample
-from rsoconsole.session.upkeep.store import list_sessions
-from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.session import SessionReader, list_sessions, own_sample, verify_session
+from rsoconsole.session.upkeep.store import SAMPLE_NAME
 from tests.nights.samples import SAMPLE
 
 

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from rsoconsole import open_session
 from rsoconsole.cli.app import app
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook import session as session_room
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.notebook.session import open_session
+from rsoconsole.pipeline import replay
 from rsoconsole.records import (
     TABLES,
     Detection,
@@ -29,10 +29,9 @@ from rsoconsole.records import (
     Table,
     TrackState,
 )
+from rsoconsole.session import SessionReader, verify_session
 from rsoconsole.session.log.codec import KINDS
 from rsoconsole.session.log.schema import SCHEMA_VERSION
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.verify import verify_session
 from tests.nights import engine_nights
 from tests.nights.samples import SAMPLE
 

@@ -45,16 +45,20 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
     Wcs,
-    documentation,
+)
+from rsoconsole.records.columns import documentation
+from rsoconsole.session import (
+    SessionReader,
+    SessionWriter,
+    list_sessions,
+    new_session_folder,
+    verify_session,
 )
 from rsoconsole.session.log.codec import KINDS
-from rsoconsole.session.log.faults import Faults
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.store import list_sessions, new_session_folder, size_bytes
-from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.session.log.worker import Faults
+from rsoconsole.session.upkeep.store import size_bytes
 from rsoconsole.session.writing import writer as writer_module
-from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.orbit_night import estimate_of, identified_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
@@ -640,7 +644,7 @@ from rsoconsole.config import Config
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 
 alarms = []
 writer = SessionWriter.create(Path(sys.argv[1]), Config(), {}, on_fault=alarms.append)
@@ -700,7 +704,7 @@ from pathlib import Path
 from rsoconsole.config import Config
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 
 writer = SessionWriter.create(Path(sys.argv[1]), Config(), {})
 for i in itertools.count(1):

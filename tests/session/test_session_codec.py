@@ -26,7 +26,8 @@ from rsoconsole.records import (
     leaps,
     steps,
 )
-from rsoconsole.session.log.codec import KINDS, decode, encode
+from rsoconsole.session import decode, encode
+from rsoconsole.session.log.codec import KINDS
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 INTEGERS = st.integers(-(2**63), 2**63 - 1)

@@ -22,10 +22,7 @@ import pytest
 from astropy.io import fits
 
 from rsoconsole.config import Config
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.repair import repair_session
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionReader, SessionWriter, repair_session, verify_session
 from tests.children.session_crash_child import T0_UTC_NS, pixels, record
 
 ROOT = Path(__file__).parents[2]
@@ -253,7 +250,7 @@ def test_what_a_cut_log_has_left_is_repaired_once_and_stays_the_same(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # It was written by this very process, which lives.
-    monkeypatch.setattr("rsoconsole.session.upkeep.repair.is_written", lambda _about: False)
+    monkeypatch.setattr("rsoconsole.session.upkeep.merge.is_written", lambda _about: False)
     half = len(written.wal) // 2
     folder = written.with_wal(tmp_path / "cut", written.wal[:half] + b"garbage")
     assert repair_session(folder, NOW_UTC_NS).folded
@@ -270,7 +267,7 @@ from rsoconsole.config import Config
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 
 def say(text):
     os.write(2, f"SAID {text}\\n".encode())

@@ -17,13 +17,15 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Frame, Miss
+from rsoconsole.session import (
+    SessionReader,
+    SessionWriter,
+    list_sessions,
+    repair_session,
+    verify_session,
+)
 from rsoconsole.session.files.digest import LogDigest, digest_rows
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.repair import repair_session
-from rsoconsole.session.upkeep.store import list_sessions
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.made_up_night import add_frames, add_previews, armed, begin
 from tests.nights.samples import SAMPLE
 

@@ -11,20 +11,22 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
+from rsoconsole.session import (
+    Policy,
+    SessionReader,
+    Step,
+    archive_session,
+    cut_off_session,
+    list_sessions,
+    plan_pruning,
+    prune,
+    verify_session,
+)
 from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.files.holdings import MANIFEST
 from rsoconsole.session.log.schema import SCHEMA_VERSION
-from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep import archive as archive_module
-from rsoconsole.session.upkeep.archive import archive_session
-from rsoconsole.session.upkeep.pruning import Policy, Step, plan_pruning, prune
-from rsoconsole.session.upkeep.store import (
-    branches_of,
-    cut_off_session,
-    list_sessions,
-    sweep_removed,
-)
-from rsoconsole.session.upkeep.verify import verify_session
+from rsoconsole.session.upkeep.store import branches_of, sweep_removed
 from tests.nights.made_up_night import begin
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make
 
@@ -184,7 +186,7 @@ def test_a_policy_names_the_oldest_that_every_rule_lets_go(nights, policy, names
 
 
 def test_no_more_goes_than_it_takes_until_so_much_is_free(nights, monkeypatch) -> None:
-    monkeypatch.setattr("rsoconsole.session.upkeep.pruning._free_bytes", lambda _root: 1_000_000)
+    monkeypatch.setattr("rsoconsole.session.upkeep.store._free_bytes", lambda _root: 1_000_000)
     (one,) = plan_pruning(nights, Policy(keep_last=5), NOW_UTC_NS)[:1]
     for wanted, number in ((1, 1), (one.bytes, 1), (one.bytes + 1, 2), (10**9, 6)):
         policy = Policy(free_bytes=1_000_000 + wanted)

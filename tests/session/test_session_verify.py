@@ -18,17 +18,19 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss
+from rsoconsole.session import (
+    SessionReader,
+    SessionWriter,
+    archive_session,
+    encode,
+    list_sessions,
+    repair_session,
+    verify_session,
+)
 from rsoconsole.session.files import upkeep_log as upkeep
-from rsoconsole.session.log.codec import encode
 from rsoconsole.session.log.pages import Pages
 from rsoconsole.session.log.schema import SCHEMA_VERSION
-from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.archive import archive_session
 from rsoconsole.session.upkeep.recover import recover_session
-from rsoconsole.session.upkeep.repair import repair_session
-from rsoconsole.session.upkeep.store import list_sessions
-from rsoconsole.session.upkeep.verify import verify_session
-from rsoconsole.session.writing.writer import SessionWriter
 from tests.nights.samples import SAMPLE
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
 

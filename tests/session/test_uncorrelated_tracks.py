@@ -10,15 +10,13 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.engine.tasks.ledger_night import keep_uncorrelated, read_past
-from rsoconsole.orbits.elements.elements import ElementSet
-from rsoconsole.orbits.identification.uncorrelated import attributable, recognise
+from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past
+from rsoconsole.orbits import ElementSet, attributable, recognise
+from rsoconsole.pipeline import keep_night
 from rsoconsole.pipeline.orbits.naming import Naming
-from rsoconsole.pipeline.orbits.uncorrelated_tracks import keep_night
 from rsoconsole.records import Identified
-from rsoconsole.session.ledgers.ledger import ledger_path, read_ledger
-from rsoconsole.session.writing.writer import SessionWriter
-from rsoconsole.sky.times import NS_PER_DAY
+from rsoconsole.session import SessionWriter, ledger_path, read_ledger
+from rsoconsole.words import NS_PER_DAY
 from tests.bench.bench_ledger import kept_of
 from tests.cli.test_cli_orbit import write_track
 from tests.pages.json_page import expect_documented
@@ -264,7 +262,7 @@ def test_of_two_tracks_at_once_one_object_is_one() -> None:
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason=f"{SHARED} is not here")
 def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() -> None:
-    from rsoconsole.orbits.elements.catalogue import parse_catalogue
+    from rsoconsole.orbits import parse_catalogue
     from tests.bench.bench_ledger import SITE, TLES, seen_by_sgp4, visible
 
     text = (TLES / "geo_3sats_history_2019_2025.tle").read_text(encoding="ascii")

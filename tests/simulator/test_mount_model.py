@@ -15,8 +15,7 @@ from rsoconsole.simulator.mount.mount_model import (
     travel_s,
     travelled_deg,
 )
-from rsoconsole.sky.angles import separation_deg, wrap_180
-from rsoconsole.sky.times import lst_deg
+from rsoconsole.sky import lst_deg, separation_deg, wrap_180
 
 T0 = 1_687_400_000 * NS
 LATITUDE_DEG, LONGITUDE_DEG = 29.19, -81.05

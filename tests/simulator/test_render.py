@@ -8,18 +8,23 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, WINGS, add_points, smear
-from rsoconsole.simulator.camera.rendering import (
+from rsoconsole.simulator import (
+    FWHM_PER_SIGMA,
+    WINGS,
     FieldContent,
+    SensorModel,
     Streak,
     cloud_at,
-    expected_electrons,
     frame_rng,
     render,
+    smear,
     straight_streak,
     streak_points,
+    vignetting,
 )
-from rsoconsole.simulator.camera.sensor import SensorModel, flat_field, pixel_defects, vignetting
+from rsoconsole.simulator.camera.psf import add_points
+from rsoconsole.simulator.camera.rendering import expected_electrons
+from rsoconsole.simulator.camera.sensor import flat_field, pixel_defects
 
 SATSIM = Path(__file__).parents[3] / "shared" / "data" / "simulated"
 SMALL = SensorModel(width_px=320, height_px=240)

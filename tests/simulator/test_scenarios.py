@@ -7,23 +7,19 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig, SearchConfig
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.simulator.nights.scenarios import (
-    DAYTONA_BEACH,
-    DEFAULT_SCENARIO,
-    all_scenarios,
-    scenario_named,
-)
+from rsoconsole.orbits import Satellite
+from rsoconsole.simulator import DAYTONA_BEACH, DEFAULT_SCENARIO, all_scenarios, scenario_named
 from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.belt import belt_declination_deg
-from rsoconsole.sky.frames import (
+from rsoconsole.sky import (
     altaz_of_hour_angle,
+    belt_declination_deg,
     hour_angle_icrs_deg,
     icrs_of_hour_angle,
     icrs_to_altaz,
+    lit_fraction,
+    separation_deg,
+    sun_altitude_deg,
 )
-from rsoconsole.sky.sun import lit_fraction, sun_altitude_deg
 
 NS = 1_000_000_000
 NIGHT_S = np.arange(0, 3601, 600)

@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator.camera.imperfections import catalogue_errors_arcsec
-from rsoconsole.simulator.nights.scenarios import CLEAR, STEADY, scenario_named
+from rsoconsole.simulator import CloudDeck, Scene, scenario_named
+from rsoconsole.simulator.camera.sensor import catalogue_errors_arcsec
+from rsoconsole.simulator.nights.scenarios import CLEAR, STEADY
 from rsoconsole.simulator.scene import scene as scene_module
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.sky.clouds import CloudDeck
 from rsoconsole.simulator.sky.star_background import faint_stars, galactic_latitude_deg
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_from_cards
+from rsoconsole.sky import (
+    icrs_of_hour_angle,
+    pixel_to_sky,
+    separation_deg,
+    sky_to_pixel,
+    wcs_from_cards,
+)
 from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000
@@ -300,7 +303,7 @@ def test_a_cloud_moves_with_the_wind_and_does_not_jump():
 
 
 def test_a_satellite_in_the_umbra_leaves_no_streak(monkeypatch):
-    from rsoconsole.orbits.elements import satellite
+    from rsoconsole.orbits.elements import catalogue as satellite
     from rsoconsole.simulator.sky import passes
 
     def unlit(position_gcrs_km, t_utc_ns):
@@ -321,9 +324,8 @@ def test_a_satellite_in_the_umbra_leaves_no_streak(monkeypatch):
 
 def test_a_satellite_entering_the_shadow_fades_along_its_streak():
     """Near the March equinox a geostationary satellite crosses the penumbra within two minutes."""
-    from rsoconsole.orbits.elements.satellite import Satellite
-    from rsoconsole.sky.sun import lit_fraction
-    from rsoconsole.sky.times import iso_to_utc_ns
+    from rsoconsole.orbits import Satellite
+    from rsoconsole.sky import iso_to_utc_ns, lit_fraction
 
     scenario = scenario_named("intelsat-14")
     satellite = Satellite(scenario.satellites[0].element_set)

@@ -11,30 +11,34 @@ from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
 from rsoconsole.cli.words.options import site_of
 from rsoconsole.config import OpticsConfig
 from rsoconsole.errors import ConfigError, OrbitError, SolverError
-from rsoconsole.orbits.elements.catalogue import parse_catalogue
-from rsoconsole.orbits.elements.names import find_object
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, find_object, parse_catalogue
 from rsoconsole.records import Site
-from rsoconsole.simulator.camera.rendering import (
+from rsoconsole.simulator import (
+    DAYTONA_BEACH,
     FieldContent,
+    SensorModel,
     Streak,
-    expected_electrons,
+    elements_path,
+    integrated_snr,
     straight_streak,
 )
-from rsoconsole.simulator.camera.sensor import SensorModel, pixel_defects
-from rsoconsole.simulator.camera.streak_snr import integrated_snr
+from rsoconsole.simulator.camera.rendering import expected_electrons
+from rsoconsole.simulator.camera.sensor import pixel_defects
 from rsoconsole.simulator.nights.night_plan import (
     cadence_for,
     exposure_for,
     plan_of_table,
     scenario_of,
 )
-from rsoconsole.simulator.nights.scenarios import DAYTONA_BEACH, elements_path
-from rsoconsole.simulator.sky.nearby import Nearby
+from rsoconsole.simulator.sky.other_objects import Nearby
 from rsoconsole.simulator.sky.passes import Sight, satellite_passes
-from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz
-from rsoconsole.sky.sun import lit_fraction, sun_altitude_deg
-from rsoconsole.sky.wcs import tan_wcs
+from rsoconsole.sky import (
+    hour_angle_icrs_deg,
+    icrs_to_altaz,
+    lit_fraction,
+    sun_altitude_deg,
+    tan_wcs,
+)
 from tests.nights.target_night import centre_offset_deg, first_exposure
 from tests.orbits.test_target_places import TRANSCRIBED
 
@@ -151,7 +155,7 @@ def test_an_eclipsed_satellite_is_refused_as_such(config):
     t = 1_695_444_000 * NS + np.arange(0, 86_400, 120) * NS
     place = satellite("36097").astrometric_place(DAYTONA_BEACH, t)
     dark = t[lit_fraction(place.position_gcrs_km, t) == 0.0]
-    from rsoconsole.sky.times import utc_ns_to_iso
+    from rsoconsole.words import utc_ns_to_iso
 
     with pytest.raises(ConfigError, match="in the Earth's shadow"):
         plan_targets(["36097"], config, at=utc_ns_to_iso(int(dark[3])), seed=1, frames=5)

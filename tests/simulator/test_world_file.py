@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.simulator.nights.world_docs import README, with_table
-from rsoconsole.simulator.nights.world_laws import LAWS, random_world
-from rsoconsole.simulator.world.world import NAMELESS, World
-from rsoconsole.simulator.world.world_file import (
+from rsoconsole.simulator import (
+    NAMELESS,
+    World,
     load_world,
-    settings_of_worlds,
+    random_world,
     world_from,
     world_to_toml,
 )
+from rsoconsole.simulator.nights.world_laws import LAWS, README, with_table
+from rsoconsole.simulator.world.world import settings_of_worlds
 
 TWO_HUNDRED_SEEDS = range(200)
 
@@ -141,6 +142,6 @@ def test_every_setting_says_what_it_is():
 
 def test_the_documentation_is_the_code():
     text = README.read_text(encoding="utf-8")
-    assert text == with_table(text), "python -m rsoconsole.simulator.nights.world_docs writes it"
+    assert text == with_table(text), "python -m rsoconsole.simulator.nights.world_laws writes it"
     rows = re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE)
     assert len(rows) == len(list(settings_of_worlds()))

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.simulator.mount.mount_unrest import MountUnrest
-from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_from_cards
+from rsoconsole.simulator.mount.mount_model import MountModel, MountUnrest
+from rsoconsole.sky import pixel_to_sky, sky_to_pixel, wcs_from_cards
 from tests.rigs.world_rig import (
     FOUR_STARS,
     NS,

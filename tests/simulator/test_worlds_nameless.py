@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.world.world import World
+from rsoconsole.simulator import Scene, World
 from tests.drawn.nameless_frames import FILE, frame_facts, mount_facts
 
 STORED = json.loads(FILE.read_text(encoding="utf-8"))

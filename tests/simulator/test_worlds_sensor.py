@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.sky.wcs import sky_to_pixel, wcs_from_cards
+from rsoconsole.sky import sky_to_pixel, wcs_from_cards
 from tests.rigs.world_rig import (
     FOUR_STARS,
     OPTICS,
@@ -172,7 +172,7 @@ def test_distortion_moves_the_corners_outwards_with_the_radius_cubed(monkeypatch
     # The truth's plate has it, too.
     wcs = wcs_from_cards(bent.truth.wcs_cards)
     before = wcs_from_cards(plain.truth.wcs_cards)
-    from rsoconsole.sky.wcs import pixel_to_sky
+    from rsoconsole.sky import pixel_to_sky
 
     told_x, told_y = sky_to_pixel(wcs, *pixel_to_sky(before, *grid_px()))
     assert told_x - grid_px()[0] == pytest.approx(shifts[:, 0], abs=0.15)

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator.sky.brightness_world import world_extra_mag
+from rsoconsole.simulator.sky.brightness import world_extra_mag
 from rsoconsole.simulator.world.world import SatelliteWorld
 from tests.rigs.world_rig import (
     SCALE_ARCSEC_PX,

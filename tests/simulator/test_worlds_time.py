@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Site
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.simulator.camera.shutter import TrueShutter
+from rsoconsole.simulator import SensorModel
+from rsoconsole.simulator.camera.truth import TrueShutter
 from rsoconsole.simulator.sky.passes import Sight, satellite_passes
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.wcs import pixel_to_sky, tan_wcs
+from rsoconsole.sky import Places, pixel_to_sky, tan_wcs
 from tests.rigs.world_rig import (
     NS,
     RATE_ARCSEC_S,

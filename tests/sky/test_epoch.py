@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.sky.angles import separation_deg, wrap_180
+from rsoconsole.sky import icrs_to_jnow, lst_deg, separation_deg, sun_icrs, wrap_180
 from rsoconsole.sky.epoch import epoch_at
-from rsoconsole.sky.frames import icrs_to_jnow
-from rsoconsole.sky.sun import sun_icrs
-from rsoconsole.sky.times import NS_PER_S, lst_deg
+from rsoconsole.words import NS_PER_S
 
 TENTH_ARCSEC_DEG = 0.1 / 3600.0
 INSTANT_NS = st.integers(1_300_000_000, 1_900_000_000).map(lambda s: s * NS_PER_S)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.records import Site
-from rsoconsole.sky import frames, sun, times
-from rsoconsole.sky.angles import separation_deg, wrap_180
+from rsoconsole.sky import bodies as sun
+from rsoconsole.sky import frames, separation_deg, times, wrap_180
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 T = times.iso_to_utc_ns("2026-03-14T02:30:00Z")

@@ -11,14 +11,17 @@ import time
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.stars.proper_motion import julian_year
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue
-from rsoconsole.sky.sun import sun_altitude_deg
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
+from rsoconsole.orbits import Satellite
+from rsoconsole.sky import (
+    StarCatalogue,
+    icrs_to_altaz,
+    iso_to_utc_ns,
+    julian_year,
+    separation_deg,
+    sky_to_pixel,
+    sun_altitude_deg,
+    tan_wcs,
+)
 from tests.real_sky.gsc_sky import NS, Sky, serving, streaks, tell
 from tests.real_sky.real_sky_rig import HOUR_ANGLE_DEG, geostationary, site_at_midnight
 from tests.truth.ccd_law import CcdLaw

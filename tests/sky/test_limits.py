@@ -12,13 +12,22 @@ from hypothesis import strategies as st
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.sky.angles import direction_to_unit, separation_deg, unit_to_direction
-from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle, jnow_to_icrs
+from rsoconsole.sky import (
+    Limits,
+    Pose,
+    altaz_to_icrs,
+    direction_to_unit,
+    horizon_altitude_deg,
+    icrs_of_hour_angle,
+    iso_to_utc_ns,
+    jnow_to_icrs,
+    separation_deg,
+    sun_altitude_deg,
+    sun_icrs,
+    unit_to_direction,
+)
 from rsoconsole.sky.limits import limits as limits_module
-from rsoconsole.sky.limits.horizon import horizon_altitude_deg
-from rsoconsole.sky.limits.limits import Limits, Pose
-from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
 from tests.tiers import plain_first
 from tests.truth.limits_by_astropy import EDGE_DEG, broken_before_the_sky, margins
 from tests.truth.limits_requests import OBSERVATORIES, random_requests
@@ -411,7 +420,7 @@ def test_the_watch_lets_the_simulated_mount_do_every_slew_that_was_allowed(start
 
 
 def _of_date(hour_angle_deg, dec_deg, t_ns):
-    from rsoconsole.sky.times import lst_deg
+    from rsoconsole.sky import lst_deg
 
     return (lst_deg(DAYTONA.longitude_deg, t_ns) - hour_angle_deg) % 360.0, dec_deg
 

@@ -7,9 +7,8 @@ import pytest
 
 from rsoconsole.errors import SolverError
 from rsoconsole.resources import resource
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky import StarCatalogue, Stars, separation_deg
 from rsoconsole.sky.stars.build_star_catalogue import read_index
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 
 INDEX_08 = Path("/usr/share/astrometry/index-tycho2-08.littleendian.fits")
 

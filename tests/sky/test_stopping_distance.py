@@ -2,7 +2,8 @@
 
 import pytest
 
-from rsoconsole.sky.limits.stopping import MAX_DEG, MIN_DEG, UNLEARNED_DEG, StoppingDistance
+from rsoconsole.sky import StoppingDistance
+from rsoconsole.sky.limits.way_ahead import MAX_DEG, MIN_DEG, UNLEARNED_DEG
 
 
 def learned(*stops: tuple[float, float]) -> StoppingDistance:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from rsoconsole.errors import FrameError
 from rsoconsole.records import Wcs
+from rsoconsole.sky import separation_deg
 from rsoconsole.sky import wcs as plate
-from rsoconsole.sky.angles import separation_deg
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 WIDTH, HEIGHT = 4656, 3520

@@ -16,16 +16,14 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.first.admissible import bending
+from rsoconsole.orbits import Satellite, bending, parse_elements
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.session.log.codec import decode, encode
-from rsoconsole.sky.angles import direction_to_unit, separation_deg
-from rsoconsole.sky.places import Places
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
-from rsoconsole.tracking.filters import adaptive, bank, bank_update, estimator, filter_update, lqe
+from rsoconsole.session import decode, encode
+from rsoconsole.sky import Places, direction_to_unit, separation_deg
+from rsoconsole.tracking.filters import adaptive, bank, bank_update, estimator, lqe
+from rsoconsole.tracking.filters import bank_update as filter_update
 from rsoconsole.tracking.filters.streak_length import StreakErrors
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.tiers import plain_first
 from tests.truth.seen_satellites import DAYTONA, T0_UTC_NS
 

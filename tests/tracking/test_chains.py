@@ -9,10 +9,9 @@ import pytest
 
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking.association.following import Following
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, follow
 from rsoconsole.tracking.initiation import chains
-from rsoconsole.tracking.initiation.pairing import UNPAIRED_COST, paired
+from rsoconsole.tracking.initiation.chains import UNPAIRED_COST, paired
 from tests.makers import GEO_RATE_DEG_S, geo_measurement
 from tests.tracking.test_follow import SETTINGS, seen
 

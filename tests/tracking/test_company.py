@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.elements.elements import parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
+from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FoldRecord, Measurement, NotFollowed, TrackState
-from rsoconsole.simulator.nights.scenarios import elements_path
-from rsoconsole.sky.places import Places
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
+from rsoconsole.simulator import elements_path
+from rsoconsole.sky import Places
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from rsoconsole.tracking.association.pattern import NO_PATTERN, Place, after
-from rsoconsole.tracking.frame_by_frame import follow
 from tests.nights.slot_of_twelve import streak
 from tests.tracking.test_rivals import every_day
 from tests.truth.seen_satellites import DAYTONA

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rsoconsole.tracking.filters.innovations import LEAST, WINDOW, consistency, mean_band
+from rsoconsole.tracking import WINDOW, consistency, mean_band
+from rsoconsole.tracking.filters.innovations import LEAST
 
 
 def innovations(scale: float, count: int, seed: int, correlation: float = 0.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.tracking.drift import Look, drift_of, polar_hint
+from rsoconsole.tracking import Look, drift_of, polar_hint
 
 NS_PER_S = 1_000_000_000
 SIDEREAL_DEG_S = 15.041 / 3600.0

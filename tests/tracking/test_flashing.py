@@ -7,8 +7,7 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 LAST = 20

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from rsoconsole.config import FilterConfig
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.words import text
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement

@@ -8,15 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbits.determination.join import alone, log_odds, probability_of
+from rsoconsole.orbits import alone, probability_of
+from rsoconsole.orbits.determination.join import log_odds
 from rsoconsole.records import FloatArray
-from rsoconsole.tracking.initiation.link import Motion, best_disjoint, link_points
+from rsoconsole.tracking import MotionPrior, link_points
+from rsoconsole.tracking.initiation.link import best_disjoint
 from tests.truth.seen_satellites import SHARED, geostationary, instants, seen
 
 SPOTGEO = SHARED / "linking" / "spotgeo_truth_1_640.json"
 WIDTH_PX, HEIGHT_PX = 640.0, 480.0
 FRAMES = 5
-KNOWN = Motion(sigma=0.55, area=WIDTH_PX * HEIGHT_PX, largest_speed=60.0)
+KNOWN = MotionPrior(sigma=0.55, area=WIDTH_PX * HEIGHT_PX, largest_speed=60.0)
 """0.5 px of noise, and annotations good to 0.2 px."""
 Point = tuple[int, int]
 

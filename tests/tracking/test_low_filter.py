@@ -11,9 +11,9 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, TrackState
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import adaptive, bank, estimator
+from rsoconsole.words import NS_PER_S
 from tests.makers import geo_measurement
 from tests.tiers import plain_first
 from tests.truth.low_passes import SITE, LowPass, are_there, low_passes

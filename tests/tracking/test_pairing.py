@@ -6,7 +6,7 @@ import math
 import pytest
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.initiation.pairing import paired
+from rsoconsole.tracking.initiation.chains import paired
 from tests.makers import geo_measurement
 
 EXPOSURE_S = 10.0

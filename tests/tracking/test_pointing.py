@@ -8,17 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.sky.angles import separation_deg, wrap_180
-from rsoconsole.sky.frames import pier_side
-from rsoconsole.sky.times import lst_deg
-from rsoconsole.tracking.pointing import (
-    CLIP_ARCSEC,
-    LARGE_SLEW_DEG,
-    NO_OFFSET,
-    PointingModel,
-    command_for,
-    observed,
-)
+from rsoconsole.sky import lst_deg, pier_side, separation_deg, wrap_180
+from rsoconsole.tracking import CLIP_ARCSEC, PointingModel, command_for, observed
+from rsoconsole.tracking.pointing import LARGE_SLEW_DEG, NO_OFFSET
 from tests.tiers import plain_first
 
 RA_DEG, DEC_DEG = 150.0, -5.0

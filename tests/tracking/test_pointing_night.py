@@ -17,15 +17,14 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController
-from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.instruments.observatory.connect import connect_instruments
-from rsoconsole.pipeline.frame.reduce import Reduction
+from rsoconsole.instruments import connect_instruments
+from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Detections, Event, Frame, Measurement, Miss, SlewCommand
-from rsoconsole.simulator.launch import start_observatory
-from rsoconsole.sky.angles import separation_deg, wrap_360
-from rsoconsole.sky.frames import hour_angle_icrs_deg
+from rsoconsole.simulator import start_observatory
+from rsoconsole.sky import hour_angle_icrs_deg, separation_deg, wrap_360
 from rsoconsole.words import text
 from tests.rigs.engine_rig import Memory, solution_at
 from tests.rigs.stub_stage import SITE, T_START_UTC_NS

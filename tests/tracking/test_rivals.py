@@ -17,10 +17,8 @@ from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange, TrackState
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.association.rivals import Rival, odds
-from rsoconsole.tracking.filters.sky_path import Plane
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
+from rsoconsole.tracking.association.following import Rival, odds
 from rsoconsole.words import text
 from tests.tiers import plain_first
 from tests.tracking.test_bank import CADENCE_S, places_of

@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.filters.agreement import Motion
-from rsoconsole.tracking.filters.streak_length import (
-    REMEMBERED,
-    along_error_arcsec,
-    excess_arcsec,
-    remembered_with,
-)
+from rsoconsole.tracking import Motion, remembered_with
+from rsoconsole.tracking.filters.streak_length import REMEMBERED, along_error_arcsec, excess_arcsec
 
 LENGTH_ARCSEC = 150.0
 EXPECTED = Motion(LENGTH_ARCSEC, 0.0)

@@ -7,10 +7,8 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.filters.agreement import Motion
-from rsoconsole.tracking.filters.streak_turn import across_error_arcsec, half_turn_arcsec
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, FollowSettings, Motion, Seen, follow
+from rsoconsole.tracking.filters.streak_length import across_error_arcsec, half_turn_arcsec
 from rsoconsole.tracking.initiation import acquisition
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 

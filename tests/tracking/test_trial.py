@@ -11,8 +11,7 @@ import pytest
 
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Measurement, Miss, TrackState
-from rsoconsole.tracking.association.following import Following, Seen
-from rsoconsole.tracking.frame_by_frame import follow
+from rsoconsole.tracking import Following, Seen, follow
 from rsoconsole.tracking.initiation.chains import APART_ON_TRIAL
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
 from tests.tracking.test_company import settings

@@ -12,24 +12,25 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.orbits.elements.catalogue import (
+from rsoconsole.orbits import (
     CatalogueEntry,
+    ElementErrors,
+    ElementRow,
+    Sightings,
+    compared_with,
+    manoeuvred_probability,
     parse_catalogue,
     places_of,
+    row_of,
+    sightings,
     states_gcrs,
 )
-from rsoconsole.orbits.first.directions import Sightings, sightings
-from rsoconsole.orbits.identification.element_errors import (
-    ElementErrors,
-    Spread,
-    manoeuvred_probability,
-)
-from rsoconsole.orbits.identification.element_rows import ElementRow, row_of
-from rsoconsole.orbits.identification.single import compared_with, identification_alone
+from rsoconsole.orbits.identification.element_errors import Spread
+from rsoconsole.orbits.identification.single import identification_alone
+from rsoconsole.pipeline import wide_errors_of
 from rsoconsole.pipeline.calibrations.element_calibration import GATE_DEG
-from rsoconsole.pipeline.orbits.element_errors_of import wide_errors_of
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
+from rsoconsole.sky import site_gcrs
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.fields_of_truth import DAY_UTC_NS, EARTH_KM, MU, SITE, entry_of, off_its_elements
 from tests.truth.seen_satellites import SHARED
 

@@ -11,23 +11,29 @@ from dataclasses import dataclass
 import numpy as np
 from sgp4.api import WGS72, Satrec
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
-from rsoconsole.orbits.elements.sky_paths import Exposure, Lookout, array_of, drawn
-from rsoconsole.orbits.identification.element_errors import (
-    MANOEUVRED,
-    UNDISTURBED,
-    Spread,
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    FieldOfView,
+    Line,
+    array_of,
     manoeuvred_probability,
+    parse_catalogue,
     position_sigmas_km,
     regime_of,
 )
-from rsoconsole.orbits.identification.field_crossings import FieldOfView
-from rsoconsole.orbits.identification.field_match import Line
+from rsoconsole.orbits.elements.sky_paths import Exposure, Lookout, drawn
+from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, Spread
 from rsoconsole.records import FloatArray, Site, Wcs
-from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
-from rsoconsole.sky.places import site_gcrs, teme_to_gcrs_rotation
-from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_DAY, NS_PER_S
-from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
+from rsoconsole.sky import (
+    ARCSEC_RAD,
+    direction_to_unit,
+    site_gcrs,
+    sky_to_pixel,
+    tan_wcs,
+    teme_to_gcrs_rotation,
+    unit_to_direction,
+)
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.seen_satellites import SHARED
 
 TLES = SHARED / "tles"

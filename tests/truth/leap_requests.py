@@ -4,15 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.motion.ahead import SkyAhead, SkyPath, path_of
-from rsoconsole.orbits.motion.two_body import propagate
-from rsoconsole.pipeline.leaps.leaps import Leap, LeapTerms, NoLeap, Telescope, next_leap
-from rsoconsole.pipeline.leaps.mount_motion import MountMotion
-from rsoconsole.sky.angles import unit_to_direction, wrap_180
-from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
-from rsoconsole.sky.limits.limits import Limits, Pose
-from rsoconsole.sky.places import line_of_sight_gcrs, site_gcrs
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.orbits import SkyAhead, SkyPath, propagate
+from rsoconsole.orbits.motion.ahead import path_of
+from rsoconsole.pipeline import Leap, LeapTerms, MountMotion, NoLeap, Telescope, next_leap
+from rsoconsole.sky import (
+    Limits,
+    Pose,
+    altaz_to_icrs,
+    icrs_of_hour_angle,
+    line_of_sight_gcrs,
+    site_gcrs,
+    unit_to_direction,
+    wrap_180,
+)
+from rsoconsole.words import NS_PER_S
 from tests.truth.limits_by_astropy import Request
 from tests.truth.limits_requests import OBSERVATORIES
 

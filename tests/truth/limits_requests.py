@@ -6,9 +6,8 @@ import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import Site
-from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.sky.sun import sun_icrs
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky import icrs_of_hour_angle, sun_icrs
+from rsoconsole.words import NS_PER_S
 from tests.truth.limits_by_astropy import Request
 
 KINDS = (

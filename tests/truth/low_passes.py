@@ -8,14 +8,10 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.low.streak_ends import StreakEnds
-from rsoconsole.orbits.motion.ahead import SkyAhead
+from rsoconsole.orbits import Satellite, SkyAhead, StreakEnds
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky import icrs_to_altaz, iso_to_utc_ns, site_gcrs, wrap_180
+from rsoconsole.words import NS_PER_S
 from tests.truth.regimes import TLES, samples
 
 SITE = Site(latitude_deg=45.0, longitude_deg=8.0, elevation_m=200.0)

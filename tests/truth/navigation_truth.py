@@ -26,7 +26,7 @@ from rsoconsole.records import (
     Measurement,
     measurement_id_of,
 )
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.session import SessionWriter
 from tests.makers import straight_detection
 
 MU, J2, EARTH_KM = 398600.4418, 1.08262668e-3, 6378.1366

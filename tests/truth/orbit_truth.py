@@ -12,10 +12,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from rsoconsole.orbits.first.directions import Sightings, sightings
+from rsoconsole.orbits import Sightings, sightings
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.places import Places, astrometric_places
-from rsoconsole.sky.times import NS_PER_S, IntArray, jd_tt, jd_ut1
+from rsoconsole.sky import IntArray, Places, astrometric_places, jd_ut1
+from rsoconsole.sky.times import jd_tt
+from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_cases import EARTH_KM, MU, state_of
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 
 TLES = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 FILES = ("geo_all_20230622.tle", "meo_20200908.tle", "mix_20230622.tle")

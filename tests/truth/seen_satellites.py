@@ -9,11 +9,10 @@ import numpy as np
 from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
-from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
-from rsoconsole.orbits.elements.satellite import Satellite
-from rsoconsole.orbits.first.directions import Sightings, sightings
+from rsoconsole.orbits import ElementSet, Satellite, Sightings, parse_elements, sightings
 from rsoconsole.records import Site
-from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray
+from rsoconsole.sky import IntArray
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.sidereal import gmst_deg
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"

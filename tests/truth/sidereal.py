@@ -4,7 +4,8 @@ import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import TimeLike, jd_tt, jd_ut1
+from rsoconsole.sky import TimeLike, jd_ut1
+from rsoconsole.sky.times import jd_tt
 
 
 def gmst_deg(t_utc_ns: TimeLike) -> FloatArray:

@@ -9,14 +9,13 @@ import numpy as np
 from astropy.io import fits
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry
-from rsoconsole.orbits.elements.sky_paths import Exposure, array_of, drawn
+from rsoconsole.orbits import CatalogueEntry, array_of
+from rsoconsole.orbits.elements.sky_paths import Exposure, drawn
+from rsoconsole.simulator import Scene, scenario_named
 from rsoconsole.simulator.camera.truth import FrameTruth
-from rsoconsole.simulator.nights.scenarios import ScenarioSatellite, scenario_named
-from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.sky.angles import unit_to_direction
-from rsoconsole.sky.sun import lit_fraction
-from rsoconsole.sky.times import NS_PER_S, utc_ns_to_iso
+from rsoconsole.simulator.nights.scenarios import ScenarioSatellite
+from rsoconsole.sky import lit_fraction, unit_to_direction
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 from tests.truth.fields_of_truth import DAY_UTC_NS, SITE, off_its_elements, plate_at, replicated
 
 OPTICS = OpticsConfig(width_px=2328, height_px=1760, pixel_um=7.6, focal_length_mm=620.0)
@@ -79,7 +78,7 @@ def frames_in(
 
 def plate_zenith(t_utc_ns: int) -> np.ndarray:
     """Unit vector overhead."""
-    from rsoconsole.sky.places import site_gcrs
+    from rsoconsole.sky import site_gcrs
 
     up = site_gcrs(SITE, np.array([t_utc_ns]))[0][0]
     return np.asarray(up / np.linalg.norm(up))

@@ -23,10 +23,9 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.night import FrameRow, Night, Quality, Summary
-from rsoconsole.notebook import open_session
-from rsoconsole.notebook.report import render_report
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.session.writing.writer import SessionWriter
+from rsoconsole.notebook import render_report
+from rsoconsole.notebook.session import open_session
+from rsoconsole.session import SessionReader, SessionWriter
 from tests.nights import eight_tracks, eventful_night, measured_night
 from tests.rigs.in_process import run_here
 from tests.unchanged.transcripts import first_difference

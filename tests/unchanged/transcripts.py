@@ -21,9 +21,9 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.instruments.ports import StopResult
+from rsoconsole.instruments import StopResult
 from rsoconsole.records import Event, OperatorAction, SlewCommand, StateChange
-from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.sky import altaz_to_icrs
 from tests.engine.test_wishes import SlowMount
 from tests.makers import T0_UTC_NS
 from tests.rigs.engine_rig import SITE, Rig, command_handler_of, rig, told

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background, resample
+from rsoconsole.vision import local_background, resample
 
 
 def _noisy(height: int, width: int, level: float = 800.0, sigma: float = 40.0) -> np.ndarray:

@@ -6,18 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from rsoconsole.vision.frame.background import local_background, sky_noise
+from rsoconsole.vision import Workers, binning_of, find_stars, local_background, make_map
+from rsoconsole.vision.frame.background import sky_noise
 from rsoconsole.vision.frame.bins import (
     CELL_PX,
     bin_frame,
-    binning_of,
     block_maximum,
     lines_of_light,
     means_of_whole_blocks,
 )
-from rsoconsole.vision.frame.maps import make_map
-from rsoconsole.vision.frame.workers import Workers
-from rsoconsole.vision.stars.stars import STAR_BLOCK_PX, find_stars
+from rsoconsole.vision.stars.stars import STAR_BLOCK_PX
 
 BLOCKS = (1, 2, 4, 8, 16)
 SIDES = st.integers(64, 330)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from rsoconsole.errors import ModelError
 from rsoconsole.resources import model_resource
-from rsoconsole.vision.detector.candidate import Candidate, Focus, LineLight
-from rsoconsole.vision.detector.confidence import FEATURES, LENGTH_ERROR, ConfidenceCurve
+from rsoconsole.vision import FEATURES, Candidate, ConfidenceCurve, Focus, LineLight
+from rsoconsole.vision.detector.confidence import LENGTH_ERROR
 from tests.makers import straight_detection
 
 CARD = json.loads(model_resource("streak_ssd.json").read_text(encoding="utf-8"))

@@ -8,14 +8,17 @@ import pytest
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Frame
-from rsoconsole.simulator.camera.rendering import FieldContent, frame_rng, render, straight_streak
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import FrameAnalysis, StreakDetector
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.frame import cores
-from rsoconsole.vision.frame.cores import available_cores, threads_for
-from rsoconsole.vision.frame.maps import make_map
+from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, render, straight_streak
+from rsoconsole.vision import (
+    ConfidenceCurve,
+    FrameAnalysis,
+    Network,
+    StreakDetector,
+    available_cores,
+    make_map,
+    threads_for,
+)
+from rsoconsole.vision.frame import workers as cores
 
 HALF = SensorModel(width_px=2328, height_px=1760)
 

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_fit import StreakFit, fit_streak
+from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from tests.drawn.drawn_light import SIZE, sky_with, streak
 
 

@@ -15,8 +15,15 @@ from models.curve_fit import (
     population_weights,
     reliability,
 )
-from rsoconsole.vision.detector.candidate import Candidate, Focus, LineLight
-from rsoconsole.vision.detector.confidence import FEATURES, LOOKED_AT, WAYS, confidence_features
+from rsoconsole.vision import (
+    FEATURES,
+    LOOKED_AT,
+    WAYS,
+    Candidate,
+    Focus,
+    LineLight,
+    confidence_features,
+)
 from tests.makers import straight_detection
 
 NETWORK, SNR, WIDE = (FEATURES.index(name) for name in ("network", "log_snr", "wide"))

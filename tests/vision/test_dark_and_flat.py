@@ -7,12 +7,15 @@ import pytest
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.frame.dark_and_flat import DarkAndFlat, normalised
-from rsoconsole.vision.frame.workers import Workers
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.vision import (
+    ConfidenceCurve,
+    DarkAndFlat,
+    Network,
+    StreakDetector,
+    Workers,
+    find_stars,
+)
+from rsoconsole.vision.frame.dark_and_flat import normalised
 from tests.drawn.uneven_camera import STREAK, UnevenCamera
 
 SHAPE = HEIGHT, WIDTH = 200, 260

@@ -8,16 +8,22 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.psf import add_points
-from rsoconsole.vision.detector.confidence import FEATURES, ConfidenceCurve
-from rsoconsole.vision.detector.detector import MOST_FITS, FrameAnalysis, StreakDetector
-from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.detector.same_streak import is_same_streak
+from rsoconsole.vision import (
+    FEATURES,
+    Box,
+    ConfidenceCurve,
+    FrameAnalysis,
+    FrameMap,
+    NetworkBox,
+    StreakDetector,
+    fit_streak,
+    is_same_streak,
+)
+from rsoconsole.vision.detector.detector import MOST_FITS
 from rsoconsole.vision.detector.set_aside import TRAILED_STREAKS
-from rsoconsole.vision.frame.maps import FrameMap
-from rsoconsole.vision.streaks.streak_fit import Box, fit_streak
 from rsoconsole.words import text
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.frame.bins import bin_frame
 from rsoconsole.vision.lines.line_filter import CellLine, cell_side_px, find_lines, propose_lines
-from rsoconsole.vision.stars.stars import STAR_BLOCK_PX, find_stars
+from rsoconsole.vision.stars.stars import STAR_BLOCK_PX
 from tests.drawn.drawn_lines import exposed, integrated_snr, line_of_light, random_ends, stars
 
 SHAPE = (600, 800)

@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision import StarList, find_stars, local_background
 from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.stars.image import star_image
-from rsoconsole.vision.stars.stars import StarList, find_stars
 from rsoconsole.vision.stars.trailed_stars import Trail
 from tests.drawn.drawn_lines import exposed, line_of_light
 from tests.makers import straight_detection

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.tiers import plain_first
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "simulated" / "geo_single"

@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.vision.frame.bins import bin_frame, binning_of
-from rsoconsole.vision.frame.maps import (
+from rsoconsole.vision import (
     CODES_PER_SIGMA,
-    LINE_GAIN,
-    LINE_SHIFT,
     LOWEST_SIGMA,
     FrameMap,
+    binning_of,
     choose_blocks,
     make_map,
-    to_codes,
 )
+from rsoconsole.vision.frame.bins import bin_frame
+from rsoconsole.vision.frame.maps import LINE_GAIN, LINE_SHIFT, to_codes
 
 
 def _frame(height: int, width: int, dtype: type = np.uint16) -> np.ndarray:

@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.candidate import Focus
+from rsoconsole.vision import Focus, find_stars, local_background
 from rsoconsole.vision.detector.candidates import Measurements, proposals
-from rsoconsole.vision.frame.background import local_background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.stars.stars import find_stars
 from tests.drawn.drawn_lines import exposed, line_of_light
 
 SHAPE = (300, 400)

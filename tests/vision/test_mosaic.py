@@ -7,7 +7,8 @@ import pytest
 
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.sensor import MOSAIC_RGGB
-from rsoconsole.vision.frame.mosaic import CELL, even_out, evened, has_mosaic
+from rsoconsole.vision import evened, has_mosaic
+from rsoconsole.vision.frame.dark_and_flat import CELL, even_out
 
 SHAPE = (600, 801)
 """Not a whole number of cells."""
@@ -105,9 +106,7 @@ def test_few_steps_of_noise_become_real_numbers():
 def test_the_detector_finds_the_same_behind_a_mosaic_and_without_one():
     """The simulator's field seen by a mono and by a colour sensor of the same brightness."""
     from rsoconsole.config import Config
-    from rsoconsole.vision.detector.confidence import ConfidenceCurve
-    from rsoconsole.vision.detector.detector import StreakDetector
-    from rsoconsole.vision.detector.network import Network
+    from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
     from tests.campaign.families import draw
 
     settings = Config().detector

@@ -13,10 +13,8 @@ import pytest
 
 from rsoconsole.errors import ModelError
 from rsoconsole.resources import model_resource
-from rsoconsole.simulator.camera.rendering import FieldContent, frame_rng, render, straight_streak
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.vision.detector.network import MODEL_NAME, Network
-from rsoconsole.vision.frame.maps import make_map
+from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, render, straight_streak
+from rsoconsole.vision import MODEL_NAME, Network, make_map
 
 BELIEVED = 0.004
 """Sky without a satellite stays well below this, streaks above."""

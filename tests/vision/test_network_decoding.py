@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.detector.network import MapStreak, decode, keep_distinct
+from rsoconsole.vision import MapStreak, decode, keep_distinct
 
 STRIDE = 4
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.frame.maps import choose_blocks, make_map
+from rsoconsole.vision import Network, choose_blocks, make_map
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 TAU = 0.10

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.one_line import FEWEST_POINTS, MOST_POINTS, on_one_line
+from rsoconsole.vision.frame.median import FEWEST_POINTS, MOST_POINTS, on_one_line
 
 
 def pieces(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.frame.pattern import find_pattern
+from rsoconsole.instruments import read_frame
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_pattern
 
 SIZE = (900, 1200)
 SIGMA = 12.0

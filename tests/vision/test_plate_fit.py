@@ -6,10 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.records import FloatArray, Wcs
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.wcs import describe, pixel_to_sky, tan_wcs, wcs_cards
-from rsoconsole.vision.stars.plate_fit import PlateFit, refit, solution_from
-from rsoconsole.vision.stars.plate_move import refit_from
+from rsoconsole.sky import describe, pixel_to_sky, separation_deg, tan_wcs, wcs_cards
+from rsoconsole.vision import PlateFit, refit, refit_from, solution_from
 
 WIDTH, HEIGHT, SCALE = 4656, 3520, 1.2642
 SIZE = {"width_px": WIDTH, "height_px": HEIGHT}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.stars.plate_move import refit_from
-from rsoconsole.vision.stars.plate_shift import shifted_onto
+from rsoconsole.vision import refit_from, shifted_onto
 from tests.vision.test_plate_fit import (
     HEIGHT,
     SCALE,

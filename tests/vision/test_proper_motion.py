@@ -5,14 +5,19 @@ import pytest
 
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
-from rsoconsole.simulator.sky.star_places import places_now
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.simulator.sky.star_background import places_now
+from rsoconsole.sky import (
+    StarCatalogue,
+    Stars,
+    describe,
+    iso_to_utc_ns,
+    julian_year,
+    separation_deg,
+    wcs_from_cards,
+)
 from rsoconsole.sky.stars.build_star_catalogue import matched, read_places
-from rsoconsole.sky.stars.proper_motion import julian_year, moved
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
-from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.sky.wcs import describe, wcs_from_cards
-from rsoconsole.vision.stars.plate_fit import PlateFit, field_radius_deg, refit
+from rsoconsole.sky.stars.proper_motion import moved
+from rsoconsole.vision import PlateFit, field_radius_deg, refit
 from tests.drawn.plate_fields import SHARED, star_rows
 
 MAS_DEG = 1 / 3.6e6

@@ -9,13 +9,10 @@ from models.frames import TrueFrame
 from models.judging import Judge, confidences_of
 from rsoconsole.config import DetectorConfig
 from rsoconsole.resources import model_resource
-from rsoconsole.simulator.camera.rendering import FieldContent
-from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import FrameAnalysis, StreakDetector
+from rsoconsole.simulator import FieldContent, SensorModel
+from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, StreakDetector, find_stars
 from rsoconsole.vision.stars import stars as star_list
 from rsoconsole.vision.stars.psf_field import FEWEST_STARS, Psf, fit_psf_field
-from rsoconsole.vision.stars.stars import find_stars
 from tests.drawn.soft_corners import (
     HEIGHT,
     PIXEL_FWHM,

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, DetectorConfig
-from rsoconsole.pipeline.frame.reduce import FrameReducer
+from rsoconsole.pipeline import FrameReducer
 from rsoconsole.records import Frame
 from rsoconsole.resources import model_resource
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import FrameAnalysis, StreakDetector
-from rsoconsole.vision.stars.psf_memory import HOLDS_NS, PsfMemory
-from rsoconsole.vision.stars.stars import find_stars
+from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, PsfMemory, StreakDetector, find_stars
+from rsoconsole.vision.stars.psf_memory import HOLDS_NS
 from tests.drawn.soft_corners import PIXEL_FWHM, Ends, Proposes, about, drawn, soft_and_tilted
 from tests.vision.test_trailed_stars import drawn_out
 

@@ -15,9 +15,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Detection, Frame
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_fit import StreakFit, fit_streak
+from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.streaks.streak_names import named_with_shares
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "field" / "gmn"

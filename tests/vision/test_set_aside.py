@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.candidate import UNMEASURED, Candidate
+from rsoconsole.vision import Candidate
+from rsoconsole.vision.detector.measured_detection import UNMEASURED
 from rsoconsole.vision.detector.set_aside import set_aside
 from tests.makers import straight_detection
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Frame
-from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.lines.short import MOST_SHORT, in_turn, short_lines
-from rsoconsole.vision.stars.stars import find_stars
 from tests.campaign.streaks import detector
 from tests.drawn.drawn_lines import exposed, line_of_light
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.vision.stars.stars import StarList, find_stars
+from rsoconsole.instruments import read_frame
+from rsoconsole.vision import StarList, find_stars
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 SKY_ADU, NOISE_ADU = 700.0, 20.0

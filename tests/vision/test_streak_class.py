@@ -8,9 +8,8 @@ import pytest
 
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Rejection
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_class import Evidence, decided, probabilities
+from rsoconsole.vision import decided, find_stars, local_background
+from rsoconsole.vision.streaks.streak_class import Evidence, probabilities
 from rsoconsole.vision.streaks.streak_light import Fading
 from rsoconsole.vision.streaks.streak_names import named_with_shares
 from tests.drawn.drawn_classes import Drawn, drawn

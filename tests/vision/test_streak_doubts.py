@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.streaks.streak_doubts import goes_on_beyond, is_broken
+from rsoconsole.vision import local_background
+from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.reasons import NotAStreak
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.lines.streak_search import cut_out
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_evenness import unevenness
-from rsoconsole.vision.streaks.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_fit import NoStreak
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.simulator.camera.psf import add_points
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
+from rsoconsole.vision.streaks.streak_fit import NoStreak
 from rsoconsole.words import text
 from tests.tiers import plain_first
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision import local_background
 from rsoconsole.vision.streaks.streak_glance import line_signal
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 

@@ -5,10 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.detector.working_frame import to_original
-from rsoconsole.vision.frame.background import local_background
+from rsoconsole.vision import StarList, local_background, to_original
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.streaks.streak_middle import Middle, middle_of, with_middle
 from tests.makers import straight_detection
 

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.background import local_background
-from rsoconsole.vision.stars.stars import find_stars
-from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
+from rsoconsole.vision import Trace, find_stars, local_background, trace_line
 from tests.drawn.drawn_lines import (
     exposed,
     integrated_snr,

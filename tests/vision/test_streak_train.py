@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.streaks.streak_train import SLOWEST_DEG_S, with_context
+from rsoconsole.vision import with_context
+from rsoconsole.vision.streaks.streak_names import SLOWEST_DEG_S
 from tests.makers import straight_detection
 
 STARLINK = 1e-3

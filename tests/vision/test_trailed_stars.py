@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from rsoconsole.instruments.frames.frame_files import read_frame
-from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.detector.candidate import Candidate, LineLight
+from rsoconsole.instruments import read_frame
+from rsoconsole.sky import turn_deg
+from rsoconsole.vision import Candidate, LineLight, find_stars
 from rsoconsole.vision.detector.set_aside import not_along
-from rsoconsole.vision.stars.stars import find_stars
 from rsoconsole.vision.stars.trailed_stars import Trail
 from rsoconsole.words import text
 from tests.makers import straight_detection

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rsoconsole.vision.frame.workers import Workers
+from rsoconsole.vision import Workers
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])

@@ -9,10 +9,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.detector.working_frame import WorkingFrame, to_original
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, WorkingFrame, to_original
 from tests.drawn.drawn_lines import exposed, integrated_snr, line_of_light, stars
 from tests.makers import straight_detection
 

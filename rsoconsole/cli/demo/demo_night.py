@@ -26,8 +26,8 @@ from rsoconsole.errors import ControlError, InstrumentError, RsoconsoleError
 from rsoconsole.waits import waits_reported_to
 
 if TYPE_CHECKING:
-    from rsoconsole.engine.loop import Engine
-    from rsoconsole.pipeline.frame import Reduction
+    from rsoconsole.engine import Engine
+    from rsoconsole.pipeline import Reduction
 
 
 log = logging.getLogger(__name__)
@@ -67,9 +67,9 @@ def run_night(
     ``on_start`` gets session and socket once the engine listens.
     """
     from rsoconsole.control import default_socket_path
-    from rsoconsole.engine.service import RunSettings, run_engine
+    from rsoconsole.engine import RunSettings, run_engine
     from rsoconsole.judge import read_truth, summarise
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.session import SessionReader
     from rsoconsole.simulator import start_observatory
 
     with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
@@ -127,8 +127,8 @@ def run_night(
 
 def _record_world(night: Night, session: Path) -> None:
     """What was imperfect, in the session's folder: a file to simulate it again with."""
-    from rsoconsole.session.log import WORLD
-    from rsoconsole.simulator.world import world_from, world_to_toml
+    from rsoconsole.session import WORLD
+    from rsoconsole.simulator import world_from, world_to_toml
 
     if night.world:
         (session / WORLD).write_text(world_to_toml(world_from(night.world)), encoding="utf-8")
@@ -138,7 +138,7 @@ def targets_of(night: Night) -> dict[int, str]:
     """The satellites that the night was made for: names by catalogue number."""
     if night.plan is not None:
         return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
-    from rsoconsole.simulator.nights import scenario_named
+    from rsoconsole.simulator import scenario_named
 
     scenario = scenario_named(night.scenario)
     return {

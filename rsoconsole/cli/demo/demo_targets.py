@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, raised_as
-from rsoconsole.simulator.nights import NightPlan
+from rsoconsole.simulator import NightPlan
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import clock, left
 
@@ -18,9 +18,9 @@ def plan_targets(
     Raises OrbitError for names that are not clear, ConfigError where they cannot be seen or
     ``at`` is no time, SolverError where their sky has no stars.
     """
-    from rsoconsole.orbits.elements import find_object, nearest_in_epoch_of_each
-    from rsoconsole.pipeline.orbits import read_catalogue
-    from rsoconsole.simulator.nights import choose_night, satellite_of
+    from rsoconsole.orbits import find_object, nearest_in_epoch_of_each
+    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.simulator import choose_night, satellite_of
 
     files = config.catalogue.tle_files
     at_utc_ns = None if at is None else _instant(at)
@@ -46,8 +46,8 @@ def plan_targets(
 
 def whole_sky_stars(config: Config) -> Path | None:
     """The installed whole-sky index file with the most stars; None where there is none."""
-    from rsoconsole.instruments.solver import config_search_dirs, list_index_files
-    from rsoconsole.sky.stars import holds_stars
+    from rsoconsole.instruments import config_search_dirs, list_index_files
+    from rsoconsole.sky import holds_stars
 
     files = list_index_files(config_search_dirs(config.solver))
     whole = [each for each in files if each.is_healthy and each.is_whole_sky]

@@ -6,26 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    Piped,
-    TleOption,
-    WriteOption,
-    completion,
-    output,
-    piped,
-    progress,
-    set_in_file,
-)
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, WriteOption
+from rsoconsole.cli.words.standard_input import Piped, piped
+from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError, SessionError
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits.elements import CatalogueEntry
-    from rsoconsole.orbits.identification import FittedFactors
-    from rsoconsole.pipeline.calibrations import NightRows
-    from rsoconsole.session.ledgers import ElementLedger
+    from rsoconsole.orbits import CatalogueEntry, FittedFactors
+    from rsoconsole.pipeline import NightRows
+    from rsoconsole.session import ElementLedger
 
 
 def register(app: typer.Typer) -> None:
@@ -70,9 +62,9 @@ def calibrate_elements(
 
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
-    from rsoconsole.cli.words import element_ledger_lines, regime_report
-    from rsoconsole.orbits.identification import fit_factors
-    from rsoconsole.session.ledgers import element_ledger_path
+    from rsoconsole.cli.words.element_error_words import element_ledger_lines, regime_report
+    from rsoconsole.orbits import fit_factors
+    from rsoconsole.session import element_ledger_path
 
     if tle and not nights:
         raise typer.BadParameter("elements are for nights: name one", param_hint="--tle")
@@ -111,9 +103,14 @@ def _read(
     files: Piped, nights: int, settings: Config, *, simulated: bool
 ) -> "tuple[list[tuple[Path, NightRows]], int]":
     """What each night gives, and how many give nothing: one that cannot be used ends no other."""
-    from rsoconsole.cli.words import element_files
-    from rsoconsole.pipeline.calibrations import is_session, rows_of_lines, rows_of_session
-    from rsoconsole.pipeline.orbits import read_catalogue, wide_errors_of
+    from rsoconsole.cli.words.options import element_files
+    from rsoconsole.pipeline import (
+        is_session,
+        read_catalogue,
+        rows_of_lines,
+        rows_of_session,
+        wide_errors_of,
+    )
 
     catalogue = settings.catalogue
     known: dict[tuple[Path, ...], Sequence[CatalogueEntry]] = {}
@@ -148,7 +145,7 @@ def _read(
 
 def _expect_kind(folder: Path, *, simulated: bool) -> None:
     """Raises SessionError for a simulated night among real ones, and the other way round."""
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.session import SessionReader
 
     is_simulated = SessionReader(folder).about().get("is_simulated") is True
     if is_simulated and not simulated:
@@ -162,8 +159,8 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
 
 def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
-    from rsoconsole.cli.words import say_moved_aside
-    from rsoconsole.session.ledgers import element_damage_words, keep_rows, read_element_ledger
+    from rsoconsole.cli.words.ledger_words import say_moved_aside
+    from rsoconsole.session import element_damage_words, keep_rows, read_element_ledger
 
     if not found:
         ledger = read_element_ledger(path)
@@ -178,7 +175,7 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
 
 def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
     """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
-    from rsoconsole.pipeline.calibrations import settings_of
+    from rsoconsole.pipeline import settings_of
 
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")

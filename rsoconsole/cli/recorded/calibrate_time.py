@@ -6,22 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    SessionsArgument,
-    WriteOption,
-    output,
-    progress,
-    set_in_file,
-)
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
+from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import load_config
 from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits.elements import CatalogueEntry
-    from rsoconsole.orbits.navigation import NavigationFile
-    from rsoconsole.pipeline.calibrations import FoundTiming
+    from rsoconsole.orbits import CatalogueEntry, NavigationFile
+    from rsoconsole.pipeline import FoundTiming
 
 
 def register(app: typer.Typer) -> None:
@@ -75,8 +69,8 @@ def calibrate_time(
 
     Example: rsoconsole calibrate-time night --rinex BRDC00IGS.rnx --write
     """
-    from rsoconsole.cli.words import cautions, timing_lines, timing_report
-    from rsoconsole.pipeline.calibrations import with_norad
+    from rsoconsole.cli.words.calibrate_time_words import cautions, timing_lines, timing_report
+    from rsoconsole.pipeline import with_norad
 
     given = [each for each in (rinex, sp3) if each]
     if len(given) > 1:
@@ -120,9 +114,9 @@ def _found(
     sp3: Sequence[Path] | None,
     entries: "Sequence[CatalogueEntry]",
 ) -> "tuple[FoundTiming, NavigationFile]":
-    from rsoconsole.pipeline.calibrations import calibrate_time as calibrate
-    from rsoconsole.pipeline.calibrations import from_elements, read_rinex, read_sp3
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.pipeline import calibrate_time as calibrate
+    from rsoconsole.pipeline import from_elements, read_rinex, read_sp3
+    from rsoconsole.session import SessionReader
 
     if rinex:
         file, source = read_rinex(rinex), _names(rinex)
@@ -142,8 +136,8 @@ def _elements(
     nights: Sequence[Path], tle: Sequence[Path] | None, configured: Sequence[Path]
 ) -> "Sequence[CatalogueEntry]":
     """The files that were named; else, for names alone, those of the nights or configured."""
-    from rsoconsole.pipeline.orbits import read_catalogue
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.session import SessionReader
 
     if tle:
         return read_catalogue(tle)
@@ -154,7 +148,7 @@ def _elements(
 
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
     """Put the result into the configuration file; its place. Raises ConfigError."""
-    from rsoconsole.pipeline.calibrations import put_together, timings_of, worse_than_known
+    from rsoconsole.pipeline import put_together, timings_of, worse_than_known
     from rsoconsole.words import errors_words, mode_words
 
     if found.simulated and not force:

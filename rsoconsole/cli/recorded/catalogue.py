@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    SocketOption,
-    output,
-    progress,
-    set_in_file,
-)
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
+from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.errors import ControlError, OrbitError, raised_as
 from rsoconsole.words import counted
@@ -231,7 +227,7 @@ def _wait_while_slewing(socket: Path | None) -> None:
 
 def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
     from rsoconsole.element_sources import default_folder
-    from rsoconsole.sky import utc_ns_to_iso
+    from rsoconsole.words import utc_ns_to_iso
 
     now_utc_ns, folder = time.time_ns(), default_folder()
     next_utc = None
@@ -249,7 +245,7 @@ def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
 def _file_row(path: Path) -> dict[str, Any]:
     """Of a file that the configuration names itself."""
     from rsoconsole.element_sources import Kept, element_figures
-    from rsoconsole.pipeline.orbits import read_catalogue
+    from rsoconsole.pipeline import read_catalogue
 
     try:
         figures: Any = element_figures(read_catalogue([path]))

@@ -5,7 +5,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, SessionArgument, output, progress
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import JsonOption, SessionArgument
 from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal[
@@ -146,7 +148,7 @@ def _say_created(folder: Path | None) -> None:
 
 def _say_recorded_name(session: Path) -> None:
     """What the engine took it for: whether the message says so is the operator's word."""
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.session import SessionReader
 
     rows = SessionReader(session).view("identifications")
     last = {row["track_id"]: row for row in rows if not row["is_superseded"]}
@@ -172,7 +174,7 @@ def _say_left_out(made: Any) -> None:
 
 def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:
     from rsoconsole.export import save_text
-    from rsoconsole.notebook.report import render_report
+    from rsoconsole.notebook import render_report
 
     with progress("report"):
         report = render_report(session)

@@ -5,7 +5,8 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, SessionArgument, output
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import JsonOption, SessionArgument
 
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 
@@ -34,7 +35,7 @@ def figures(
     frames in which the object was missed are shaded. Existing figures are replaced.
     Example: rsoconsole figures ~/.local/share/rsoconsole/sessions/NIGHT --format pdf
     """
-    from rsoconsole.notebook.figures import write_figures
+    from rsoconsole.notebook import write_figures
 
     folder = session / "branches" / "figures" if out is None else out
     for path in write_figures(session, folder, truth=truth, file_format=format_):

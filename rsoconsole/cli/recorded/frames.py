@@ -3,33 +3,79 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.recorded.nights import process_nights
-from rsoconsole.cli.words import (
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.batch_options import (
     Bar,
-    ConfigOption,
-    FilesFromOption,
-    JsonOption,
     NoDaskOption,
-    Piped,
-    PresetOption,
     SchedulerOption,
     SerialOption,
-    TauOption,
     WorkersOption,
-    completion,
     everywhere,
-    output,
-    piped,
     progress,
-    with_named,
 )
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
+from rsoconsole.cli.words.standard_input import FilesFromOption, Piped, piped, with_named
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
 from rsoconsole.words import counted, direction, name_words, pulse_words
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline import Night, NightOutcome, WorkerPool
+
+
+def process_nights(
+    nights: "tuple[Night, ...]", root: Path, pool_of: "Callable[[int], WorkerPool]", json_: bool
+) -> None:
+    """Make a session of each, say what became of it, and exit 1 where one is not whole."""
+    from rsoconsole.pipeline.batch import batch_nights
+
+    is_whole = True
+    with batch_nights.working_in(root), progress("nights", len(nights)) as bar:
+        for outcome in batch_nights.process_nights(nights, pool_of, on_done=bar):
+            is_whole = is_whole and outcome.error is None and not outcome.unreadable
+            with bar.aside():
+                _say(outcome, json_)
+    output.exit_where(not is_whole)
+
+
+def _say(outcome: "NightOutcome", json_: bool) -> None:
+    output.emit_json(_night_report(outcome)) if json_ else output.say(_night_words(outcome))
+    for words in (*outcome.unreadable, *filter(None, (outcome.error,))):
+        output.complain(f"rsoconsole: {outcome.source.name}: {words}")
+
+
+_AS_IT_IS = (
+    *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
+)
+"""Keys that are the outcome's own."""
+
+
+def _night_report(outcome: "NightOutcome") -> dict[str, Any]:
+    return {
+        "night": str(outcome.source),
+        "session": None if outcome.state == "failed" else str(outcome.session),
+        "outcome": outcome.state,
+        "error": outcome.error,
+        **{name: getattr(outcome, name) for name in _AS_IT_IS},
+        "state": outcome.last_state,
+    }
+
+
+def _night_words(outcome: "NightOutcome") -> str:
+    if outcome.state == "failed":
+        return f"{outcome.source.name}: failed"
+    locked = outcome.locked_after_frames
+    followed = "nothing locked" if locked is None else f"locked after frame {locked}"
+    already = ", done already" if outcome.state == "skipped" else ""
+    return (
+        f"{outcome.source.name}: {outcome.frames} frames, {outcome.measurements} measurements,"
+        f" {followed}, {outcome.misses} missed{already}  {outcome.session}"
+    )
+
 
 FramesArgument = Annotated[
     list[Path] | None,
@@ -155,7 +201,7 @@ def process(
     where it was when the same command is given again: nights that are done are not done twice.
     Example: rsoconsole process nights/* --session processed
     """
-    from rsoconsole.pipeline.batch import nights_in, pool_for
+    from rsoconsole.pipeline import nights_in, pool_for
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -189,10 +235,8 @@ def process(
 def _process_frames(
     files: Piped, session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
-    from rsoconsole.pipeline.batch import Processed, process_files
-    from rsoconsole.pipeline.frame import open_reducer
-    from rsoconsole.pipeline.words import process_report
-    from rsoconsole.session.writing import BatchRecording
+    from rsoconsole.pipeline import Processed, open_reducer, process_files, process_report
+    from rsoconsole.session import BatchRecording
 
     failures = 0
     noted: set[str] = set()
@@ -246,9 +290,8 @@ def detect(
 
     Example: rsoconsole detect mosaic.fits --extension all
     """
-    from rsoconsole.instruments.frames import EXTENSION_KEY, read_frames
-    from rsoconsole.pipeline.single import FrameDetector
-    from rsoconsole.pipeline.words import detections_report
+    from rsoconsole.instruments import EXTENSION_KEY, read_frames
+    from rsoconsole.pipeline import FrameDetector, detections_report
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -291,9 +334,8 @@ def solve(
 
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
     """
-    from rsoconsole.instruments.frames import read_frames
-    from rsoconsole.pipeline.single import MOST_MASKED, FrameSolver
-    from rsoconsole.pipeline.words import solved_report
+    from rsoconsole.instruments import read_frames
+    from rsoconsole.pipeline import MOST_MASKED, FrameSolver, solved_report
 
     if (ra is None) != (dec is None):
         raise typer.BadParameter("give both --ra and --dec, or neither")

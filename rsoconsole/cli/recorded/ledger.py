@@ -4,7 +4,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import JsonOption, output
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import JsonOption
 
 ledger_app = typer.Typer(invoke_without_command=True)
 NumberArgument = Annotated[
@@ -48,8 +49,8 @@ def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> N
 
     Example: rsoconsole ledger list --json
     """
-    from rsoconsole.cli.words import HEADER, object_line
-    from rsoconsole.session.ledgers import ledger_path
+    from rsoconsole.cli.words.ledger_words import HEADER, object_line
+    from rsoconsole.session import ledger_path
 
     found = _read(simulated=simulated)
     if found.objects and not json_:
@@ -68,7 +69,7 @@ def show(
 
     Example: rsoconsole ledger show 7
     """
-    from rsoconsole.cli.words import object_lines
+    from rsoconsole.cli.words.ledger_words import object_lines
 
     output.answer(json_, _read(simulated=simulated).named(number), object_lines)
 
@@ -85,7 +86,7 @@ def rename(
 
     Example: rsoconsole ledger rename 7 "drifter near 60W"
     """
-    from rsoconsole.session.ledgers import Ledger, renamed
+    from rsoconsole.session import Ledger, renamed
 
     def change(before: Ledger) -> list[Any]:
         before.named(number)
@@ -107,7 +108,7 @@ def join(
 
     Example: rsoconsole ledger join 9 7
     """
-    from rsoconsole.session.ledgers import Ledger, kept
+    from rsoconsole.session import Ledger, kept
 
     if number == into:
         raise typer.BadParameter("name two objects")
@@ -134,7 +135,7 @@ def forget(
 
     Example: rsoconsole ledger forget 7
     """
-    from rsoconsole.session.ledgers import Ledger, forgotten
+    from rsoconsole.session import Ledger, forgotten
 
     def change(before: Ledger) -> list[Any]:
         before.named(number)
@@ -146,7 +147,7 @@ def forget(
 
 
 def _read(*, simulated: bool) -> Any:
-    from rsoconsole.session.ledgers import damage_words, ledger_path, read_ledger
+    from rsoconsole.session import damage_words, ledger_path, read_ledger
 
     path = ledger_path(is_simulated=simulated)
     found = read_ledger(path)
@@ -156,8 +157,8 @@ def _read(*, simulated: bool) -> Any:
 
 
 def _changed(change: Any, *, simulated: bool) -> Any:
-    from rsoconsole.cli.words import say_moved_aside
-    from rsoconsole.session.ledgers import change_ledger, ledger_path
+    from rsoconsole.cli.words.ledger_words import say_moved_aside
+    from rsoconsole.session import change_ledger, ledger_path
 
     found, aside = change_ledger(change, ledger_path(is_simulated=simulated))
     say_moved_aside(aside)

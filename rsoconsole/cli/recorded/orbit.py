@@ -5,16 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    completion,
-    output,
-    piped,
-    progress,
-    site_of,
-    usage_faults,
-)
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
+from rsoconsole.cli.words.standard_input import piped
+from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import load_config
 from rsoconsole.errors import ConfigError, ExportError
 
@@ -128,16 +123,16 @@ def orbit(
 
     Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
-    from rsoconsole.cli.words import form_of, orbit_lines, write_elements
+    from rsoconsole.cli.words.orbit_words import form_of, orbit_lines, write_elements
     from rsoconsole.export import Target, read_observations
-    from rsoconsole.orbits.elements import ANALYST_NUMBERS
-    from rsoconsole.pipeline.orbits import (
+    from rsoconsole.orbits import ANALYST_NUMBERS
+    from rsoconsole.pipeline import (
         find_by_gooding,
         find_orbit,
         orbit_elements,
         orbit_outlook,
+        orbit_report,
     )
-    from rsoconsole.pipeline.words import orbit_report
 
     form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
     ask = read_as(sigma, site, stations, object_, is_radians=radians)

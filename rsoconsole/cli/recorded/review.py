@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import GraphicsOption, SocketOption, completion, usage_faults
+from rsoconsole.cli.words import completion
+from rsoconsole.cli.words.options import GraphicsOption, SocketOption
+from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import load_config
-from rsoconsole.instruments.mount import stop_past_engine
+from rsoconsole.instruments import stop_past_engine
 
 
 def register(app: typer.Typer) -> None:
@@ -53,8 +55,7 @@ def review(
 
     Example: rsoconsole review --sample
     """
-    from rsoconsole.console import run_review
-    from rsoconsole.console.timeline import understood
+    from rsoconsole.console import run_review, understood
 
     if at:
         with usage_faults("--at"):
@@ -62,7 +63,7 @@ def review(
     if sample:
         if session is not None:
             raise typer.BadParameter("--sample is a session itself: leave the other one out")
-        from rsoconsole.session.upkeep import own_sample
+        from rsoconsole.session import own_sample
 
         session = own_sample(load_config().session.root)
     if session is not None and not session.exists() and len(session.parts) == 1:

@@ -7,15 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    SessionsArgument,
-    byte_progress,
-    completion,
-    output,
-    sessions_words,
-)
+from rsoconsole.cli.words import completion, output, sessions_words
+from rsoconsole.cli.words.batch_options import byte_progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument
 from rsoconsole.config import load_config
 from rsoconsole.errors import SessionError
 
@@ -63,7 +57,7 @@ def list_(
 
     Example: rsoconsole sessions list --json
     """
-    from rsoconsole.session.upkeep import find_rescues, list_sessions, summarise
+    from rsoconsole.session import find_rescues, list_sessions, summarise
 
     folder = _root(root, config)
     found = list_sessions(folder)
@@ -102,7 +96,7 @@ def verify(
 
     Example: rsoconsole sessions verify NIGHT NIGHT.tar
     """
-    from rsoconsole.session.upkeep import verify_session
+    from rsoconsole.session import verify_session
 
     def verified(place: Path) -> bool:
         with byte_progress() as report:
@@ -127,7 +121,7 @@ def repair(places: SessionsArgument, *, json_: JsonOption = False) -> None:
 
     Example: rsoconsole sessions repair NIGHT
     """
-    from rsoconsole.session.upkeep import repair_session
+    from rsoconsole.session import repair_session
 
     def repaired(place: Path) -> bool:
         output.answer(json_, repair_session(place, time.time_ns()), sessions_words.repair_lines)
@@ -157,7 +151,7 @@ def archive(
 
     Example: rsoconsole sessions archive NIGHT --out /media/usb --remove
     """
-    from rsoconsole.session.upkeep import archive_session
+    from rsoconsole.session import archive_session
 
     def archived(place: Path) -> bool:
         target = place.resolve().parent if out is None else out
@@ -202,8 +196,8 @@ def prune(
 
     Example: rsoconsole sessions prune --keep-days 30 --keep-last 5 --free 20
     """
-    from rsoconsole.session.upkeep import Policy, plan_pruning
-    from rsoconsole.session.upkeep import prune as prune_sessions
+    from rsoconsole.session import Policy, plan_pruning
+    from rsoconsole.session import prune as prune_sessions
 
     if keep_days is None and keep_last is None and free is None:
         raise typer.BadParameter("say what may go: --keep-days, --keep-last or --free")
@@ -236,8 +230,8 @@ def keep(
 
     Example: rsoconsole sessions keep NIGHT --why "first light"
     """
+    from rsoconsole.session import SessionReader
     from rsoconsole.session.files import upkeep_log as upkeep
-    from rsoconsole.session.reading import SessionReader
 
     for place in places:
         SessionReader(place)

@@ -6,26 +6,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from rsoconsole.cli.words import (
-    JsonOption,
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.batch_options import (
     NoDaskOption,
-    PresetOption,
     SchedulerOption,
     SerialOption,
+    WorkersOption,
+    everywhere,
+    progress,
+)
+from rsoconsole.cli.words.options import (
+    JsonOption,
+    PresetOption,
     SessionsArgument,
     TauOption,
-    WorkersOption,
-    completion,
-    everywhere,
     number_or_text,
-    output,
-    progress,
 )
 from rsoconsole.words import settings_words
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.batch import Question, WorkerPool
-    from rsoconsole.pipeline.replay import Branch
+    from rsoconsole.pipeline import BatchQuestion, Branch, WorkerPool
 
 SetOption = Annotated[
     list[str] | None,
@@ -111,7 +111,7 @@ def what_if(
 
     A branch lies in SESSION/branches/NAME and can be shown, drawn and exported like a session.
     """
-    from rsoconsole.pipeline.batch import Question, pool_for
+    from rsoconsole.pipeline import BatchQuestion, pool_for
 
     named = {
         "detector.tau": tau,
@@ -141,7 +141,7 @@ def what_if(
         _propose(sessions, save, json_, force=force)
         return
     questions = [
-        Question(
+        BatchQuestion(
             session=path,
             changes=changes,
             detector=detector,
@@ -162,11 +162,11 @@ def what_if(
     _answer(questions, pool, json_)
 
 
-def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> None:
+def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
-    from rsoconsole.cli.words import answer_lines
-    from rsoconsole.pipeline.batch import answer, no_answer, share_out
+    from rsoconsole.cli.words.what_if_words import answer_lines
+    from rsoconsole.pipeline import answer, no_answer, share_out
 
     failures = 0
     is_alone = len(questions) == 1
@@ -200,9 +200,8 @@ def _answer(questions: "list[Question]", pool: "WorkerPool", json_: bool) -> Non
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
-    from rsoconsole.cli.words import proposal_lines
-    from rsoconsole.pipeline.replay import check_name, save_branch, what_if_session
-    from rsoconsole.pipeline.tuning import propose
+    from rsoconsole.cli.words.what_if_words import proposal_lines
+    from rsoconsole.pipeline import check_name, propose, save_branch, what_if_session
 
     if save is not None:
         for session in sessions:
@@ -226,8 +225,8 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
 
 
 def _list_branches(session: Path, json_: bool) -> None:
-    from rsoconsole.pipeline.replay import branches_of
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.pipeline import branches_of
+    from rsoconsole.session import SessionReader
 
     SessionReader(session)  # says so where it is none
     for branch in branches_of(session):
@@ -235,7 +234,7 @@ def _list_branches(session: Path, json_: bool) -> None:
 
 
 def _branch_line(branch: "Branch") -> str:
-    from rsoconsole.sky import utc_ns_to_iso
+    from rsoconsole.words import utc_ns_to_iso
 
     made = branch.t_made_utc_ns
     changes = settings_words(branch.changes)
@@ -244,7 +243,7 @@ def _branch_line(branch: "Branch") -> str:
 
 
 def _drop_branch(session: Path, name: str, json_: bool) -> None:
-    from rsoconsole.pipeline.replay import drop_branch
+    from rsoconsole.pipeline import drop_branch
 
     folder = drop_branch(session, name)
     found = {"session": str(session), "dropped": name, "folder": str(folder)}

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.words import counted

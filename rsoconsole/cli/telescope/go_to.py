@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
-from rsoconsole.cli.words import JsonOption, OverrideOption, SocketOption, output, usage_faults
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import JsonOption, OverrideOption, SocketOption
+from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.control import Goto, Outcome, Preview
 from rsoconsole.errors import ControlError
 
 if TYPE_CHECKING:
     from rsoconsole.control import Status
-    from rsoconsole.pipeline.words import Understood
+    from rsoconsole.pipeline import Understood
 
 TargetArgument = Annotated[
     list[str],
@@ -51,10 +53,10 @@ def goto(
         MovePreview,
         Sender,
         answer_of,
+        preview_lines,
         read_record,
         status_of,
     )
-    from rsoconsole.control.words import preview_lines
 
     client = ControlClient(socket, sender=Sender(name="command"))
     status = status_of(client)
@@ -108,7 +110,7 @@ def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") ->
 
 def _understood(text: str, status: "Status") -> "Understood":
     """What is meant at the engine's own time and site. Raises BadParameter where nothing is."""
-    from rsoconsole.pipeline.words import Names, understand
+    from rsoconsole.pipeline import Names, understand
 
     config = config_of(status.session)
     if status.now_utc_ns is None:

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, byte_progress, output
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.batch_options import byte_progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import default_config_path, load_config
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
     from rsoconsole.config import Setting
-    from rsoconsole.engine.doctor import Check
+    from rsoconsole.engine import Check
 
 config_app = typer.Typer(
     no_args_is_help=True, help="The effective configuration: show, init, check."
@@ -44,11 +46,11 @@ def doctor(
     Example: rsoconsole doctor --json
     """
     if bench:
-        from rsoconsole.cli.demo import run_bench
+        from rsoconsole.cli.demo.bench import run_bench
 
         run_bench(load_config(config), json_=json_)
         return
-    from rsoconsole.engine.doctor import run_checks
+    from rsoconsole.engine import run_checks
 
     failed = 0
     for check in run_checks(load_config(config)):
@@ -138,7 +140,7 @@ def index_list(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole index list
     """
-    from rsoconsole.instruments.solver import config_search_dirs, list_index_files, needed_scales
+    from rsoconsole.instruments import config_search_dirs, list_index_files, needed_scales
 
     settings = load_config(config)
     needed = needed_scales(settings.optics.field_deg)
@@ -170,7 +172,7 @@ def index_install(
 
     Example: rsoconsole index install --from /usr/share/astrometry
     """
-    from rsoconsole.instruments.solver import install, needed_scales
+    from rsoconsole.instruments import install, needed_scales
 
     settings = load_config(config)
     wanted = tuple(scale) if scale else needed_scales(settings.optics.field_deg)

@@ -12,14 +12,9 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
-from rsoconsole.cli.words import (
-    JsonOption,
-    SocketOption,
-    completion,
-    number_or_text,
-    output,
-    usage_faults,
-)
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.options import JsonOption, SocketOption, number_or_text
+from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.control import COMMANDS, Command, Set
 from rsoconsole.errors import ControlError
 
@@ -100,7 +95,7 @@ def send(
 
 def _check(command: Command) -> None:
     """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
-    from rsoconsole.engine.tasks import check_tunable
+    from rsoconsole.engine import check_tunable
 
     with usage_faults():
         command.check()

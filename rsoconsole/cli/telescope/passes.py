@@ -7,23 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.cli.words import (
-    ConfigOption,
-    JsonOption,
-    TleOption,
-    catalogue_of,
-    output,
-    piped,
-    progress,
-    usage_faults,
-)
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
+from rsoconsole.cli.words.standard_input import piped
+from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import OrbitError
 from rsoconsole.words import clock, no_night
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits.elements import CatalogueEntry
-    from rsoconsole.pipeline.outlook import NightPass
+    from rsoconsole.orbits import CatalogueEntry
+    from rsoconsole.pipeline import NightPass
 
 _NAME_COLUMNS = 19
 HEADER = (
@@ -106,8 +101,8 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
     """Raises OrbitError where the night has no dark time."""
     import time
 
-    from rsoconsole.sky import NS_PER_S, iso_to_utc_ns
-    from rsoconsole.sky.bodies import night_span
+    from rsoconsole.sky import iso_to_utc_ns, night_span
+    from rsoconsole.words import NS_PER_S
 
     with usage_faults("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
@@ -129,8 +124,7 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
 def _looked_for(
     entries: "Sequence[CatalogueEntry]", config: Config, span: _Span, *, is_low_only: bool
 ) -> "list[NightPass]":
-    from rsoconsole.pipeline.orbits import errors_of
-    from rsoconsole.pipeline.outlook import night_passes
+    from rsoconsole.pipeline import errors_of, night_passes
 
     found: list[NightPass] = []
     before = 0
@@ -158,7 +152,7 @@ def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:
 
 
 def _line(one: "NightPass") -> str:
-    from rsoconsole.sky import utc_ns_to_iso
+    from rsoconsole.words import utc_ns_to_iso
 
     rise, top, sets = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.rise, one.top, one.set))
     # With --all some lie in the shadow of the Earth.
@@ -172,7 +166,7 @@ def _line(one: "NightPass") -> str:
 
 def pass_report(one: "NightPass") -> dict[str, Any]:
     """One pass as a JSON object."""
-    from rsoconsole.sky import utc_ns_to_iso
+    from rsoconsole.words import utc_ns_to_iso
 
     corners = {
         f"{name}_{key}": value

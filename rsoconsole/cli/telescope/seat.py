@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.words import GraphicsOption, SocketOption, completion, output
-from rsoconsole.instruments.mount import stop_past_engine
+from rsoconsole.cli.words import completion, output
+from rsoconsole.cli.words.options import GraphicsOption, SocketOption
+from rsoconsole.instruments import stop_past_engine
 from rsoconsole.words import ENGINE_ENDS
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import platformdirs
 import typer
 
-from rsoconsole.cli.words import ConfigOption, JsonOption, output
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config, variables_set
 from rsoconsole.errors import ConfigError, RsoconsoleError
 from rsoconsole.resources import resource

@@ -1,20 +1,20 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rsoconsole.cli.telescope import go_to, order
-from rsoconsole.cli.words import (
+from rsoconsole.cli.words import output
+from rsoconsole.cli.words.options import (
     ConfigOption,
     JsonOption,
     OverrideOption,
     SessionOption,
     SocketOption,
-    output,
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
@@ -78,8 +78,7 @@ def engine(
 
     Example: rsoconsole engine --arm --pass 25544 --tle active.tle
     """
-    from rsoconsole.engine.leaps import entry_of
-    from rsoconsole.engine.service import RunSettings, run_engine
+    from rsoconsole.engine import RunSettings, entry_of, run_engine
 
     if tle and pass_ is None:
         raise typer.BadParameter("--tle belongs to --pass")
@@ -134,8 +133,17 @@ def status(
         return
     if out is not None:
         raise typer.BadParameter("--out belongs to --prometheus")
-    from rsoconsole.control import ControlClient, Machine, Sender, answer_of, read_status
-    from rsoconsole.control.words import fault_words, held_words, holder_words, mount_words
+    from rsoconsole.control import (
+        ControlClient,
+        Machine,
+        Sender,
+        answer_of,
+        fault_words,
+        held_words,
+        holder_words,
+        mount_words,
+        read_status,
+    )
 
     answer = answer_of(ControlClient(socket, sender=Sender(name="status")), AskStatus())
     if json_:
@@ -167,7 +175,6 @@ def status(
 
 
 def _write_metrics(socket: Path | None, out: Path | None) -> None:
-    from rsoconsole.cli.telescope.prometheus import metrics
     from rsoconsole.control import ControlClient, Sender, status_of
     from rsoconsole.durable_files import write_durably
 
@@ -184,8 +191,7 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
 def _say_field(status: Status) -> None:
     """Its tracks, the next aim, how they move to each other, and who is missing."""
-    from rsoconsole.control import field_words
-    from rsoconsole.control.words import aim_parts, track_table
+    from rsoconsole.control import aim_parts, field_words, track_table
 
     lines: list[str] = []
     if len(status.tracks) > 1:
@@ -212,7 +218,7 @@ def stop(
     from rsoconsole.control import ControlClient, Found, Sender, StopNews, Stopping
 
     def directly(on_found: Callable[[Found], None]) -> None:
-        from rsoconsole.instruments.mount import stop_past_engine
+        from rsoconsole.instruments import stop_past_engine
 
         stop_past_engine(on_found, config_path=config, on_fault=_say_fault)
 
@@ -233,3 +239,69 @@ def stop(
 
 def _say_fault(words: str) -> None:
     output.complain(f"rsoconsole: {words}")
+
+
+STATES = ("IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT")
+Sample = tuple[dict[str, str], float]
+
+
+def metrics(status: Status | None) -> str:
+    """All of it; None: no engine answers."""
+    lines: list[str] = []
+    for name, words, samples in _families(status):
+        if not samples:
+            continue
+        lines += [f"# HELP rsoconsole_{name} {words}", f"# TYPE rsoconsole_{name} gauge"]
+        lines += [f"rsoconsole_{name}{_labels(labels)} {value:.17g}" for labels, value in samples]
+    return "\n".join(lines) + "\n"
+
+
+def _families(status: Status | None) -> Iterator[tuple[str, str, list[Sample]]]:
+    yield "up", "Whether an engine answers.", [({}, 0.0 if status is None else 1.0)]
+    if status is None:
+        return
+    states: list[Sample] = [({"state": each}, float(each == status.state)) for each in STATES]
+    yield "state", "1 for the state the loop is in.", states
+    yield "frames", "Exposures begun in this session.", _known(status.frame_id)
+    yield "tracks", "Tracks that are followed.", [({}, float(len(status.tracks)))]
+    yield "faults", "Faults that last.", [({}, float(len(status.faults)))]
+    yield "slewing", "Whether the mount slews.", _known(status.is_slewing)
+    yield "tracking", "Whether the mount tracks.", _known(status.is_tracking)
+    yield "parked", "Whether the mount is parked.", _known(status.is_parked)
+    yield "target_altitude_degrees", "Of what is followed.", _known(status.alt_deg)
+    yield "target_azimuth_degrees", "Of what is followed.", _known(status.az_deg)
+    yield "mount_altitude_degrees", "Where the mount looks.", _known(status.mount_alt_deg)
+    yield "mount_azimuth_degrees", "Where the mount looks.", _known(status.mount_az_deg)
+    now_s = None if status.now_utc_ns is None else status.now_utc_ns / 1e9
+    yield "clock_seconds", "The engine's clock, since 1970.", _known(now_s)
+    well: list[Sample] = [({"part": each.name}, float(each.ok)) for each in status.health]
+    yield "health_ok", "1 where a part of machine or instruments is well.", well
+    yield from _of_machine(status)
+    last = {each.track_id: each.nis for each in status.tracks if each.nis is not None}
+    nis: list[Sample] = [({"track": str(number)}, value) for number, value in last.items()]
+    yield "track_nis", "Normalised innovation squared of the last frame.", nis
+
+
+def _of_machine(status: Status) -> Iterator[tuple[str, str, list[Sample]]]:
+    machine = status.machine
+    if machine is None:
+        return
+    yield "cpu_temperature_celsius", "Of the processor.", _known(machine.cpu_temperature_c)
+    yield "under_voltage", "Whether the supply is too weak.", _known(machine.is_under_voltage)
+    yield "throttled", "Whether the processor is slowed down.", _known(machine.is_throttled)
+    troubles = _known(len(machine.troubles))
+    yield "machine_troubles", "Things not well with the machine.", troubles
+
+
+def _known(value: float | bool | None) -> list[Sample]:
+    return [] if value is None else [({}, float(value))]
+
+
+def _labels(labels: dict[str, str]) -> str:
+    if not labels:
+        return ""
+    escaped = {
+        key: value.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")
+        for key, value in labels.items()
+    }
+    return "{" + ",".join(f'{key}="{value}"' for key, value in escaped.items()) + "}"

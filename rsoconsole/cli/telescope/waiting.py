@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from rsoconsole.cli.words import bars_of
+from rsoconsole.cli.words.batch_options import bars_of
 from rsoconsole.config import Config, load_config
-from rsoconsole.control import Outcome, Status
-from rsoconsole.control.words import NOT_KNOWN, motion_words
+from rsoconsole.control import NOT_KNOWN, Outcome, Status, motion_words
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.sky import separation_deg
 
@@ -79,7 +78,7 @@ def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal
 
 def config_of(session: Path | None) -> Config:
     """The configuration that the engine runs by; the user's own where it cannot be read."""
-    from rsoconsole.session.reading import SessionReader
+    from rsoconsole.session import SessionReader
 
     if session is not None:
         try:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.cli.words import output
-from rsoconsole.orbits.navigation import FEWEST, SYSTEMS, Estimated, ShutterTiming
-from rsoconsole.pipeline.calibrations import FoundTiming, Mode, SeenSatellite
+from rsoconsole.orbits import FEWEST, SYSTEMS, Estimated, ShutterTiming
+from rsoconsole.pipeline import FoundTiming, Mode, SeenSatellite
 from rsoconsole.words import counted, mode_words
 
 _SOURCES = {

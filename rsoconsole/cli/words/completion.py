@@ -76,7 +76,7 @@ map_modes = quietly(lambda _: choices_of("detector.map_mode"))
 @quietly
 def scenarios(_: Any) -> Iterable[tuple[str, str]]:
     """Of the demo, each with what it is."""
-    from rsoconsole.simulator.nights import all_scenarios
+    from rsoconsole.simulator import all_scenarios
 
     return [(each.name, each.title) for each in all_scenarios().values()]
 
@@ -90,7 +90,7 @@ def setting_names(_: Any) -> Iterable[tuple[str, str]]:
 @quietly
 def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
     """Those that an engine can be given while it runs."""
-    from rsoconsole.engine.tasks import TUNABLE
+    from rsoconsole.engine import TUNABLE
 
     return [(name, words) for name, _, words in walk(Config()) if name in TUNABLE]
 
@@ -104,7 +104,7 @@ def setting_values(ctx: Any) -> Iterable[str]:
 @quietly
 def checks(_: Any) -> Iterable[str]:
     """Of the list before arming."""
-    from rsoconsole.engine.operator import CHECKS
+    from rsoconsole.engine import CHECKS
 
     return CHECKS
 
@@ -135,7 +135,7 @@ def choices_of(name: str) -> tuple[str, ...]:
 
 
 def _sessions_in(folder: Path) -> list[Path]:
-    from rsoconsole.session.log import DATABASE
+    from rsoconsole.session import DATABASE
 
     if not folder.is_dir():
         return []

@@ -9,7 +9,7 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.night import rms
-from rsoconsole.orbits.identification import ElementRow, FittedFactors
+from rsoconsole.orbits import ElementRow, FittedFactors
 from rsoconsole.words import angle, counted, joined
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)

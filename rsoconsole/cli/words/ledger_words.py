@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rsoconsole.cli.words import output
-from rsoconsole.session.ledgers import LedgerObject
+from rsoconsole.session import LedgerObject
 from rsoconsole.words import clock, direction, plus_minus
 
 HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"

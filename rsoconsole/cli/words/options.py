@@ -1,15 +1,16 @@
 """Options that several verbs have, and values as a shell gives them."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.words import completion
+from rsoconsole.cli.words import completion, output
 from rsoconsole.config import Graphics, SiteConfig
 from rsoconsole.control import OVERRIDE_HELP
-from rsoconsole.errors import ConfigError
+from rsoconsole.errors import ConfigError, OrbitError
 from rsoconsole.records import Site
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
@@ -94,3 +95,33 @@ def number_or_text(value: str) -> float | str:
     except ValueError:
         return value
     return number if math.isfinite(number) else value
+
+
+if TYPE_CHECKING:
+    from rsoconsole.orbits import CatalogueEntry
+
+
+_OPTION = "--tle FILE"
+
+
+def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
+    """What is in these files. Raises OrbitError with the remedy where none is named."""
+    from rsoconsole.pipeline import NO_ELEMENTS, read_catalogue
+
+    if not files:
+        raise OrbitError(NO_ELEMENTS.format(_OPTION))
+    return read_catalogue(files)
+
+
+def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
+    """The configuration's; of a simulated night, or without any, those that the session began with.
+
+    Raises OrbitError with the remedy where there are none.
+    """
+    from rsoconsole.pipeline import elements_used
+
+    used = elements_used(path, configured, _OPTION)
+    if used.is_recorded:
+        named = ", ".join(map(str, used.files))
+        output.complain(f"rsoconsole: by the elements that the session was recorded with: {named}")
+    return list(used.files)

@@ -2,9 +2,18 @@
 
 import math
 import textwrap
+import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
+import typer
+
+from rsoconsole.cli.words import output
+from rsoconsole.errors import OrbitError
+from rsoconsole.export import write_file
+from rsoconsole.orbits import omm
+from rsoconsole.pipeline import FittedElements
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import (
     angle,
@@ -166,3 +175,46 @@ def _score(value: float) -> str:
 def _clock(iso: str, *, with_date: bool = False, seconds: bool = False) -> str:
     words = iso.replace("T", " ")[: 19 if seconds else 16]
     return words if with_date else words[11:]
+
+
+Form = Literal["tle", "kvn", "xml", "json"]
+_BY_ENDING: dict[str, Form] = {
+    ".tle": "tle",
+    ".txt": "tle",
+    ".kvn": "kvn",
+    ".omm": "kvn",
+    ".xml": "xml",
+    ".json": "json",
+}
+
+
+def form_of(path: Path) -> Form:
+    """By the file's ending. Raises BadParameter for one that says nothing."""
+    if str(path) == "-":
+        return "tle"
+    form = _BY_ENDING.get(path.suffix.lower())
+    if form is None:
+        raise typer.BadParameter(
+            f"{path}: end it in .tle, or .kvn, .xml or .json for an OMM", param_hint="--out"
+        )
+    return form
+
+
+def write_elements(elements: FittedElements, path: Path, form: Form, *, force: bool) -> str:
+    """Write them; what was done, in words.
+
+    Raises OrbitError where there are none, ExportError where the file cannot be written.
+    """
+    if elements.mean is None:
+        raise OrbitError(f"no elements to write: {elements.reason}")
+    if form == "tle":
+        if elements.tle is None:
+            raise OrbitError(elements.reason)
+        text = "\n".join((elements.mean.name, *elements.tle)) + "\n"
+    else:
+        text = omm(elements.mean, created_utc_ns=time.time_ns(), form=form)
+    if str(path) == "-":
+        output.hand_over(text if text.endswith("\n") else f"{text}\n")
+        return ""
+    write_file(path, text.encode("utf-8"), is_forced=force)
+    return f"wrote {path}"

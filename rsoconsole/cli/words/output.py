@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import typer
 
 from rsoconsole.control import SCHEMA, one_line, printable
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import utc_ns_to_iso
 
 Answer = TypeVar("Answer")
 WITH_UNITS: Mapping[str, str] = MappingProxyType(

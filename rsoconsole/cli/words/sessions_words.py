@@ -11,8 +11,7 @@ from rsoconsole.control import SCHEMA
 from rsoconsole.words import clock, counted, file_size, span
 
 if TYPE_CHECKING:
-    from rsoconsole.session.files import Finding, Verification
-    from rsoconsole.session.upkeep import Archive, Repair, SessionSummary, Step
+    from rsoconsole.session import Archive, Finding, Repair, SessionSummary, Step, Verification
 
 MOST_ALIKE = 3
 """Findings of one sort that are told one by one; --json tells all."""

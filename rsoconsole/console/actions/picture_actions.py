@@ -3,8 +3,8 @@
 import math
 
 from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.panes import SIGHTS, FramePane, Sight
-from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
+from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
+from rsoconsole.console.picture.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0

@@ -6,37 +6,20 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.second_press import (
-    RELEASED_S,
-    WITHIN_S,
-    TwicePressed,
-    has_track,
-)
-from rsoconsole.console.commands import first_key
-from rsoconsole.console.dialogs import (
+from rsoconsole.console.actions.seat import RELEASED_S, WITHIN_S, Seat, TwicePressed, has_track
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.dialogs.ask import (
     AimDialog,
-    ConfirmDialog,
     ExposureDialog,
     GotoDialog,
     MoveDialog,
     SettingsDialog,
-    UpListDialog,
 )
-from rsoconsole.console.night import EngineView
-from rsoconsole.console.watches import OutcomeCame
-from rsoconsole.control import (
-    Arm,
-    Disarm,
-    Goto,
-    Hold,
-    Park,
-    Resume,
-    Seek,
-    Set,
-    Track,
-    Unpark,
-)
+from rsoconsole.console.dialogs.dialogs import ConfirmDialog
+from rsoconsole.console.dialogs.up_list import UpListDialog
+from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.watches.messages import OutcomeCame
+from rsoconsole.control import Arm, Disarm, Goto, Hold, Park, Resume, Seek, Set, Track, Unpark
 from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
@@ -340,7 +323,7 @@ class TelescopeActions:
         followed = detail.followed
         found = detail.detections.detections if detail.detections is not None else ()
         if followed is not None and seat.night.track is not None:
-            from rsoconsole.pipeline.cycle import direction_at
+            from rsoconsole.pipeline import direction_at
 
             # Where it is now: it has gone on since the frame.
             place = direction_at(seat.night.track, self._now_utc_ns())

@@ -7,23 +7,20 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.config import default_config_path
 from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.dialogs import LineDialog
-from rsoconsole.console.tuning import (
+from rsoconsole.console.dialogs.ask import LineDialog
+from rsoconsole.console.tuning.lines import TuneWords, tune_lines
+from rsoconsole.console.tuning.tuning_pane import (
     BY_NAME,
     LAST_FRAMES,
     NAMES,
     TunePane,
-    TuneWords,
     Tuning,
     Value,
-    WhatIfWatch,
-    frames_of_track,
     load_presets,
-    of_settings_now,
     save_preset,
-    tune_lines,
 )
-from rsoconsole.console.watches import WhatIfSeen
+from rsoconsole.console.tuning.what_if_watch import WhatIfWatch, frames_of_track, of_settings_now
+from rsoconsole.console.watches.messages import WhatIfSeen
 from rsoconsole.control import MOST_FRAMES, Command, Set
 from rsoconsole.errors import ConfigError
 

@@ -1,16 +1,19 @@
 """Other keys for commands: ``keymap.toml`` beside the configuration, by the commands' names."""
 
 import contextlib
+import logging
+import threading
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from textual.binding import Binding, InvalidBinding
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
-from rsoconsole.console.commands.command import BOTH
-from rsoconsole.console.commands.commands import BY_NAME, commands_in
-from rsoconsole.errors import ConfigError
+from rsoconsole.console.commands.command import BOTH, Place
+from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
+from rsoconsole.control import Command, DirectStop, Outcome, StopNews, Stopping, Wire
+from rsoconsole.errors import ConfigError, ControlError
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 STOPS = ("stop", "stop_by_letter")
@@ -98,3 +101,89 @@ def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
                 if key in owners:
                     raise ConfigError(f"{path}: {key} is both {owners[key]} and {command.name}")
                 owners[key] = command.name
+
+
+KEY_WORDS = {
+    "left_square_bracket": "[",
+    "right_square_bracket": "]",
+    "question_mark": "?",
+    "slash": "/",
+    "comma": ",",
+    "full_stop": ".",
+    "less_than_sign": "<",
+    "greater_than_sign": ">",
+    "plus": "+",
+    "minus": "-",
+    "colon": ":",
+    "pageup": "PgUp",
+    "pagedown": "PgDn",
+    "home": "Home",
+    "end": "End",
+    "space": "space",
+    "backspace": "bksp",
+    "escape": "esc",
+    "up": "↑",
+    "down": "↓",
+    "left": "←",
+    "right": "→",
+    "f1": "F1",
+}
+
+
+def bindings(place: Place | None) -> list[Binding]:
+    """For a screen, or with None for the application."""
+    return [
+        Binding(
+            command.keys,
+            command.name if command.sends is None else f"hand_over('{command.name}')",
+            command.title,
+            id=command.name,
+            priority=command.priority,
+            show=False,
+            tooltip=command.help,
+        )
+        for command in COMMANDS
+        if (command.is_everywhere if place is None else not command.is_everywhere)
+        and (place is None or place in command.where)
+    ]
+
+
+def key_words(keys: str) -> str:
+    """Keys as a person writes them."""
+    return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
+
+
+def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
+    """The key that a command is shown with, as a person writes it."""
+    return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
+
+
+log = logging.getLogger(__name__)
+
+
+class Orders:
+    """Sends commands; callbacks are called on the threads that sent them."""
+
+    def __init__(self, wire: Callable[[], Wire], stop_directly: DirectStop | None = None) -> None:
+        self._wire = wire
+        self._stop_directly = stop_directly
+
+    def stop(self, on_news: Callable[[StopNews], None]) -> None:
+        """STOP, now; ``on_news`` hears when it is late and how it ended."""
+        Stopping(self._wire, self._stop_directly, on_news).begin()
+
+    def send(self, command: Command, on_outcome: Callable[[Outcome], None]) -> None:
+        """Hand over a command; an engine out of reach is an outcome too."""
+
+        def work() -> None:
+            try:
+                outcome = self._wire().send(command, timeout_s=command.answer_s)
+            except ControlError as error:
+                outcome = Outcome(ok=False, message=str(error))
+            except Exception as error:  # the seat must hear of it, whatever it is
+                log.exception("%s", command.verb)
+                words = f"{command.verb}: {error or type(error).__name__}"
+                outcome = Outcome(ok=False, message=words)
+            on_outcome(outcome)
+
+        threading.Thread(target=work, name=f"console-{command.verb}", daemon=True).start()

@@ -8,15 +8,14 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input, Static
 
 from rsoconsole.config import Config
-from rsoconsole.console.commands import Orders
+from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
-from rsoconsole.console.watches import Previewed
-from rsoconsole.control import Beside, Goto, MovePreview, Preview, read_record
-from rsoconsole.control.words import preview_lines
+from rsoconsole.console.watches.messages import Previewed
+from rsoconsole.control import Beside, Goto, MovePreview, Preview, preview_lines, read_record
 from rsoconsole.errors import RsoconsoleError
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.words import Understood
+    from rsoconsole.pipeline import Understood
 
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
@@ -110,7 +109,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def _understood(self, text: str) -> "Understood":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
-        from rsoconsole.pipeline.words import Names, understand
+        from rsoconsole.pipeline import Names, understand
 
         config = self._config()
         if config is None:

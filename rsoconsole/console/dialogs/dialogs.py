@@ -16,8 +16,11 @@ from textual.message import Message
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
-from rsoconsole.console.commands import GROUPS, Place, commands_in, glossary_text, key_words
-from rsoconsole.console.panes import MODE_WORDS, Mode, mode_keys
+from rsoconsole.console.commands.command import GROUPS, Place
+from rsoconsole.console.commands.commands import commands_in
+from rsoconsole.console.commands.glossary import glossary_text
+from rsoconsole.console.commands.keymap import key_words
+from rsoconsole.console.panes.last_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
 UNASKED_DEAF_S = 0.5

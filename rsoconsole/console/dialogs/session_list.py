@@ -11,14 +11,12 @@ from textual.widgets import Input
 
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.dialogs.list_dialog import ListDialog
-from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.words import clipped, first_shown
+from rsoconsole.console.dialogs.up_list import ListDialog
+from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
-from rsoconsole.session.files import folders_in, written_ns
-from rsoconsole.session.log import DATABASE
-from rsoconsole.session.upkeep import SessionSummary, summarise
+from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
 from rsoconsole.words import clock, file_size, span
 
 BRANCHES = "branches"

@@ -1,16 +1,15 @@
-"""The same screen for terminals that know letters only: every sign becomes one ASCII character.
-
-The last thing before the terminal: panes, dialogs and pictures pass through it alike.
-"""
+"""Colours of the night, and the screen of a terminal that has none or other characters."""
 
 import re
 import unicodedata
 from collections.abc import Sequence
 
+from rich.cells import cell_len
 from rich.color import Color as RichColor
 from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
+from textual.theme import Theme
 
 _SIGNS = str.maketrans(
     {
@@ -138,3 +137,110 @@ def _light(colour: RichColor | None) -> float:
         return 0.0
     red, green, blue = colour.get_truecolor()
     return max(red, green, blue) / 255.0
+
+
+_COMMANDS = re.compile(
+    "["
+    "\x00-\x1f\x7f-\x9f"  # ESC, BEL and their like, and as one byte more
+    "\u061c\u200b-\u200f\u202a-\u202e\u2060-\u206f\ufeff"  # turn or hide what stands beside them
+    "\u2028\u2029\ufff9-\ufffb\ud800-\udfff\U000e0000-\U000e007f"
+    "]"
+)
+_CURSOR = re.compile(r"\x1b\[\d+;\d+H")
+"""What a sixel picture has before and behind it, in a segment without any style."""
+
+
+def clean(text: str) -> str:
+    """The same without commands, as wide as it was."""
+    return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
+
+
+class CleanFilter(LineFilter):
+    """Takes the commands out of every line; segments that are commands as a whole are Textual's."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
+        """One line."""
+        return [self._clean(segment) for segment in segments]
+
+    def _clean(self, segment: Segment) -> Segment:
+        text, style, control = segment
+        if control or _COMMANDS.search(text) is None:
+            return segment
+        if not style and _CURSOR.fullmatch(text):
+            return segment
+        return Segment(clean(text), style, control)
+
+
+NIGHT = "night"
+
+THEMES = (
+    Theme(
+        name="dark",
+        primary="#8fa8c8",
+        secondary="#7f8fa8",
+        success="#6fbf73",
+        warning="#e0b050",
+        error="#e06058",
+        foreground="#d0d0d0",
+        background="#101014",
+        surface="#1a1a20",
+        panel="#24242c",
+        dark=True,
+    ),
+    Theme(
+        name="light",
+        primary="#2c4a72",
+        secondary="#4a6080",
+        success="#1f6e2a",
+        warning="#8a5a00",
+        error="#a81e1e",
+        foreground="#1c1c20",
+        background="#fafaf6",
+        surface="#f0efe8",
+        panel="#e2e0d6",
+        dark=False,
+    ),
+    Theme(
+        name=NIGHT,
+        primary="#8a1a10",
+        secondary="#6a140c",
+        success="#a02818",
+        warning="#b83420",
+        error="#d84028",
+        foreground="#a02818",
+        background="#000000",
+        surface="#100302",
+        panel="#1a0604",
+        dark=True,
+        variables={
+            "text-muted": "#6a180e",
+            "text-success": "#b03020",
+            "text-warning": "#c83c28",
+            "text-error": "#e04830",
+            "text": "#b03020",
+        },
+    ),
+)
+COLOURS = {
+    "dark": "dark",
+    "night": "night: deep red only",
+    "ansi-dark": "the terminal's own sixteen, dark",
+    "ansi-light": "the terminal's own sixteen, light",
+    "light": "light",
+}
+"""Themes that ctrl+t goes through, and what they are called: red comes first, white last."""
+
+NIGHT_CSS = """
+ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }
+ConsoleApp.-theme-night FramePane > .frame--member { color: #d84028; }
+ConsoleApp.-theme-night FramePane > .frame--candidate { color: #d84028; }
+ConsoleApp.-theme-night FramePane > .frame--rejected { color: #8a1a10; }
+ConsoleApp.-theme-night FramePane > .frame--operator { color: #b03020; }
+ConsoleApp.-theme-night FramePane > .frame--predicted { color: #c83c28; }
+ConsoleApp.-theme-night FramePane > .frame--coasted { color: #b03020; }
+ConsoleApp.-theme-night FramePane > .frame--now { color: #c83c28; }
+ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
+ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
+ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
+"""
+"""The picture's marks, which are bright elsewhere."""

@@ -8,13 +8,14 @@ from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 
-from rsoconsole.console.actions import MARK_SAID_S, why_no_mark
-from rsoconsole.console.drawing import Ink
-from rsoconsole.console.frame.sheet import Sheet
+from rsoconsole.console.actions.mark_actions import MARK_SAID_S, why_no_mark
+from rsoconsole.console.drawing.plot import Ink
+from rsoconsole.console.frame.sheet import Sheet, step_words
 from rsoconsole.console.frame.sheet_pane import SheetPane
-from rsoconsole.console.frame.sheet_words import step_words
-from rsoconsole.console.picture import FAR, MOVES, STEPS, STRETCHES
-from rsoconsole.console.watches import Pointed
+from rsoconsole.console.picture.marking import FAR, MOVES
+from rsoconsole.console.picture.picture import STRETCHES
+from rsoconsole.console.picture.sheet_pixels import STEPS
+from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.control import MarkByHand
 from rsoconsole.records import MapMode
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.picture import SHOWN_REJECTED, Mark, mark_of, marks_of
+from rsoconsole.console.picture.marks import SHOWN_REJECTED, Mark, mark_of, marks_of
 from rsoconsole.night import NightFrame
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import Compared, Judged
+    from rsoconsole.pipeline import Compared, Judged
 
 FAINT_FROM_PX = 3.0
 """In larger squares a streak that is to be marked has its ends pointed at."""

@@ -1,10 +1,10 @@
 """The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
 
-from rsoconsole.console.frame.sheet import Sheet
+from rsoconsole.console.frame.sheet import Sheet, readout_parts, title_parts
 from rsoconsole.console.frame.sheet_marks import faint_ends, sheet_marks
-from rsoconsole.console.frame.sheet_words import readout_parts, title_parts
-from rsoconsole.console.panes import SIGHTS, FramePane, Sight
-from rsoconsole.console.picture import Drawing, LightImage, Mark, Picture, greys
+from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
+from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
 
 MOST_FINER = 4
 """Squares of a picture along one of the terminal's: more cost time, not sight."""
@@ -61,7 +61,7 @@ class SheetPane(FramePane):
 
     def _shares_of(self, across: int, down: int) -> LightImage:
         """Parts of a cell, across and down."""
-        from rsoconsole.console.picture import map_shares
+        from rsoconsole.console.picture.sheet_pixels import map_shares
 
         sheet = self._sheet
         assert sheet.pixels is not None

@@ -6,16 +6,16 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.dialogs import fate
-from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.dialogs.candidates import fate
+from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame.sheet import Sheet
-from rsoconsole.console.words import clipped, rule
+from rsoconsole.console.words.words import clipped, rule
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import parts_of, short
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.replay import Compared
+    from rsoconsole.pipeline import Compared
 
 LABEL_COLUMNS = 9
 STAGES = {

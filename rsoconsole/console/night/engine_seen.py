@@ -1,10 +1,15 @@
-"""What the console knows of the engine: its own status, or that it is silent or gone."""
+"""What the console has seen of the engine, what of it is worth a word, and what lies ahead."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Literal
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
+from rsoconsole.config import Alert, Config
 from rsoconsole.control import Status, read_status
+from rsoconsole.night import NightView
+from rsoconsole.records import FOLLOWING, OrbitEstimate
+from rsoconsole.words import IN_FAULT
 
 Reach = Literal["unknown", "attached", "silent", "gone", "recorded"]
 
@@ -36,3 +41,101 @@ def engine_view(answer: Mapping[str, Any]) -> EngineView:
     status = read_status(answer)
     known = {each.name: getattr(status, each.name) for each in fields(Status)}
     return EngineView(reach="attached", **known)
+
+
+LOOK_BACK_LINES = 6
+OSC, ST = "\x1b]", "\x1b\\"
+
+
+def alerts_between(
+    before: tuple[NightView, EngineView], after: tuple[NightView, EngineView]
+) -> list[tuple[Alert, str]]:
+    """What has come to pass between two looks at the same session, with words for it."""
+    (night, engine), (night_now, engine_now) = before, after
+    gone: list[tuple[Alert, str]] = []
+    has_ended = engine_now.reach == "gone" and night_now.has_ended
+    if engine_now.reach in {"gone", "silent"} and engine.reach == "attached" and not has_ended:
+        gone = [("fault", f"the engine is {engine_now.reach}")]
+    if night.folder != night_now.folder or not night.is_read:
+        return gone  # another night, or its past still being read: it is history, not news
+    found: list[tuple[Alert, str]] = []
+    was, now = night.state, night_now.state
+    if now == "TRACK" and was not in FOLLOWING:
+        found.append(("acquisition", "a satellite is being followed"))
+    elif (now == "LOST" and was != "LOST") or (
+        was in FOLLOWING and now == "SEARCH" and not _is_sought(night_now)
+    ):
+        found.append(("loss", "the satellite is lost"))
+    new_lines = [line for line in night_now.log if line.seq > night.seq]
+    if any(line.topic == "limit" for line in new_lines if line.level == "alarm"):
+        found.append(("limit", "the mount has met a limit"))
+    rings: dict[tuple[str, str], Alert] = {
+        ("alarm", "machine"): "fault",
+        ("warning", "approach"): "approach",
+    }
+    found += [
+        (rings[line.level, line.topic], line.words)
+        for line in new_lines
+        if (line.level, line.topic) in rings
+    ]
+    if now == "FAULT" and was != "FAULT":
+        found.append(("fault", IN_FAULT))
+    else:
+        found += gone
+    return found
+
+
+def _is_sought(night: NightView) -> bool:
+    """Whether it is the operator's own doing: they search for it again, or have rejected it."""
+    return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
+
+
+def notification(words: str) -> str:
+    """What asks a terminal to show a notification (OSC 9, as iTerm2, kitty and others have it)."""
+    plain = "".join(c for c in words if c.isprintable())
+    return f"{OSC}9;rsoconsole: {plain}{ST}"
+
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline import OrbitOutlook
+
+AHEAD_S = (600, 3600, 86_400)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrbitAhead:
+    """Where an orbit leads."""
+
+    folder: Path | None
+    """The session that it belongs to."""
+    estimate: OrbitEstimate
+    from_utc_ns: int
+    outlook: "OrbitOutlook | None"
+    """None where the orbit leads nowhere."""
+    elements: Mapping[str, float] = field(default_factory=dict)
+    """By name: ``e``, ``i_deg``, ``raan_deg``, ``argp_deg`` and others."""
+    sigmas: Mapping[str, float | None] = field(default_factory=dict)
+    """Of the same; None where the orbit does not fix one at all."""
+
+
+def orbit_ahead(
+    estimate: OrbitEstimate,
+    config: Config,
+    from_utc_ns: int,
+    *,
+    folder: Path | None = None,
+) -> OrbitAhead:
+    """Where it leads from that instant on, seen from the configured site; about half a second."""
+    # Late: the sky's computation loads slowly, and the first paint does not wait for it.
+    from rsoconsole.orbits import orbit_from_record
+    from rsoconsole.pipeline import element_sigmas, elements_by_name, orbit_outlook
+
+    orbit = orbit_from_record(estimate)
+    return OrbitAhead(
+        folder=folder,
+        estimate=estimate,
+        from_utc_ns=from_utc_ns,
+        outlook=orbit_outlook(orbit, config.site.to_site(), config.limits, from_utc_ns, AHEAD_S),
+        elements=elements_by_name(orbit.r_km, orbit.v_km_s),
+        sigmas=element_sigmas(orbit),
+    )

@@ -6,24 +6,19 @@ Each line has a rank: in a low pane the lines of the first ranks stay, in their 
 import math
 import unicodedata
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.orbit.orbit_view import OrbitShown
-from rsoconsole.console.tuning import TrackQuality
-from rsoconsole.console.words import (
-    Item,
-    clipped,
-    packed,
-    rule,
-    wrapped,
-)
+from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
+from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
+from rsoconsole.console.words.words import Item, clipped, packed, present_utc_ns, rule, wrapped
 from rsoconsole.control import one_line
-from rsoconsole.night import shown
-from rsoconsole.records import CatalogueMatch, OrbitEstimate
-from rsoconsole.sky import NS_PER_S
-from rsoconsole.tracking.filters import NIS_BAND
+from rsoconsole.night import NightView, shown
+from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
+from rsoconsole.tracking import NIS_BAND
 from rsoconsole.words import (
+    NS_PER_S,
     angle,
     called,
     clock,
@@ -40,8 +35,104 @@ from rsoconsole.words import (
     turn_words,
 )
 
+LEAST_MEASUREMENTS = 3
+AHEAD_GOOD_S = 300.0
+"""What was computed from another instant is not shown beyond that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrbitShown:
+    """Orbit, name and what lies ahead, as far as they are known."""
+
+    estimate: OrbitEstimate | None = None
+    identified: Identified | None = None
+    ahead: OrbitAhead | None = None
+    now_utc_ns: int | None = None
+    last_utc_ns: int | None = None
+    """When it was found, where it is of something that is followed no more."""
+    is_past: bool = False
+    since_word_s: float | None = None
+    """Its age, where it is from before the operator's last word on a frame; else None."""
+    absence: str = ""
+    """Why there is no orbit; empty where there is one."""
+    quality: TrackQuality | None = None
+    """Of the lead's track; None where none is measured, or the orbit is of the past."""
+    has_site: bool = True
+    """Whether the session says from where one looks."""
+    has_catalogue: bool = True
+    """Whether there was any catalogue to name it by."""
+
+
+def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitShown:
+    """What is known at that instant; ``ahead``: what was computed last, of whatever orbit."""
+    now = present_utc_ns(night, engine)
+    quality = track_quality(night)
+    ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
+    return OrbitShown(
+        estimate=night.orbit,
+        identified=night.identified,
+        ahead=ahead if ahead is not None and _is_of(ahead, night) else None,
+        now_utc_ns=now,
+        last_utc_ns=night.orbit_utc_ns if night.is_orbit_past else None,
+        is_past=night.is_orbit_past,
+        quality=quality,
+        since_word_s=_since_word_s(night, now),
+        absence="" if night.orbit is not None else _absence(night, engine),
+        has_site=night.config is not None,
+        has_catalogue=night.config is None or bool(night.config.catalogue.tle_files),
+    )
+
+
+def _since_word_s(night: NightView, now: int | None) -> float | None:
+    """Age of an orbit that is being fitted again after a word on a frame; None: it is not."""
+    orbit, found_ns = night.orbit, night.orbit_utc_ns
+    if orbit is None or found_ns is None or orbit.track_id not in night.being_fitted_again:
+        return None
+    return max(((now or found_ns) - found_ns) / NS_PER_S, 0.0)
+
+
+def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
+    """Whether it was computed of this session, and of about this instant."""
+    is_same = ahead.folder == night.folder
+    return is_same and now is not None and abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
+
+
+def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
+    """Whether it is of the orbit on record, or until that is computed, of one just before it."""
+    if night.orbit is None:
+        return False
+    if ahead.estimate == night.orbit:
+        return True
+    is_same_track = ahead.estimate.track_id == night.orbit.track_id
+    is_before = ahead.estimate.frame_id < night.orbit.frame_id
+    return not night.is_orbit_past and is_same_track and is_before
+
+
+def _absence(night: NightView, engine: EngineView) -> str:
+    count = _measured(night)
+    if night.track is None:
+        return "nothing is followed: there is no orbit"
+    if count < LEAST_MEASUREMENTS:
+        return f"an orbit needs {LEAST_MEASUREMENTS} measurements: {count} so far"
+    if night.setting("orbit.online") is False:
+        return "no orbit is computed: the setting orbit.online is off"
+    if engine.reach == "recorded":
+        return "no orbit is on record here: recorded without, or too little was measured"
+    return "no orbit yet: the measurements so far tell none"
+
+
+def _measured(night: NightView) -> int:
+    """Measurements that the track has taken, as far as anybody needs to count."""
+    count = 1 if night.track_frame_id else 0  # a track begins with its second one
+    for row in reversed(night.rows):
+        if count >= LEAST_MEASUREMENTS or row.frame_id < night.track_frame_id:
+            break
+        count += row.is_followed
+    return count
+
+
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.orbits import Ahead, OrbitOutlook
+    from rsoconsole.pipeline import Ahead, OrbitOutlook
 
 Ranked = tuple[int, Line]
 

@@ -6,11 +6,12 @@ from typing import Literal, NamedTuple
 from textual.events import Click
 from textual.widget import Widget
 
-from rsoconsole.console.commands import BY_NAME, first_key
-from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView
-from rsoconsole.console.words import clipped, wrapped
-from rsoconsole.pipeline.frame import HELD
+from rsoconsole.console.commands.commands import BY_NAME
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.words.words import clipped, wrapped
+from rsoconsole.pipeline import HELD
 
 Mode = Literal[
     "live",

@@ -8,27 +8,31 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.app import ComposeResult
 from textual.content import Content
-from textual.events import MouseDown, MouseEvent, MouseUp, Resize
+from textual.events import Blur, MouseDown, MouseEvent, MouseMove, MouseUp, Resize
+from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
+from textual.widgets import Input
 
-from rsoconsole.console.drawing import NIGHT, QUADRANTS, Blocks, Line, RunKey, fitted, runs
-from rsoconsole.console.picture import (
+from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks, RunKey, fitted, runs
+from rsoconsole.console.drawing.plain import NIGHT
+from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.picture.marks import Mark, MarkKind, overlay
+from rsoconsole.console.picture.picture import (
     GREYS,
     Drawing,
     LightImage,
-    Mark,
-    MarkKind,
     Picture,
     Stretch,
     draw_closeup,
     draw_field,
-    overlay,
     shares,
 )
-from rsoconsole.console.watches import Pointed
-from rsoconsole.console.words import fitted as fitted_words
-from rsoconsole.console.words import wrapped
+from rsoconsole.console.timeline.lines import strip_place
+from rsoconsole.console.timeline.night_line import EXAMPLES
+from rsoconsole.console.watches.messages import Pointed
+from rsoconsole.console.words.words import fitted as fitted_words
+from rsoconsole.console.words.words import wrapped
 
 Build = Callable[[int, int], list[Line]]
 """(width, height) -> the lines to show."""
@@ -140,7 +144,7 @@ class FramePane(Widget):
         """Where the terminal draws pictures itself, a place for one."""
         graphics = getattr(self.app, "graphics", None)
         if graphics is not None:
-            from rsoconsole.console.picture import image_widget
+            from rsoconsole.console.picture.graphics import image_widget
 
             self._pixels = image_widget(graphics)
             self._pixels.styles.position = "absolute"
@@ -231,7 +235,7 @@ class FramePane(Widget):
 
     def _paint(self) -> None:
         """The same by the terminal's own graphics."""
-        from rsoconsole.console.picture import cell_px, painted
+        from rsoconsole.console.picture.graphics import cell_px, painted
 
         drawing = self.drawing
         self._pixels.display = drawing is not None
@@ -368,3 +372,63 @@ class StopBanner(LinesPane):
         self.set_class(phase == "stopped", "-stopped")
         ending = "  (esc)" if phase in {"stopped", "failed"} else ""
         self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))
+
+
+class TimelinePane(LinesPane):
+    """A click goes there, and so does the mouse while it is drawn along."""
+
+    class Pointed(Message):
+        """A cell of the strip, and the number of its cells."""
+
+        def __init__(self, column: int, columns: int) -> None:
+            super().__init__()
+            self.column, self.columns = column, columns
+
+    _is_drawn = False
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        """There."""
+        self._is_drawn = True
+        self.capture_mouse()
+        self._point(event)
+
+    def on_mouse_move(self, event: MouseMove) -> None:
+        """And on."""
+        if self._is_drawn:
+            self._point(event)
+
+    def on_mouse_up(self, _event: MouseUp) -> None:
+        """Let go."""
+        self._is_drawn = False
+        self.release_mouse()
+
+    def _point(self, event: MouseEvent) -> None:
+        event.stop()
+        x, columns = strip_place(self.size.width)
+        if self.size.height > 1:
+            self.post_message(self.Pointed(event.x - x, columns))
+
+
+class MomentField(Input, can_focus=False):
+    """A frame or a time is typed in the last line, and the sky stays in view."""
+
+    DEFAULT_CSS = """
+    MomentField { display: none; layer: over; position: absolute; width: 100%; height: 1; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(placeholder=f"go to a moment: {EXAMPLES}", id="moment", compact=True)
+
+    def open(self) -> None:
+        """Type now."""
+        self.value = ""
+        self.display = self.can_focus = True
+        self.focus()
+
+    def close(self) -> None:
+        """Typed, or not wanted."""
+        self.display = self.can_focus = False
+
+    def on_blur(self, _event: Blur) -> None:
+        """Something else is looked at."""
+        self.close()

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Graphics
-from rsoconsole.console.drawing import BY_NAME, QUADRANTS, Blocks, asked, blocks_of
+from rsoconsole.console.drawing.blocks import BY_NAME, QUADRANTS, Blocks
+from rsoconsole.console.drawing.terminal_query import asked, blocks_of
 from rsoconsole.console.picture.marks import Mark, Window
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.console.drawing import Numbered, placed_numbers
+from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
 from rsoconsole.night import FrameTrack, NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel

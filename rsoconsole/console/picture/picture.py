@@ -8,10 +8,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.console.drawing import QUADRANTS, Blocks
-from rsoconsole.console.picture.marks import Mark, Window
+from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks
+from rsoconsole.console.picture.marks import Mark, Window, marks_of
 from rsoconsole.night import NightFrame
 from rsoconsole.records import Closeup
+from rsoconsole.session import SessionReader
 
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
@@ -250,3 +251,31 @@ def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
     """(columns, rows) of the largest picture of that aspect: a cell is twice as high as wide."""
     fitting = min(columns, max(1, round(2 * rows * aspect)))
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
+
+
+def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Picture | None:
+    """The frame's picture with what was said of it; None where none is kept, or not yet.
+
+    Raises SessionError.
+    """
+    path = reader.preview_path(frame_id)
+    codes = read_codes(path) if path is not None else None
+    if codes is None:
+        return None
+    return Picture(
+        frame_id=frame_id,
+        codes=codes,
+        light=light_of(codes),
+        detail=detail,
+        marks=marks_of(detail),
+        closeup=read_closeup(reader, detail),
+        place=detail.closeup,
+    )
+
+
+def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
+    """The piece at full resolution; None where none is kept, or not yet. Raises SessionError."""
+    if detail.closeup is None:
+        return None
+    path = reader.closeup_path(detail.closeup.frame_id)
+    return read_codes(path) if path is not None else None

@@ -6,44 +6,36 @@ from typing import Any, ClassVar
 from textual import events
 from textual.binding import BindingType
 
-from rsoconsole.console.actions import (
-    CommandOutcomes,
-    MarkActions,
-    NudgeActions,
-    StreakActions,
-    TelescopeActions,
-    TrackOrders,
-    TwicePressed,
-    has_track,
-    too_late_to_mark,
-)
-from rsoconsole.console.commands import bindings, first_key
-from rsoconsole.console.dialogs import MARKED, CandidatesDialog, LeaveDialog, LineDialog, intro_text
-from rsoconsole.console.frame import MarkTo
-from rsoconsole.console.panes import Key, Mode, keys_for
-from rsoconsole.console.picture import Mark, Marking
-from rsoconsole.console.screens.drawn_from import Draw
-from rsoconsole.console.screens.night_screen import KNOWN, NightScreen
+from rsoconsole.console.actions.mark_actions import CommandOutcomes, MarkActions, too_late_to_mark
+from rsoconsole.console.actions.seat import TwicePressed, has_track
+from rsoconsole.console.actions.streak_actions import NudgeActions, StreakActions
+from rsoconsole.console.actions.telescope_actions import TelescopeActions
+from rsoconsole.console.actions.track_actions import TrackOrders
+from rsoconsole.console.commands.keymap import bindings, first_key
+from rsoconsole.console.dialogs.ask import LineDialog
+from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
+from rsoconsole.console.dialogs.dialogs import LeaveDialog
+from rsoconsole.console.dialogs.tour import intro_text
+from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.panes.last_line import Key, Mode, keys_for
+from rsoconsole.console.picture.marking import Marking
+from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
 from rsoconsole.console.screens.pane_places import aspect_of
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
-from rsoconsole.console.watches import (
+from rsoconsole.console.watches.messages import (
     EngineSeen,
     MarkHeld,
     NightSeen,
     OutcomeCame,
     Pointed,
-    detail_of,
 )
-from rsoconsole.console.words import kept_words, words
-from rsoconsole.control import (
-    MarkByHand,
-    Note,
-    Shutdown,
-    StopNews,
-)
-from rsoconsole.control.words import holder_words, motion_words
+from rsoconsole.console.watches.sheet_worker import detail_of
+from rsoconsole.console.words import words
+from rsoconsole.console.words.leaving import kept_words
+from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, holder_words, motion_words
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 
 
 class LiveScreen(NightScreen):

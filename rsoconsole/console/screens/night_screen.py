@@ -1,47 +1,81 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
+from textual.screen import Screen
 
 from rsoconsole.config import SessionConfig
-from rsoconsole.console.actions import (
-    PictureActions,
+from rsoconsole.console.actions.picture_actions import PictureActions
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.track_actions import (
     PlotActions,
-    Seat,
     TrackActions,
     TrackList,
     TracksPane,
-    TuneActions,
 )
-from rsoconsole.console.dialogs import LineDialog
-from rsoconsole.console.drawing import (
-    Name,
-)
-from rsoconsole.console.frame import MarkTo
-from rsoconsole.console.orbit import orbit_lines
-from rsoconsole.console.panes import (
-    FramePane,
-    LinesPane,
-    LogPane,
-    Mode,
-    Sight,
-    StopBanner,
-)
-from rsoconsole.console.picture import Drawing, Picture
-from rsoconsole.console.screens.alert_line import AlertLine
-from rsoconsole.console.screens.drawn_from import Draw, DrawnFrom
-from rsoconsole.console.screens.key_line import KeyLine
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.dialogs.ask import LineDialog
+from rsoconsole.console.drawing.pane_layout import Name
+from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.orbit.lines import orbit_lines
+from rsoconsole.console.panes.last_line import Mode
+from rsoconsole.console.panes.log_pane import LogPane
+from rsoconsole.console.panes.panes import FramePane, LinesPane, Sight, StopBanner
+from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.console.screens.opening_actions import OpeningActions
-from rsoconsole.console.screens.pane_places import place_panes
+from rsoconsole.console.screens.pane_places import AlertLine, KeyLine, place_panes
 from rsoconsole.console.screens.reading import ReadingActions
-from rsoconsole.console.tuning import TunePane
-from rsoconsole.console.watches import OrbitSeen, OutlookSeen, OutlookWatch, WhatIfSeen
-from rsoconsole.console.words import fact_lines, sky_lines, words
+from rsoconsole.console.tuning.tuning_pane import TunePane
+from rsoconsole.console.watches.messages import OrbitSeen, OutlookSeen, WhatIfSeen
+from rsoconsole.console.watches.watch import OutlookWatch
+from rsoconsole.console.words import words
+from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.console.words.sky_view import sky_lines
 from rsoconsole.control import AnswerSeat, StopNews
+
+Draw = Callable[[], None]
+
+
+class DrawnFrom:
+    """Draws what is drawn from a reactive of the screen after the message that has changed it.
+
+    A message changes several as a rule: what is drawn from more than one of them is drawn once.
+    """
+
+    def __init__(self, screen: Screen[None], table: Mapping[Draw, Iterable[str]]) -> None:
+        """``table``: how each part is drawn, and the names of the reactives it is drawn from."""
+        self._screen, self._draws = screen, tuple(table)
+        self._stale: set[Draw] = set()
+        for draw, names in table.items():
+            for name in names:
+                screen.watch(screen, name, self._watcher(draw), init=False)
+
+    def _watcher(self, draw: Draw) -> Draw:
+        def changed() -> None:
+            if not self._stale:
+                self._screen.call_next(self.draw)
+            self._stale.add(draw)
+
+        return changed
+
+    def draw(self) -> None:
+        """What has changed, in the order of the table."""
+        stale, self._stale = self._stale, set()
+        for draw in self._draws:
+            if draw in stale:
+                draw()
+
+    def draw_all(self) -> None:
+        """The first paint."""
+        self._stale.clear()
+        for draw in self._draws:
+            draw()
+
 
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 

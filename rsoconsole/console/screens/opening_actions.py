@@ -4,9 +4,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from rsoconsole.console.actions import Seat
-from rsoconsole.console.dialogs import CandidatesDialog, Dialog
-from rsoconsole.console.frame import FrameSheet, MarkTo
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.dialogs.candidates import CandidatesDialog
+from rsoconsole.console.dialogs.dialogs import Dialog
+from rsoconsole.console.frame.frame_sheet import FrameSheet
+from rsoconsole.console.frame.sheet_actions import MarkTo
 
 DEAF_S = 1.0
 """So long enter does nothing after a dialog has closed."""
@@ -54,7 +56,7 @@ class OpeningActions:
     def action_sessions(self) -> None:
         """The recorded nights; the chosen one is opened for review."""
         seat = self._seat
-        from rsoconsole.console.dialogs import SessionListDialog
+        from rsoconsole.console.dialogs.session_list import SessionListDialog
 
         def decided(folder: Path | None) -> None:
             if folder is not None:

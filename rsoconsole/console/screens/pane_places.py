@@ -1,11 +1,16 @@
-"""Where each pane of a night's screen lies, for its terminal and for what is open."""
+"""Where the panes of a screen lie, its line of keys and its alert."""
 
 from collections.abc import Collection, Mapping
 
+from textual.events import Click
 from textual.widget import Widget
 
-from rsoconsole.console.actions import PlotActions, Seat, TuneActions
-from rsoconsole.console.drawing import (
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.track_actions import PlotActions
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.drawing.pane_layout import (
+    MOST_ALERT_ROWS,
     Box,
     Name,
     banner_box,
@@ -15,7 +20,9 @@ from rsoconsole.console.drawing import (
     timeline_rows,
     tune_box,
 )
-from rsoconsole.console.picture import Picture
+from rsoconsole.console.panes.last_line import Key, action_at, key_line, notice_rows
+from rsoconsole.console.picture.picture import Picture
+from rsoconsole.console.words import words
 
 DEFAULT_ASPECT = 4 / 3
 
@@ -86,3 +93,60 @@ def _place_tune(seat: Seat, tune: TuneActions, boxes: Mapping[Name, Box], place:
         return
     if facts.y < place.y + place.height and place.y < facts.y + facts.height:
         seat.query_one("#facts").styles.width = place.x - facts.x
+
+
+class AlertLine:
+    """Draws it in a pane; the panes below are laid out for its rows."""
+
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+        self._placed_rows = 0
+        """For which the panes have been laid out."""
+
+    def place(self) -> int:
+        """How many rows the alert, or what stands in its place, takes."""
+        self._placed_rows = self._rows()
+        return self._placed_rows
+
+    def _rows(self) -> int:
+        said = self._seat.alert or self._seat.intro
+        width = self._seat.size.width
+        return len(words.wrapped(f" {said}", width, MOST_ALERT_ROWS)) if said else 0
+
+    def show(self) -> bool:
+        """Say it; whether it takes another number of rows than the panes are laid out for."""
+        seat, pane = self._seat, self._seat.pane("alert")
+        alert = seat.alert
+        said = alert or seat.intro
+        pane.set_class(not alert, "-calm")
+        cut = f"… ({first_key('read', seat.keymap)} shows all) …"
+        pane.show(lambda width, height: words.wrapped(f" {said}", width, height, cut))
+        return self._rows() != self._placed_rows
+
+
+class KeyLine:
+    """Draws it in a pane, which grows by the rows that a notice takes."""
+
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+        self._drawn: tuple[list[Key], str] = ([], "")
+        """The keys and the notice that it shows."""
+
+    def show(self) -> None:
+        """The keys that matter now, and a word about what was just done."""
+        keys, notice = self._seat.keys, self._seat.notice
+        self._drawn = keys, notice[0]
+        self.place()
+        self._seat.pane("keys").show(key_line(keys, notice))
+
+    def place(self) -> None:
+        """In the last row, and over it what is said."""
+        pane, (width, height) = self._seat.pane("keys"), self._seat.size
+        rows = 1 + notice_rows(self._seat.notice[0], width, height)
+        if pane.styles.height is None or pane.styles.height.value != rows:
+            pane.styles.height = rows
+            pane.styles.offset = (0, height - rows)
+
+    def action_at(self, event: Click) -> str:
+        """What the key that was clicked does, as Textual writes an action; empty: none was."""
+        return action_at(event, self._seat.pane("keys"), *self._drawn)

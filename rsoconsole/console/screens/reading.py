@@ -9,10 +9,10 @@ from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
-from rsoconsole.console.actions import Seat
-from rsoconsole.console.dialogs import Dialog, framed
-from rsoconsole.console.panes import LogPane
-from rsoconsole.console.tuning import TunePane
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.dialogs.dialogs import Dialog, framed
+from rsoconsole.console.panes.log_pane import LogPane
+from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.night import LogLine
 from rsoconsole.words import clock
 

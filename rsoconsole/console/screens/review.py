@@ -11,47 +11,36 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.widgets import Input
 
-from rsoconsole.console.actions import TuneActions
-from rsoconsole.console.commands import bindings
-from rsoconsole.console.dialogs import LineDialog
-from rsoconsole.console.drawing import Line, Name
-from rsoconsole.console.orbit import target_words
-from rsoconsole.console.panes import (
-    FramePane,
-    Key,
-    LogPane,
-    Mode,
-    MomentField,
-    Sight,
-    TimelinePane,
-    review_keys,
-)
-from rsoconsole.console.picture import Drawing, Picture
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.commands.keymap import bindings
+from rsoconsole.console.dialogs.ask import LineDialog
+from rsoconsole.console.drawing.pane_layout import Name
+from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.orbit.lines import target_words
+from rsoconsole.console.panes.last_line import Key, Mode, review_keys
+from rsoconsole.console.panes.log_pane import LogPane
+from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
+from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.console.screens.compare import ReviewCompare
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.pane_places import aspect_of
-from rsoconsole.console.screens.review_compare import ReviewCompare
-from rsoconsole.console.screens.review_log import ReviewLogPane
-from rsoconsole.console.screens.review_moves import PLAY_S, ReviewMoves
-from rsoconsole.console.screens.review_place import place_of
-from rsoconsole.console.screens.review_seat import ANY, FOUND, ReviewSeat
-from rsoconsole.console.screens.review_tuning import ReviewTuneActions
-from rsoconsole.console.timeline import (
-    Player,
-    ReviewWatch,
-    Timeline,
-    engine_then,
-    review_top_lines,
-    timeline_lines,
+from rsoconsole.console.screens.review_log import ReviewLogPane, ReviewTuneActions
+from rsoconsole.console.screens.review_moves import (
+    ANY,
+    FOUND,
+    PLAY_S,
+    ReviewMoves,
+    ReviewSeat,
+    place_of,
 )
-from rsoconsole.console.watches import (
-    MomentSeen,
-    ReviewFailed,
-    TimelineSeen,
-)
+from rsoconsole.console.timeline.lines import engine_then, review_top_lines, timeline_lines
+from rsoconsole.console.timeline.moments import ReviewWatch
+from rsoconsole.console.timeline.night_line import Player, Timeline
+from rsoconsole.console.watches.messages import MomentSeen, ReviewFailed, TimelineSeen
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.outlook import Outlook
+    from rsoconsole.pipeline import Outlook
 
 LIVE_S = 0.5
 """How often it is looked what the night behind does."""

@@ -9,7 +9,11 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.strip import Strip
 
-from rsoconsole.console.panes import LogPane
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.panes.log_pane import LogPane
+from rsoconsole.console.screens.review_moves import ReviewSeat
+from rsoconsole.console.tuning.lines import TuneWords
 from rsoconsole.night import LogLine
 
 HERE = "▸"
@@ -127,3 +131,35 @@ class ReviewLogPane(LogPane):
         if self.chosen is not None and line.seq > self.seq:
             return self.rich_style + self.get_component_rich_style("log--later")
         return super()._style_of(line)
+
+
+class ReviewTuneActions(TuneActions):
+    """Over the last frames before the moment, or over all before it."""
+
+    def __init__(self, seat: ReviewSeat) -> None:
+        super().__init__(seat)
+        self._review = seat
+        self._is_of_all = False
+
+    @property
+    def words(self) -> TuneWords:
+        """Nothing is applied here."""
+        frames = "all frames so far" if self._is_of_all else "{count} frames to here"
+        scope = first_key("tune_scope", self._review.keymap)
+        which = "the last frames" if self._is_of_all else "all frames"
+        return TuneWords(
+            frames=frames,
+            of_present=self.of_present(),
+            keys=f"{scope} {which}  u undo  w save  o load",
+        )
+
+    def scope(self) -> tuple[int | None, int | None]:
+        """Up to the moment."""
+        return self._review.seq, None if self._is_of_all else self.last_frames()
+
+    def action_tune_scope(self) -> None:
+        """The last frames, or all."""
+        self._is_of_all = not self._is_of_all
+        self.show()
+        self.compute()
+        self._review.say(f"tune: {self.words.frames}")

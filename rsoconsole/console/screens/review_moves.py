@@ -2,20 +2,56 @@
 
 import time
 from functools import partialmethod
+from pathlib import Path
+from typing import Any
 
-from rsoconsole.console.panes import MomentField, TimelinePane
-from rsoconsole.console.screens.review_seat import ANY, FOUND, ReviewSeat
-from rsoconsole.console.timeline import (
+from rsoconsole.console.panes.panes import MomentField, TimelinePane
+from rsoconsole.console.screens.night_screen import NightScreen
+from rsoconsole.console.timeline.lines import SIGNS, Place, place_words, reading_words, time_at
+from rsoconsole.console.timeline.moments import Moment
+from rsoconsole.console.timeline.night_line import (
     KINDS,
-    SIGNS,
+    Player,
+    Timeline,
     TimelineEventKind,
-    place_words,
     seq_of,
     speed_words,
-    time_at,
     understood,
 )
 from rsoconsole.night import LogLine
+
+ANY, FOUND = "any", "found"
+
+
+class ReviewSeat(NightScreen):
+    """Holds where a review is; the screen above it brings the moments and draws the time line."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.folder: Path | None = None
+        self.timeline = Timeline()
+        self.lines: tuple[LogLine, ...] = ()
+        """Of the whole log, as far as it has been read."""
+        self.moment: Moment | None = None
+        """The moment that is shown; None before the first."""
+        self.kept: Moment | None = None
+        """The one to compare with, A; None while none is kept."""
+        self.seq = 0
+        """The moment that is wanted."""
+        self.is_at_head = False
+        """Whether a night that goes on is followed."""
+        self.kind: str = ANY
+        """Of the events that are jumped to."""
+        self.searched = ""
+        """Words that the log has been searched for."""
+        self.player = Player()
+
+    def want(self, seq: int) -> None:
+        """Have that moment shown."""
+
+    def show_place(self) -> None:
+        """The time line."""
+
 
 PLAY_S = 0.1
 """How often it is looked whether another frame is due."""
@@ -206,3 +242,36 @@ class ReviewMoves:
 
     action_slower = partialmethod(_change_speed, -1)
     action_faster = partialmethod(_change_speed, 1)
+
+
+def place_of(review: ReviewSeat, moves: ReviewMoves) -> Place:
+    """The wanted moment, the kept moment, and what is jumped to."""
+    return Place(
+        seq=review.seq,
+        words=tuple(word for word in _words(review, moves) if word),
+        kept_seq=review.kept.seq if review.kept is not None else None,
+        kinds=moves.kinds if review.kind != FOUND else (),
+        found=moves.found,
+    )
+
+
+def _words(review: ReviewSeat, moves: ReviewMoves) -> list[str]:
+    if review.folder is None:
+        return ["no session"]
+    moment, timeline = review.moment, review.timeline
+    is_there = moment is not None and moment.seq == review.seq
+    t_utc_ns = review.night.last_utc_ns if is_there else timeline.time_of(review.seq)
+    speed = speed_words(review.player.speed)
+    pace = f"{'play' if review.player.is_playing else 'paused'} {speed}"
+    if review.is_at_head:
+        pace = "follows the live night"
+    partly = "" if moment is None or moment.is_whole else "earlier frames still to come"
+    kept = "" if review.kept is None else "A " + place_words(timeline, review.kept.seq, None)[0]
+    return [
+        *place_words(timeline, review.seq, t_utc_ns),
+        pace,
+        reading_words(timeline),
+        partly,
+        moves.kind_words,
+        kept,
+    ]

@@ -1,5 +1,1 @@
 """A night along its time: moments, signs, and the way through them."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -4,11 +4,14 @@ Places are numbers of the log (``seq``). A frame reaches from its ``FrameTaken``
 before the next one: what a screen shows at its end is the whole frame.
 """
 
+import re
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
+from datetime import UTC, date, datetime, timedelta
+from datetime import time as time_of_day
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.words import refused_of
+from rsoconsole.console.words.panels import refused_of
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
@@ -21,6 +24,7 @@ from rsoconsole.records import (
     Record,
     StateChange,
 )
+from rsoconsole.words import NS_PER_S, clock
 
 TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
 KINDS: tuple[TimelineEventKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
@@ -232,3 +236,122 @@ def _kind_of(record: Record) -> TimelineEventKind | None:
             return "alarm" if record.level == "alarm" else None
         case _:
             return None
+
+
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1000.0)
+"""Paces of replay, as factors on the night's own."""
+GAP_CADENCES = 10.0
+"""A gap between frames longer than this many times the usual one is skipped."""
+
+
+def speed_words(speed: float) -> str:
+    """×30 or ×0.5."""
+    return f"×{speed:g}"
+
+
+@dataclass(slots=True)
+class Player:
+    """How fast, whether at all, and the frame clock of what is shown."""
+
+    speed: float = SPEEDS[0]
+    is_playing: bool = False
+    _t_utc_ns: float = 0.0
+
+    def settle(self, timeline: Timeline) -> None:
+        """About a frame a second."""
+        cadence_s = timeline.cadence_s()
+        self.speed = min(SPEEDS, key=lambda speed: abs(speed - cadence_s))
+
+    def change(self, by: int) -> None:
+        """One step slower or faster."""
+        at = SPEEDS.index(self.speed) + by
+        self.speed = SPEEDS[min(max(at, 0), len(SPEEDS) - 1)]
+
+    def begin(self, timeline: Timeline, seq: int) -> None:
+        """Play from there on."""
+        self.is_playing = True
+        self._t_utc_ns = float(timeline.time_of(seq) or 0)
+
+    def after(self, timeline: Timeline, seq: int, by_s: float) -> int:
+        """The moment that is due when it has played for so long since the last call.
+
+        At the end of a night that is over it stops; one that goes on is waited for.
+        """
+        following = timeline.step(seq, 1)
+        if following is None or following == seq:
+            self.is_playing = not timeline.is_closed and following is not None
+            return seq
+        ahead_ns = (timeline.time_of(following) or 0) - self._t_utc_ns
+        self._t_utc_ns += by_s * self.speed * 1e9
+        if ahead_ns > GAP_CADENCES * timeline.cadence_s() * 1e9:
+            self._t_utc_ns = float(timeline.time_of(following) or 0)
+        due = timeline.at_time(round(self._t_utc_ns))
+        return seq if due is None else max(due, seq)
+
+
+EXAMPLES = "128, 03:14, 03:14:22 or 2024-03-01T03:14"
+_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Typed:
+    """What was meant: a frame's number, or a time of day with or without its date, UTC."""
+
+    frame_id: int | None = None
+    clock: time_of_day | None = None
+    day: date | None = None
+
+
+def understood(text: str) -> Typed:
+    """What was typed. Raises ValueError in words for what is neither."""
+    plain = text.strip()
+    if plain.isdecimal():
+        return Typed(frame_id=int(plain))
+    found = _CLOCK.fullmatch(plain)
+    if found is not None:
+        day, hour, minute, second = found.groups()
+        try:
+            return Typed(
+                clock=time_of_day(int(hour), int(minute), int(second or 0)),
+                day=date.fromisoformat(day) if day else None,
+            )
+        except ValueError as error:
+            raise ValueError(f"{plain!r} is no time: {error}") from error
+    raise ValueError(f"{plain!r} is no frame and no UTC time: {EXAMPLES}")
+
+
+def seq_of(typed: Typed, timeline: Timeline) -> int:
+    """The moment that was meant: that frame's end, or what was newest then.
+
+    Raises ValueError in words where the night has none.
+    """
+    if not timeline.frames:
+        raise ValueError("the session has no frames")
+    if typed.frame_id is not None:
+        for index, mark in enumerate(timeline.frames):
+            if mark.frame_id == typed.frame_id:
+                return timeline.end_of(index)
+        first, last = timeline.frames[0].frame_id, timeline.frames[-1].frame_id
+        raise ValueError(f"there is no frame {typed.frame_id}: frames are {first} to {last}")
+    t_utc_ns = _instant(typed, timeline)
+    seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
+    if seq is None:
+        first_utc_ns, last_utc_ns = timeline.first_utc_ns, timeline.last_utc_ns
+        raise ValueError(f"the session goes from {clock(first_utc_ns)} to {clock(last_utc_ns)}")
+    return seq
+
+
+def _instant(typed: Typed, timeline: Timeline) -> int | None:
+    """That time within the session; None where it has none. A minute that has begun counts."""
+    first, last = timeline.first_utc_ns, timeline.last_utc_ns
+    if first is None or last is None or typed.clock is None:
+        return None
+    begun = datetime.fromtimestamp(first // NS_PER_S, tz=UTC).date()
+    ended = datetime.fromtimestamp(last // NS_PER_S, tz=UTC).date()
+    days = [begun + timedelta(days=n) for n in range((ended - begun).days + 1)]
+    for day in days if typed.day is None else [typed.day]:
+        instant = datetime.combine(day, typed.clock, tzinfo=UTC)
+        t_utc_ns = int(instant.timestamp()) * NS_PER_S
+        if first - 60 * NS_PER_S <= t_utc_ns <= last + 60 * NS_PER_S:
+            return t_utc_ns
+    return None

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from rsoconsole.console.drawing import Ink, Line
+from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
-from rsoconsole.console.words import clipped, rule, wrapped
+from rsoconsole.console.words.words import clipped, rule, wrapped
 from rsoconsole.night import shown
 
 if TYPE_CHECKING:

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 
 from textual.message import Message
 
-from rsoconsole.console.night import EngineView, OrbitAhead
-from rsoconsole.console.picture import Picture
-from rsoconsole.console.timeline import Moment, Timeline
+from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
+from rsoconsole.console.picture.picture import Picture
+from rsoconsole.console.timeline.moments import Moment
+from rsoconsole.console.timeline.night_line import Timeline
 from rsoconsole.control import Command, Outcome, StopNews
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
-    from rsoconsole.pipeline.outlook import Outlook
+    from rsoconsole.pipeline import Outlook
 
 
 class NightSeen(Message):

@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
-from rsoconsole.console.picture import Picture, read_picture
+from rsoconsole.console.picture.picture import Picture, read_picture
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.night import Night, NightFrame
 from rsoconsole.records import MapMode
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 
 if TYPE_CHECKING:
-    from rsoconsole.console.picture import SheetPixels
-    from rsoconsole.pipeline.replay import Compared, RecordedFrame, Reprocessed, Reprocessor
-    from rsoconsole.vision.frame import FrameMap
+    from rsoconsole.console.picture.sheet_pixels import SheetPixels
+    from rsoconsole.pipeline import Compared, RecordedFrame, Reprocessed, Reprocessor
+    from rsoconsole.vision import FrameMap
 
 log = logging.getLogger(__name__)
 
@@ -139,8 +139,8 @@ class SheetWorker:
                 processor.close()
 
     def _open(self) -> "Reprocessor | None":
-        from rsoconsole.console.picture import SheetPixels
-        from rsoconsole.pipeline.replay import Reprocessor, compare, read_pixels, recorded_frame
+        from rsoconsole.console.picture.sheet_pixels import SheetPixels
+        from rsoconsole.pipeline import Reprocessor, compare, read_pixels, recorded_frame
 
         reader = SessionReader(self._folder)
         recorded = recorded_frame(reader, self._frame_id, self._config)

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import Literal
 
-from rsoconsole.console.drawing import Ink, Line, value_plot
-from rsoconsole.console.words.panels import NEWEST
-from rsoconsole.console.words.plot_window import PlotWindow, axis_lines
+from rsoconsole.console.drawing.plot import Ink, Line, value_plot
+from rsoconsole.console.words.panels import NEWEST, PlotWindow, axis_lines
 from rsoconsole.console.words.words import clipped, rule
 from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
 from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec

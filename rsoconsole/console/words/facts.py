@@ -7,13 +7,12 @@ small terminal, a line a group in a larger one, a block a group in a column of i
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView
-from rsoconsole.console.words.coast_words import coast_words
-from rsoconsole.console.words.leaving import leaving_words
+from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.words.leaving import coast_words, leaving_words
 from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
-from rsoconsole.control import Health
-from rsoconsole.control.words import (
+from rsoconsole.control import (
+    Health,
     is_silent,
     limit_left_s,
     limit_words,
@@ -23,11 +22,21 @@ from rsoconsole.control.words import (
 )
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
-from rsoconsole.sky import NS_PER_S, separation_deg
-from rsoconsole.words import altaz, angle, clock, direction, due, format_dec, format_ra, short
+from rsoconsole.sky import separation_deg
+from rsoconsole.words import (
+    NS_PER_S,
+    altaz,
+    angle,
+    clock,
+    direction,
+    due,
+    format_dec,
+    format_ra,
+    short,
+)
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.outlook import Outlook
+    from rsoconsole.pipeline import Outlook
 
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""

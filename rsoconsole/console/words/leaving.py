@@ -1,15 +1,15 @@
-"""When what was followed leaves a field that goes with the stars, in the operator's words. Pure."""
+"""When a track is next seen, leaves the field or is kept: as words beside it."""
 
 import math
 from collections.abc import Mapping
 
-from rsoconsole.console.commands import first_key
-from rsoconsole.console.night import EngineView
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.words.words import cos_deg
-from rsoconsole.night import FrameRow, NightView
+from rsoconsole.night import ELSEWHERE, FrameRow, NightView
 from rsoconsole.records import TrackState
-from rsoconsole.sky import NS_PER_S, wrap_180
-from rsoconsole.words import left
+from rsoconsole.sky import wrap_180
+from rsoconsole.words import NS_PER_S, clock, left
 
 MOST_S = 3600.0
 """Later than that is not said."""
@@ -90,3 +90,110 @@ def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
         if row.is_solved and row.plate_icrs_deg is not None:
             return row
     return None
+
+
+FRAMES_COUNTED = 60
+"""Where it is given up later than after this number of frames, the instant is shown instead."""
+
+
+def coast_words(night: NightView, now_utc_ns: int | None) -> str:
+    """Last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more; empty: no coast."""
+    track = night.track
+    if track is None or not track.misses:
+        return ""
+    seen_ns = night.last_seen_utc_ns
+    parts = []
+    if seen_ns is not None:
+        ago = "" if now_utc_ns is None else f", {left((now_utc_ns - seen_ns) / NS_PER_S)} ago"
+        parts.append(f"last seen {clock(seen_ns)}{ago}")
+    elsewhere = _looked_elsewhere(night, track.misses)
+    parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
+    parts.append(_end_words(night, track, seen_ns))
+    return " · ".join(part for part in parts if part)
+
+
+def _looked_elsewhere(night: NightView, last: int) -> int:
+    """Of the last frames, in how many it could not be seen: they are no misses."""
+    reduced = [row for row in night.rows if row.is_reduced][-last:]
+    return sum(row.miss == ELSEWHERE for row in reduced)
+
+
+def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
+    """By which frame, or when, it is lost at the latest; empty where the session cannot say."""
+    config = night.config
+    if config is None:
+        return ""
+    cadence_s = float(night.setting("exposure.cadence_s") or 0.0)
+    since_ns = track.t_utc_ns if seen_ns is None else seen_ns
+    last_ns = since_ns + round(float(night.setting("filter.max_coast_s")) * NS_PER_S)
+    if cadence_s <= 0.0:
+        return f"given up at {clock(last_ns)}"
+    for more in range(1, FRAMES_COUNTED + 1):
+        ahead_s = more * cadence_s
+        is_late = track.t_utc_ns + ahead_s * NS_PER_S > last_ns
+        if is_late or _is_unsure(night, track, ahead_s):
+            return f"given up after {more} more"
+    return f"given up by {clock(last_ns)}"
+
+
+def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
+    """Whether its place is known too badly by then; process noise is left out, which is less."""
+    config, frame = night.config, night.frame
+    if config is None or frame is None or config.filter.preset == "paper":
+        return False
+    half_field_px = min(frame.width_px, frame.height_px) / 2.0
+    most_deg = min(
+        float(night.setting("filter.max_3sigma_arcmin")) / 60.0,
+        half_field_px * config.optics.scale_arcsec_px / 3600.0,
+    )
+    return _bound_deg(track, ahead_s) > most_deg
+
+
+def _bound_deg(track: TrackState, ahead_s: float) -> float:
+    """The longer side of its 3-sigma box, half, so much later at its own rates."""
+    covariance, dt = track.P, ahead_s
+    cos_dec = math.cos(math.radians(track.x[2]))
+    ra, dec = (
+        covariance[at][at]
+        + 2.0 * covariance[at][at + 1] * dt
+        + covariance[at + 1][at + 1] * dt * dt
+        for at in (0, 2)
+    )
+    return 3.0 * max(math.sqrt(max(ra, 0.0)) * cos_dec, math.sqrt(max(dec, 0.0)))
+
+
+def kept_words(
+    engine: EngineView,
+    keymap: Mapping[str, str],
+    now_utc_ns: int | None = None,
+    *,
+    is_asked_for: bool = False,
+) -> tuple[str, ...]:
+    """The same from the longest to the shortest; none where nothing can be said of it.
+
+    ``now_utc_ns``: the frame clock, by which what is left of its time is counted;
+    ``is_asked_for``: the key was pressed, and the engine has yet to take it up.
+    """
+    if not engine.is_attached:
+        return ()
+    undo = first_key("undo", keymap)
+    if engine.kept is not None and is_asked_for:
+        return f"{engine.kept} is being followed again", "being followed again"
+    if engine.kept is not None:
+        kept = f"{engine.kept} kept"
+        timed, brief = kept, kept
+        if engine.kept_until_utc_ns is not None and now_utc_ns is not None:
+            more = left((engine.kept_until_utc_ns - now_utc_ns) / NS_PER_S)
+            timed, brief = f"{kept} for {more} more", f"{kept} {more}"
+        return (
+            f"{timed}: {undo} follows it again",
+            f"{brief}: {undo} follows it",
+            f"{brief}: {undo}",
+            f"{kept}: {undo}",
+            kept,
+        )
+    if engine.state != "MANUAL" or engine.target or engine.ra_icrs_deg is not None:
+        return ()
+    resume, arm = (first_key(name, keymap) for name in ("hold_or_resume", "arm_or_disarm"))
+    after = f"{resume} searches again" if engine.is_resumable else f"{arm} hands it over"
+    return f"nothing kept: {after}", "nothing kept"

@@ -3,13 +3,13 @@
 import math
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.drawing import Ink, Line, joined
+from rsoconsole.console.drawing.plot import Ink, Line, joined
 from rsoconsole.console.words.words import rule
-from rsoconsole.sky.limits import horizon_altitude_deg
+from rsoconsole.sky import horizon_altitude_deg
 
 if TYPE_CHECKING:
     from rsoconsole.config import Config
-    from rsoconsole.pipeline.outlook import Outlook
+    from rsoconsole.pipeline import Outlook
 
 Cells = dict[tuple[int, int], tuple[str, Ink]]
 RIM_STEPS = 240

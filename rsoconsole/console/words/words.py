@@ -6,15 +6,13 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
-from rsoconsole.console.drawing import Ink, Line
-from rsoconsole.console.night import EngineView
-from rsoconsole.console.picture import Drawing, Picture
-from rsoconsole.control import STILL_STOPS
-from rsoconsole.control.words import fault_words, held_words, holder_words
+from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.control import STILL_STOPS, fault_words, held_words, holder_words
 from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
-from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import clock, direction, short, size_of, span
+from rsoconsole.words import NS_PER_S, clock, direction, short, size_of, span
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]

@@ -2,8 +2,19 @@
 
 from typing import Literal
 
-from rsoconsole.control import Status
-from rsoconsole.words import NS_PER_S, altaz, clock, format_dec, format_ra, rate_text
+from rsoconsole.control.fields import MovePreview
+from rsoconsole.control.status import NextAim, Status, TrackNow
+from rsoconsole.control.wire import one_line
+from rsoconsole.words import (
+    NS_PER_S,
+    altaz,
+    clock,
+    direction,
+    format_dec,
+    format_ra,
+    rate_text,
+    span,
+)
 
 HOLDERS = {
     "autonomy": ("AUTO has the mount", "autonomy has the mount", "AUTO had the mount"),
@@ -117,3 +128,77 @@ def is_silent(status: Status) -> bool:
     """Whether the mount has said nothing for so long that its word is old."""
     said_s = _left_s(status, status.mount_t_utc_ns)
     return said_s is not None and said_s < -OLD_S
+
+
+UNREADABLE = "the engine's answer cannot be read: are both of one version?"
+
+
+def preview_lines(preview: MovePreview | None, ending: str = "") -> list[str]:
+    """The engine's preview of a move; ``ending``: what comes last where it may be made."""
+    if preview is None:
+        return [UNREADABLE]
+    after = preview.pier_side_after
+    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
+    of_date = direction(preview.ra_date_deg, preview.dec_date_deg)
+    rows = (
+        ("ICRS", direction(preview.ra_icrs_deg, preview.dec_icrs_deg)),
+        ("of date", f"{of_date}   {altaz(preview.alt_deg, preview.az_deg)}"),
+        ("way", f"{preview.way_deg:.1f}°, {span(preview.slew_s)}{side}"),
+        ("limits", margins),
+        ("REFUSED", preview.refused),
+    )
+    lines = [f"{label:<8} {words}" for label, words in rows if words]
+    return [*lines, ending] if ending and not preview.refused else lines
+
+
+NAME_COLUMNS = 22
+_HEAD = (
+    f"track {'name':<{NAME_COLUMNS}} {'state':<9} {'age':>6} {'residual/arcsec':>15}"
+    f" {'NIS':>5} {'SNR':>5} next"
+)
+
+
+def track_table(status: Status) -> list[str]:
+    """A head and a line for each track, of at most 80 columns; empty where nothing is followed."""
+    if not status.tracks:
+        return []
+    return [_HEAD, *map(_row, status.tracks)]
+
+
+def aim_parts(aim: NextAim) -> list[str]:
+    """Policy with reason, place and time of the exposure after the next one, and its slew."""
+    return [
+        f"next aim, {aim.policy}: {aim.reason}",
+        direction(aim.ra_icrs_deg, aim.dec_icrs_deg),
+        clock(aim.t_utc_ns, zone=""),
+        "no slew" if aim.moves_arcmin is None else f"slew {aim.moves_arcmin:.1f}′",
+    ]
+
+
+def state_words(state: str, misses: int, *, is_kept: bool) -> str:
+    """What became of it in the last frame; "+": the operator keeps it."""
+    return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
+
+
+def _row(track: TrackNow) -> str:
+    name = one_line(track.name or "-")
+    if len(name) > NAME_COLUMNS:
+        name = f"{name[: NAME_COLUMNS - 1]}…"
+    state = state_words(track.state, track.misses, is_kept=track.is_kept)
+    east, north = track.residual_east_arcsec, track.residual_north_arcsec
+    age = "-" if track.age_s is None else span(track.age_s)
+    off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
+    age = "-" if track.age_s is None else span(track.age_s)
+    is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
+    return (
+        f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"
+        f" {state:<9} {age:>6} {off:>15}"
+        f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5} {is_in}"
+    )
+
+
+def _figure(value: float | None, digits: int) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.{digits}f}" if value < 1000.0 else f"{value:.0f}" if value < 1e5 else ">99999"

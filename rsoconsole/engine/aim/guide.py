@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import AimConfig, Config
-from rsoconsole.orbits.motion import KnownOrbit, predict
-from rsoconsole.pipeline.aim import beside
-from rsoconsole.pipeline.cycle import may_guide
-from rsoconsole.pipeline.orbits import OnlineOrbit
+from rsoconsole.orbits import KnownOrbit, predict
+from rsoconsole.pipeline import OnlineOrbit, beside, may_guide
 from rsoconsole.records import FloatArray, Measurement, Site
-from rsoconsole.sky import NS_PER_S, IntArray, separation_deg
+from rsoconsole.sky import IntArray, separation_deg
+from rsoconsole.words import NS_PER_S
 
 _STEP_S = 10
 _STEPS = 90

@@ -9,9 +9,8 @@ from typing import Literal
 
 from rsoconsole.config import Config
 from rsoconsole.instruments import SkyReport
-from rsoconsole.sky import sun_altitude_deg, utc_ns_to_iso
-from rsoconsole.sky.bodies import night_span
-from rsoconsole.words import no_night
+from rsoconsole.sky import night_span, sun_altitude_deg
+from rsoconsole.words import no_night, utc_ns_to_iso
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

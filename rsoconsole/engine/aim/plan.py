@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide
-from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.aim.planned import (
+from rsoconsole.engine.aim.instrument_controller import (
     CLOCKS_APART_NS,
     FLIP_WAY_DEG,
+    NS,
     SLEW_OVERHEAD_S,
     Ahead,
     IsRefused,
@@ -15,7 +15,7 @@ from rsoconsole.engine.aim.planned import (
 )
 from rsoconsole.engine.aim.search import Direction, Search
 from rsoconsole.instruments import MountReport, PierSide
-from rsoconsole.pipeline.aim import (
+from rsoconsole.pipeline import (
     flip_refusal,
     follow_direction,
     group_direction,
@@ -25,10 +25,8 @@ from rsoconsole.pipeline.aim import (
 )
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
-from rsoconsole.sky import hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
-from rsoconsole.sky.limits import Pose
-from rsoconsole.tracking import PointingModel, command_for, observed
-from rsoconsole.tracking.association import Following
+from rsoconsole.sky import Pose, hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
+from rsoconsole.tracking import Following, PointingModel, command_for, observed
 
 
 class Planner:

@@ -1,7 +1,7 @@
 """Where a search stands: whose turn it is, what it has left out, and the way round."""
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.aim import (
+from rsoconsole.pipeline import (
     SearchBase,
     field_number,
     fields_in_round,

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from rsoconsole.reasons import Cause
 from rsoconsole.records import LoopState
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
 
 Action = Literal["abort", "park", "start search", "search home", "forget plate"]
 Holder = Literal["autonomy", "operator", "nobody"]

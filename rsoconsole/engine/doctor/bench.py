@@ -11,15 +11,16 @@ from typing import TypeAlias
 
 from rsoconsole.config import Config
 from rsoconsole.durable_files import write_durably
+from rsoconsole.engine.aim.instrument_controller import SLEW_OVERHEAD_S
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
+from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.errors import SessionError, said_as
-from rsoconsole.instruments.frames import frame_from_bytes
-from rsoconsole.pipeline.cycle import Cycle
-from rsoconsole.pipeline.frame import Reduction, open_reducer
+from rsoconsole.instruments import frame_from_bytes
+from rsoconsole.pipeline import Cycle, Reduction, open_reducer
 from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.session.files import compress_frame
-from rsoconsole.tracking.association import Following
-from rsoconsole.vision.frame import threads_for
+from rsoconsole.session import compress_frame
+from rsoconsole.tracking import Following
+from rsoconsole.vision import threads_for
 
 BUDGET_S = 22.0
 """For the rounds; drawing, loading and the first round come on top."""
@@ -214,3 +215,109 @@ def _timed(times: Times, stage: str) -> Iterator[None]:
     began_s = time.perf_counter()
     yield
     times[stage] = (time.perf_counter() - began_s) * 1e3
+
+
+SIDEREAL_DEG_S = 15.041 / 3600.0
+"""What a satellite that keeps its slot moves among the stars, and the mount from frame to frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSummary:
+    """One configured cycle, added up with what was measured."""
+
+    exposure_s: float
+    cadence_s: float
+    processing_s: float
+    """Last byte to slew command, solved in full."""
+    slew_s: float
+    """To where a satellite in its slot will be, settled."""
+    shortest_cadence_s: float
+    """At the configured exposure."""
+    longest_exposure_s: float
+    """At the configured cadence; negative where even none would be in time."""
+    recording_s: float | None
+    """To compress and write a frame; None where it was not measured, or none is kept."""
+    disk_mb_s: float | None
+    frame_mb: float
+    """Compressed."""
+    night_mb: float
+    is_held: bool
+    is_recorded: bool
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the machine holds what is configured."""
+        return self.is_held and self.is_recorded
+
+
+def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int) -> BenchSummary:
+    """Add a cycle up: shutter, exposure, read-out, processing, slew.
+
+    The recording runs beside the loop, but it shares the processor: it counts as kept up only
+    where it and the processing fit into one cadence together.
+    """
+    exposure, mount = config.exposure, config.mount
+    totals_ms = (result.median_ms("total"), result.median_ms("total refit"))
+    processing_s = max(ms for ms in totals_ms if ms is not None) / 1e3
+    way_deg = exposure.cadence_s * SIDEREAL_DEG_S
+    slew_s = SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
+    beside_s = exposure.start_latency_s + exposure.readout_s + processing_s + slew_s
+    shortest_s = exposure.exposure_s + beside_s
+    is_held = shortest_s <= exposure.cadence_s
+    disk_ms, compress_ms = result.median_ms("disk"), result.median_ms("compress")
+    recording_s = None
+    if config.session.keep_frames != "none" and disk_ms is not None and compress_ms is not None:
+        recording_s = (disk_ms + compress_ms) / 1e3
+    cycle_s = max(exposure.cadence_s, shortest_s)
+    outlook = disk_outlook(config, free_bytes, now_utc_ns, float(result.compressed_bytes))
+    return BenchSummary(
+        exposure_s=exposure.exposure_s,
+        cadence_s=exposure.cadence_s,
+        processing_s=processing_s,
+        slew_s=slew_s,
+        shortest_cadence_s=shortest_s,
+        longest_exposure_s=exposure.cadence_s - beside_s,
+        recording_s=recording_s,
+        disk_mb_s=None if not disk_ms else result.compressed_bytes / 1e3 / disk_ms,
+        frame_mb=result.compressed_bytes / 1e6,
+        night_mb=outlook.bytes_a_night / 1e6,
+        is_held=is_held,
+        is_recorded=recording_s is None or recording_s + processing_s <= cycle_s,
+    )
+
+
+def summary_lines(summary: BenchSummary) -> list[str]:
+    """For a person to read, with what to do where it is not enough."""
+    sum_words = (
+        f"exposure {summary.exposure_s:g} s + processing {summary.processing_s:.2f} s + slew "
+        f"{summary.slew_s:.1f} s + shutter and read-out = {summary.shortest_cadence_s:.1f} s"
+    )
+    what = f"exposures of {summary.exposure_s:g} s every {summary.cadence_s:g} s"
+    if summary.is_held:
+        spare_s = summary.cadence_s - summary.shortest_cadence_s
+        lines = [f"{what}: held, {spare_s:.1f} s to spare ({sum_words})"]
+    else:
+        lines = [
+            f"{what}: NOT held ({sum_words}): set exposure.cadence_s to at least "
+            f"{summary.shortest_cadence_s:.1f}, or exposures shorter"
+        ]
+    longest = f"longest exposure at this cadence {summary.longest_exposure_s:.1f} s"
+    if summary.longest_exposure_s <= 0.0:
+        longest = "at this cadence there is no time to expose"
+    lines.append(f"shortest cadence at this exposure {summary.shortest_cadence_s:.1f} s, {longest}")
+    lines.append(_recording_line(summary))
+    return lines
+
+
+def _recording_line(summary: BenchSummary) -> str:
+    night = f"up to {summary.night_mb:.0f} MB a night, {summary.frame_mb:.1f} MB a frame"
+    if summary.recording_s is None:
+        return f"recording: {night}; not measured, or no frames are kept"
+    rate = "" if summary.disk_mb_s is None else f"; the disk takes {summary.disk_mb_s:.0f} MB/s"
+    words = f"{night}{rate}; {summary.recording_s:.2f} s to compress and write a frame"
+    if summary.is_recorded:
+        return f"recording: kept up, {words}"
+    return (
+        f"recording: NOT kept up, {words}: frames would be given up; set session.root to a faster "
+        "disk, or session.keep_frames to detected"
+    )

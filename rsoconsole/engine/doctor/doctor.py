@@ -12,26 +12,24 @@ from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
-from rsoconsole.engine.doctor import (
-    doctor_calibration,
-    doctor_indi,
-    doctor_machine,
-    doctor_shutter,
-    doctor_system,
-)
-from rsoconsole.engine.doctor.doctor_check import Check, bad, unsure, well
-from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.engine.doctor import checks as doctor_calibration
+from rsoconsole.engine.doctor import checks as doctor_machine
+from rsoconsole.engine.doctor import checks as doctor_shutter
+from rsoconsole.engine.doctor import doctor_indi, doctor_system
+from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
+from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
-from rsoconsole.engine.machine import DISK_REMEDY, disk_outlook, disk_words
+from rsoconsole.engine.machine.medium import DISK_REMEDY, disk_outlook, disk_words
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
-from rsoconsole.instruments.observatory import missing_protocol, utc_now_ns
+from rsoconsole.instruments import missing_protocol, utc_now_ns
 from rsoconsole.records import Site
-from rsoconsole.sky import NS_PER_DAY, separation_deg
+from rsoconsole.sky import separation_deg
+from rsoconsole.words import NS_PER_DAY
 
 if TYPE_CHECKING:
-    from rsoconsole.instruments.solver import IndexFile
+    from rsoconsole.instruments import IndexFile
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
@@ -112,7 +110,7 @@ def check_libraries(_config: Config) -> Check:
 
 def check_network(config: Config) -> Check:
     """The detector's network is there, is the one its card describes, and runs here."""
-    from rsoconsole.vision.detector import ANOTHER_NETWORK, Network
+    from rsoconsole.vision import ANOTHER_NETWORK, Network
 
     try:
         network = Network.load(config.detector.model, config.detector.threads)
@@ -123,7 +121,7 @@ def check_network(config: Config) -> Check:
 
 def check_camera(config: Config) -> Check:
     """Scale, exposure and size are those for which the detector's confidence is calibrated."""
-    from rsoconsole.vision.detector import is_usable_scale, range_cautions
+    from rsoconsole.vision import is_usable_scale, range_cautions
 
     optics, exposure_s = config.optics, config.exposure.exposure_s
     outside = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
@@ -146,7 +144,7 @@ def check_camera(config: Config) -> Check:
 
 def check_index_files(config: Config) -> Check:
     """There is an index file of every scale that the configured field needs."""
-    from rsoconsole.instruments.solver import config_search_dirs, list_index_files, needed_scales
+    from rsoconsole.instruments import config_search_dirs, list_index_files, needed_scales
 
     try:
         scales = needed_scales(config.optics.field_deg)
@@ -173,7 +171,7 @@ def check_index_files(config: Config) -> Check:
 
 def check_catalogue(config: Config) -> Check:
     """The element files can be read, and are fresh enough to name geostationary satellites."""
-    from rsoconsole.pipeline.orbits import read_catalogue
+    from rsoconsole.pipeline import read_catalogue
 
     files = config.catalogue.tle_files
     fetch = (

@@ -4,19 +4,57 @@ Which devices it has, and where the mount stands.
 """
 
 import html
+import json
 import re
 import socket
+import subprocess
+import sys
 import time
+from collections.abc import Sequence
 from contextlib import closing
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.doctor_check import Check, bad, well
-from rsoconsole.engine.doctor.doctor_imports import import_faults
+from rsoconsole.engine.doctor.checks import Check, bad, well
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
-from rsoconsole.instruments import MountAbilities
-from rsoconsole.instruments.indi import ANY_CLIENT, IndiWire, meant_libraries
-from rsoconsole.instruments.mount import abilities_by
+from rsoconsole.instruments import (
+    ANY_CLIENT,
+    IndiWire,
+    MountAbilities,
+    abilities_by,
+    meant_libraries,
+)
 from rsoconsole.records import Site
+
+_IMPORT_ALL = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    print(json.dumps([name, "it ends the process"]), flush=True)
+    try:
+        importlib.import_module(name)
+        fault = None
+    except BaseException as error:
+        fault = f"{type(error).__name__}: {error}"
+    print(json.dumps([name, fault]), flush=True)
+"""
+_PATIENCE_S = 120
+
+
+def import_faults(names: Sequence[str]) -> dict[str, str]:
+    """Why modules do not load, by their names; those that load are left out."""
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE_S,
+        check=False,
+    )
+    faults: dict[str, str | None] = {}
+    for line in done.stdout.splitlines():
+        if line.startswith("["):
+            name, fault = json.loads(line)
+            faults[name] = fault
+    return {name: why for name in names if (why := faults.get(name, "not tried"))}
+
 
 _COORDINATES = "EQUATORIAL_EOD_COORD"
 _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}

@@ -1,14 +1,163 @@
 """Which pass is waited for: of a catalogued object, or of what was leapt after last."""
 
-from rsoconsole.engine.aim import NS
-from rsoconsole.engine.leaps.leap_words import awaited_words
-from rsoconsole.engine.leaps.pass_entry import entry_of
-from rsoconsole.engine.operator import Control, Parts
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.engine.aim.instrument_controller import NS
+from rsoconsole.engine.leaps.leap_times import LeapParts
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.elements import CatalogueEntry
-from rsoconsole.orbits.low import LowOrbit, passes_above
-from rsoconsole.pipeline.leaps import Awaited, awaited_on, next_of
-from rsoconsole.pipeline.orbits import errors_of
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    ExpectedPass,
+    LeapTrack,
+    LowOrbit,
+    elements_of,
+    passes_above,
+)
+from rsoconsole.pipeline import (
+    Awaited,
+    Came,
+    FrameStreak,
+    Leap,
+    PassPlan,
+    awaited_on,
+    errors_of,
+    next_of,
+    read_catalogue,
+)
+from rsoconsole.records import Site
+from rsoconsole.sky import EARTH_RADIUS_KM
+from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
+
+
+def entry_of(config: Config) -> CatalogueEntry:
+    """The newest set. Raises OrbitError where there is none, with the remedy."""
+    number, files = config.leap.pass_norad, config.catalogue.tle_files
+    if not files:
+        raise OrbitError(
+            f"no elements of {number}: name element sets in catalogue.tle_files of the"
+            " configuration, or with --tle FILE"
+        )
+    found = [each for each in read_catalogue(files) if each.norad_id == number]
+    if not found:
+        raise OrbitError(f"no elements of {number} in {', '.join(map(str, files))}")
+    return max(found, key=lambda each: each.epoch_utc_ns)
+
+
+SEARCHED_NS = NS_PER_DAY
+
+
+def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
+    """A first streak: how fast, in which sense; of one that was waited for how late."""
+    speed = track.best.streaks[0].speed_arcsec_s
+    if awaited is None or found is None:
+        sure = 100.0 * track.best.probability
+        return f"a low satellite, {speed:.0f} arcsec/s: leaps ahead of it (this sense {sure:.0f} %)"
+    late = "late" if found.late_s >= 0.0 else "early"
+    return (
+        f"{awaited.name} comes {abs(found.late_s):.2f} s {late},"
+        f" {found.across_arcmin:+.1f} arcmin across, {speed:.0f} arcsec/s: leaps ahead of it"
+    )
+
+
+def awaited_words(awaited: Awaited) -> str:
+    """Which pass is waited for, and how long."""
+    stare = awaited.stare
+    either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
+    return (
+        f"waits for {awaited.name}, which comes by at"
+        f" {utc_ns_to_iso(stare.t_through_utc_ns, 0)} ± {either_s:.0f} s"
+    )
+
+
+def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+    """One that was met: its number, how far off, how well the orbit fits."""
+    best, number = track.best, len(track.best.streaks) - 1
+    words = f"leap {number} met: {seen.detection.length_px:.0f} px"
+    if leap is not None:
+        slew = f"slew {leap.slew_s:.1f} s"
+        words += f", {slew}, {100 * leap.within:.0f} % sure of it"
+    orbit = best.orbit
+    if orbit is not None:
+        across = orbit.residuals_arcsec[..., 1]
+        words += f"; across {np.sqrt(np.mean(across**2)):.1f} arcsec rms"
+    return words
+
+
+def pass_words(plan: PassPlan) -> str:
+    """A whole pass before its first leap."""
+    return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
+
+
+def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
+    """The rest of a pass by its own orbit: how many leaps, until when, and what ends it.
+
+    ``is_dark``: whether that is the Earth's shadow.
+    """
+    words = f"by its orbit up to {len(plan.leaps)} more leaps{_flips_words(plan)}"
+    if plan.leaps:
+        words += f", until {utc_ns_to_iso(plan.leaps[-1].t_close_utc_ns, 0)[11:]}"
+    return f"{words}; then: {'the shadow of the Earth' if is_dark else _end_words(plan)}"
+
+
+def _end_words(plan: PassPlan) -> str:
+    return plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
+
+
+def _flips_words(plan: PassPlan) -> str:
+    if not plan.flips:
+        return ""
+    return f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
+
+
+def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
+    """What came of it, and what a leap took."""
+    streaks = track.best.streaks
+    span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
+    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
+    if not parts:
+        return words
+
+    def mean(of: Callable[[LeapParts], float]) -> float:
+        return float(np.median([of(each) for each in parts]))
+
+    return (
+        f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
+        f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
+        f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
+        f" {mean(lambda each: each.exposure_s):.2f}, read-out"
+        f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
+    )
+
+
+def next_pass_of(
+    orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
+) -> ExpectedPass | None:
+    """When it comes again within a day; None where it does not."""
+    later = passes_above(
+        orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
+    )
+    return next(iter(later), None)
+
+
+def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
+    """Its orbit, and when it comes again with what that is worth."""
+    found = elements_of(orbit.r_km, orbit.v_km_s)
+    yield (
+        f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
+        f" i {found.i_deg:.2f} deg{', taken to be nearly round' if orbit.believes_round else ''}"
+    )
+    if later is not None:
+        yield (
+            f"its next pass: {utc_ns_to_iso(later.rise_utc_ns, 0)} ± {later.sigma_s:.1f} s,"
+            f" ± {later.sigma_across_deg:.2f}° across,"
+            f" up to {later.top_altitude_deg:.0f}°"
+        )
+
 
 _WAITS_NS = 24 * 3600 * NS
 _LOOKS_AGAIN_NS = 3600 * NS

@@ -5,10 +5,11 @@ import logging
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.engine.operator import Control, Parts
-from rsoconsole.engine.tasks import change_record, changed
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.tasks.pace import change_record, changed
 from rsoconsole.errors import InstrumentError
-from rsoconsole.pipeline.leaps import binning_for
+from rsoconsole.pipeline import binning_for
 
 log = logging.getLogger(__name__)
 

@@ -13,31 +13,33 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import NS, Plan
-from rsoconsole.engine.leaps.awaiting import Awaiting
+from rsoconsole.engine.aim.instrument_controller import NS, Plan
+from rsoconsole.engine.leaps.awaiting import Awaiting, begun_words, leap_words
 from rsoconsole.engine.leaps.leap_camera import LeapCamera
 from rsoconsole.engine.leaps.leap_log import LeapLog
 from rsoconsole.engine.leaps.leap_times import LeapTimes
-from rsoconsole.engine.leaps.leap_words import begun_words, leap_words
 from rsoconsole.engine.leaps.staring import Staring
-from rsoconsole.engine.operator import Control, Parts
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.instruments import MountReport
-from rsoconsole.orbits.low import LeapTrack, Timing, begin, unseen, updated
-from rsoconsole.pipeline.frame import Glance, Reduction, shutter_mid_utc_ns
-from rsoconsole.pipeline.leaps import (
+from rsoconsole.orbits import LeapTrack, Timing, begin, unseen, updated
+from rsoconsole.pipeline import (
     FrameStreak,
+    Glance,
     Leap,
     NoLeap,
+    Reduction,
     Telescope,
     came,
     is_dark,
     next_leap,
+    shutter_mid_utc_ns,
     streaks_of,
     timing_of,
 )
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, LeapOrder, LeapResult, Solution
-from rsoconsole.sky.limits import Pose
+from rsoconsole.sky import Pose
 from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10

@@ -1,13 +1,19 @@
 """Where the telescope stares while nothing is leapt after: for whatever comes, or for a pass."""
 
-from rsoconsole.engine.aim import NS, Plan
+from rsoconsole.engine.aim.instrument_controller import NS, Plan
 from rsoconsole.engine.leaps.awaiting import Awaiting
 from rsoconsole.engine.leaps.leap_camera import LeapCamera
 from rsoconsole.engine.leaps.leap_times import LeapTimes
-from rsoconsole.engine.operator import Control, Parts
-from rsoconsole.pipeline.leaps import Awaited, duty, expected_at, exposure_for
-from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, icrs_to_jnow, separation_deg
-from rsoconsole.sky.limits import Pose
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.pipeline import Awaited, duty, expected_at, exposure_for
+from rsoconsole.sky import (
+    Pose,
+    hour_angle_icrs_deg,
+    icrs_of_hour_angle,
+    icrs_to_jnow,
+    separation_deg,
+)
 from rsoconsole.words import text
 
 _DRIFT = 0.1

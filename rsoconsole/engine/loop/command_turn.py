@@ -6,23 +6,22 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.control import Request
-from rsoconsole.engine.aim import (
+from rsoconsole.engine.aim.instrument_controller import (
     InstrumentController,
     Interrupted,
-    LimitMet,
-    Stopped,
     StoppedElsewhere,
 )
-from rsoconsole.engine.operator import Control, Handlers
-from rsoconsole.engine.tasks import (
+from rsoconsole.engine.aim.states import LimitMet, Stopped
+from rsoconsole.engine.operator.handlers import Control, Handlers
+from rsoconsole.engine.tasks.command_queue import (
     Alarm,
     CommandQueue,
-    Faults,
-    SessionLog,
     action_record,
     alarm_words,
     dropped_by,
 )
+from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.errors import InstrumentError
 from rsoconsole.reasons import DONE, CommandResult
 from rsoconsole.records import Topic

@@ -3,21 +3,18 @@
 import time
 from collections.abc import Callable
 
-from rsoconsole.engine.aim import POLL_NS, Followed, NotPointing, Plan, Resumed
-from rsoconsole.engine.leaps import LEAP_POLL_NS, Leaping
-from rsoconsole.engine.operator import ByHand, Control, Parts, pointing_check
-from rsoconsole.engine.tasks import (
-    AimAhead,
-    Exposures,
-    Faults,
-    Pace,
-    PlacesOfInterest,
-    Temporary,
-    aim_ahead,
-)
-from rsoconsole.pipeline.cycle import Cycle
-from rsoconsole.pipeline.frame import Reduction
-from rsoconsole.pipeline.orbits import Orbits
+from rsoconsole.engine.aim.instrument_controller import POLL_NS, Plan
+from rsoconsole.engine.aim.states import Followed, NotPointing, Resumed
+from rsoconsole.engine.leaps.leaping import LEAP_POLL_NS, Leaping
+from rsoconsole.engine.operator.arming import pointing_check
+from rsoconsole.engine.operator.by_hand import ByHand, Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
+from rsoconsole.engine.tasks.pace import Pace, Temporary
+from rsoconsole.engine.tasks.preview import PlacesOfInterest
+from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.pipeline import Cycle, Orbits, Reduction
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import CycleTiming, Frame, Solution, TrackState
 from rsoconsole.tracking.filters import estimator

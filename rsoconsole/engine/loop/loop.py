@@ -9,70 +9,55 @@ from queue import Empty, SimpleQueue
 
 from rsoconsole.config import Config
 from rsoconsole.control import Status
-from rsoconsole.engine.aim import (
-    BY_OPERATOR,
+from rsoconsole.engine.aim.guide import Guide
+from rsoconsole.engine.aim.instrument_controller import (
     NS,
+    InstrumentController,
+    Interrupted,
+    StoppedElsewhere,
+)
+from rsoconsole.engine.aim.plan import Planner
+from rsoconsole.engine.aim.states import (
+    BY_OPERATOR,
     Armed,
     Authority,
     ClockSet,
     Disarmed,
     Failed,
     Followed,
-    Guide,
-    InstrumentController,
-    Interrupted,
     LimitMet,
     Marked,
     NightEnded,
     NotPointing,
-    Planner,
     Resumed,
     Step,
-    StoppedElsewhere,
     Taken,
     Trigger,
     step,
     without_kept,
 )
-from rsoconsole.engine.leaps import Leaping
+from rsoconsole.engine.leaps.leaping import Leaping
 from rsoconsole.engine.loop.command_turn import CommandTurn
 from rsoconsole.engine.loop.frame_turn import CLEAR_FRAMES, FrameTurn
 from rsoconsole.engine.loop.interruptions import Interruptions
 from rsoconsole.engine.loop.status import status_of
-from rsoconsole.engine.operator import (
-    ByHand,
-    Decisions,
-    HandMove,
-    Modes,
-    Parts,
-    PixelsOf,
-    Seeking,
-    Settings,
-    joined,
-)
-from rsoconsole.engine.tasks import (
-    CommandQueue,
-    Exposures,
-    Faults,
-    KeptTrack,
-    NowhereError,
-    Parking,
-    Recorder,
-    SessionLog,
-    Slews,
-    Watch,
-    action_record,
-    kept_name,
-    tracks_now,
-)
+from rsoconsole.engine.operator.by_hand import ByHand, HandMove, Parts
+from rsoconsole.engine.operator.decisions import Decisions, PixelsOf
+from rsoconsole.engine.operator.handlers import Modes, Seeking, Settings, joined
+from rsoconsole.engine.tasks.command_queue import CommandQueue, action_record
+from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.field_tracks import KeptTrack, kept_name, tracks_now
+from rsoconsole.engine.tasks.parking import Parking
+from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.engine.tasks.session_log import Recorder, SessionLog
+from rsoconsole.engine.tasks.slews import NowhereError, Slews
+from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.instruments import StopResult
-from rsoconsole.pipeline.cycle import Cycle
-from rsoconsole.pipeline.frame import FrameReducer, Reduction
-from rsoconsole.pipeline.orbits import Orbits, Past
+from rsoconsole.pipeline import Cycle, FrameReducer, Orbits, Past, Reduction
 from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import Miss, StateChange, TrackState
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
 from rsoconsole.words import CUT_POWER, NO_PARK, measured_text, unmeasured_text
 
 log = logging.getLogger(__name__)

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rsoconsole.control import NextAim, Status, TrackNow, nearest_first
-from rsoconsole.engine.aim import Authority
-from rsoconsole.engine.tasks import Watch, kept_name
-from rsoconsole.pipeline.orbits import Orbits
+from rsoconsole.engine.aim.states import Authority
+from rsoconsole.engine.tasks.field_tracks import kept_name
+from rsoconsole.engine.tasks.watch import Watch
+from rsoconsole.pipeline import Orbits
 
 
 def status_of(

@@ -6,7 +6,10 @@ documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's word G
 machine does not tell is None, never a guess.
 """
 
+import contextlib
+import os
 import shutil
+import socket
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -159,3 +162,35 @@ def _has(word: int | None, bits: int) -> bool | None:
 
 def _either(one: bool | None, other: bool | None) -> bool | None:
     return None if one is None and other is None else bool(one or other)
+
+
+_VARIABLE = "NOTIFY_SOCKET"
+_kept: list[str] = []
+"""The address, once it is kept from the children."""
+
+
+def keep_from_children() -> None:
+    """Take the address out of the environment: a program that the engine runs is not the engine.
+
+    Those of systemd itself (``timedatectl``) report their own failures to it otherwise.
+    """
+    address = os.environ.pop(_VARIABLE, None)
+    if address is not None:
+        _kept[:] = [address]
+
+
+def notify(state: str) -> bool:
+    """Send e.g. "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
+
+    Never raises and never waits: where nobody listens nothing happens.
+    """
+    address = os.environ.get(_VARIABLE) or "".join(_kept)
+    if not address.startswith(("/", "@")):
+        return False
+    if address.startswith("@"):
+        address = "\0" + address[1:]  # a name without a file
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
+        wire.setblocking(False)
+        wire.sendto(state.encode(), address)
+        return True
+    return False

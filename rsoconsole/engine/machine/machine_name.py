@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rsoconsole.engine.machine import machine
 from rsoconsole.engine.machine.machine import board_model, text_of
-from rsoconsole.vision.frame import available_cores
+from rsoconsole.vision import available_cores
 
 _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 

@@ -4,13 +4,18 @@ import math
 from dataclasses import dataclass
 
 from rsoconsole.control import Beside, Command, Goto, MovePreview, Nudge, Preview, Track, Unpark
-from rsoconsole.engine.aim import NS, Guide, InstrumentController, Planner, Taken
+from rsoconsole.engine.aim.guide import Guide
+from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController
+from rsoconsole.engine.aim.plan import Planner
+from rsoconsole.engine.aim.states import Taken
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
-from rsoconsole.engine.tasks import LIFTS, SessionLog, Slews, Watch, changed
-from rsoconsole.pipeline.aim import follow_direction, slew_to
+from rsoconsole.engine.tasks.pace import changed
+from rsoconsole.engine.tasks.session_log import SessionLog
+from rsoconsole.engine.tasks.slews import Slews
+from rsoconsole.engine.tasks.watch import LIFTS, Watch
+from rsoconsole.pipeline import follow_direction, slew_to
 from rsoconsole.reasons import CommandResult, done
-from rsoconsole.sky import icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
-from rsoconsole.sky.limits import Pose
+from rsoconsole.sky import Pose, icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import text
 
 Direction = tuple[float, float]

@@ -6,7 +6,7 @@ The loop's own thread executes them, the wire's only checks.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -22,7 +22,7 @@ from rsoconsole.control import (
     Reject,
     TakeBack,
 )
-from rsoconsole.engine.aim import Followed, Marked
+from rsoconsole.engine.aim.states import Followed, Marked
 from rsoconsole.engine.operator.hand_marks import (
     automatic_of,
     better_known,
@@ -36,11 +36,9 @@ from rsoconsole.engine.operator.hand_marks import (
     with_figures,
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
-from rsoconsole.engine.operator.track_decisions import frame_of, on_track, ruled_of, with_tracks_of
-from rsoconsole.engine.tasks import SessionLog
-from rsoconsole.pipeline.cycle import Cycle, Folds, HandTrack, Shown
-from rsoconsole.pipeline.frame import refined_mark
-from rsoconsole.reasons import BelowTau, Cause, CommandResult
+from rsoconsole.engine.tasks.session_log import SessionLog
+from rsoconsole.pipeline import Cycle, Folds, HandTrack, Shown, refined_mark
+from rsoconsole.reasons import BelowTau, Cause, CommandResult, RuledKind
 from rsoconsole.records import (
     Detection,
     Measurement,
@@ -49,8 +47,74 @@ from rsoconsole.records import (
     StateChange,
     measurement_id_of,
 )
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
 from rsoconsole.words import error_figure, text
+
+
+def on_track(
+    word: Drop | Keep, shown: Shown, following: Following, by: str, config: Config
+) -> Ruling:
+    """One track is dropped or kept; what was said of the frame before stands.
+
+    Raises ValueError where the track is none that is followed.
+    """
+    frame_id = shown.taken.frame_id
+    before = shown.decision or Ruling(frame_id=frame_id)
+    number = word.track
+    if isinstance(word, Drop) and word.off:
+        left = tuple(each for each in before.dropped if each != number)
+        return replace(before, dropped=left, by=by)
+    known = {each.track.track_id: each for each in following.tracks}
+    if number not in known:
+        alive = " ".join(map(str, sorted(known)))
+        which = f"those followed are {alive}" if alive else "nothing is followed"
+        raise ValueError(f"no track {number} is followed: {which}")
+    if config.search.follow != "nearest":
+        raise ValueError(
+            f"search.follow is {config.search.follow!r}: no track is its own there,"
+            " choose a streak instead"
+        )
+    if isinstance(word, Drop):
+        return replace(before, dropped=(*before.dropped, number), by=by)
+    is_kept = known[number].is_kept
+    if is_kept is not bool(word.off):
+        raise ValueError(f"track {number} is {'kept already' if is_kept else 'not kept'}")
+    kept = tuple(each for each in before.kept if each != number)
+    released = tuple(each for each in before.released if each != number)
+    if word.off:
+        return replace(before, kept=kept, released=(*released, number), by=by)
+    return replace(before, kept=(*kept, number), released=released, by=by)
+
+
+def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
+    """The frame on which a word is, where it takes back another; None: where it says.
+
+    Raises ValueError where there is nothing to take back.
+    """
+    if not (isinstance(word, Drop) and word.off):
+        return word.frame_id
+    found = [each.frame_id for each in decisions if word.track in each.dropped]
+    if not found:
+        raise ValueError(
+            f"track {word.track} has not been dropped in the last frames:"
+            " follow its streak in the picture instead"
+        )
+    return found[-1]
+
+
+def with_tracks_of(decision: Ruling, before: Ruling | None) -> Ruling:
+    """A word on a frame's streaks; what was said of tracks in that frame stands."""
+    if before is None:
+        return decision
+    return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
+
+
+def ruled_of(word: Drop | Keep) -> RuledKind:
+    """What it came to."""
+    if isinstance(word, Drop):
+        return "taken up again" if word.off else "dropped"
+    return "released" if word.off else "kept"
+
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.control import MarkByHand
-from rsoconsole.pipeline.cycle import Shown
-from rsoconsole.pipeline.frame import measure
+from rsoconsole.pipeline import Shown, measure
 from rsoconsole.reasons import CommandResult, RuledKind
 from rsoconsole.records import (
     Detection,

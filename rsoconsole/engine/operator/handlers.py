@@ -9,11 +9,30 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from rsoconsole.config import Config
-from rsoconsole.control import Command
-from rsoconsole.engine.aim import Authority, Step, Trigger
-from rsoconsole.reasons import CommandResult
+from rsoconsole.control import Abort, Arm, Command, Disarm, Hold, Park, Resume, Seek, Set, Shutdown
+from rsoconsole.engine.aim.guide import Guide
+from rsoconsole.engine.aim.instrument_controller import InstrumentController
+from rsoconsole.engine.aim.plan import Planner
+from rsoconsole.engine.aim.states import (
+    Armed,
+    Authority,
+    Disarmed,
+    Held,
+    Resumed,
+    Sought,
+    Step,
+    Trigger,
+    step,
+)
+from rsoconsole.engine.tasks.pace import Temporary, change_record, changed
+from rsoconsole.engine.tasks.session_log import SessionLog
+from rsoconsole.engine.tasks.slews import Slews
+from rsoconsole.pipeline import direction_at
+from rsoconsole.reasons import DONE, CommandResult, done
 from rsoconsole.records import TrackState
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
+from rsoconsole.tracking.filters import estimator
+from rsoconsole.words import text
 
 SOON = "in force from the next cycle"
 
@@ -126,3 +145,152 @@ def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
             raise ValueError(f"two handlers of {', '.join(sorted(c.verb for c in twice))}")
         found.update(part)
     return found
+
+
+class Modes:
+    """Turns commands into what happens to the state machine."""
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {
+            Arm: Handler(expect=self._expect, execute=self._arm),
+            Disarm: Handler(execute=self._pass),
+            Hold: Handler(expect=self._expect_hold, execute=self._pass),
+            Resume: Handler(expect=self._expect_resume, execute=self._resume),
+            Park: Handler(execute=self._park),
+            Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
+            Shutdown: Handler(execute=lambda _command, _by: DONE),
+        }
+
+    def _expect(self, command: Command, by: str) -> None:
+        """The state machine itself says whether it would refuse."""
+        refusal = step(self._control.authority, trigger_of(command, by)).refusal
+        if refusal is not None:
+            raise ValueError(refusal)
+
+    def _expect_hold(self, command: Hold, by: str) -> None:
+        self._expect(command, by)
+        if command.until == "clear":
+            self._control.expect_cloud()
+
+    def _expect_resume(self, command: Resume, by: str) -> None:
+        self._expect(command, by)
+        self._control.expect_night()
+
+    def _pass(self, command: Command, by: str) -> CommandResult:
+        self._control.handle(trigger_of(command, by))
+        return DONE
+
+    def _arm(self, command: Arm, by: str) -> CommandResult:
+        self._control.arm(by, frozenset(command.override))
+        return DONE
+
+    def _resume(self, _command: Resume, by: str) -> CommandResult:
+        self._control.resume(by)
+        return DONE
+
+    def _park(self, _command: Park, by: str) -> CommandResult:
+        self._control.park(by)
+        return done("the mount parks" if self._control.is_park_wanted else "the mount is parked")
+
+
+def trigger_of(command: Command, by: str) -> Trigger:
+    """What a command on who has the mount is to the state machine."""
+    match command:
+        case Arm():
+            return Armed(by=by)
+        case Disarm():
+            return Disarmed(by=by)
+        case Hold():
+            return Held(by=by, until_clear=command.until == "clear")
+        case Resume():
+            return Resumed(by=by)
+    raise TypeError(f"{command.verb} is nothing to the state machine")
+
+
+class Settings:
+    """What may be tuned while the loop runs."""
+
+    def __init__(self, control: Control, temporary: Temporary, session_log: SessionLog) -> None:
+        self._control = control
+        self._temporary = temporary
+        self._session_log = session_log
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {Set: Handler(check=self._check, execute=self._set)}
+
+    def _check(self, command: Set, _by: str) -> Accepted:
+        changed(self._control.config, command.name, command.value)
+        return Accepted()
+
+    def _set(self, command: Set, by: str) -> CommandResult:
+        before = self._control.config
+        after = changed(before, command.name, command.value)
+        if command.frames is None:
+            self._temporary.keep(command.name)
+        else:
+            self._temporary.lend(before, command.name, command.frames)
+        self._session_log.append(change_record(before, after, command.name, by))
+        self._control.configure(after)
+        if after.filter.preset != before.filter.preset:
+            estimator.make_ready(after.filter)
+        return DONE
+
+
+class Seeking:
+    """Knows where what was followed must be, and has the search begin there."""
+
+    def __init__(
+        self,
+        control: Control,
+        instrument_controller: InstrumentController,
+        planner: Planner,
+        slews: Slews,
+        guide: Guide,
+    ) -> None:
+        self._control = control
+        self._instrument_controller = instrument_controller
+        self._planner = planner
+        self._slews = slews
+        self._guide = guide
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {Seek: Handler(expect=self._expect, execute=self._seek)}
+
+    def _expect(self, _command: Seek, _by: str) -> None:
+        self.direction()
+
+    def _seek(self, _command: Seek, by: str) -> CommandResult:
+        """Search in a widening spiral round where it must be."""
+        direction = self.direction()
+        self._control.handle(Sought(by=by))
+        self._planner.search_about(direction, self._instrument_controller.now_utc_ns())
+        return done("looking for it in a widening spiral")
+
+    def direction(self) -> tuple[float, float]:
+        """Where what was followed must be now, ICRS.
+
+        Raises ValueError where it cannot be looked for.
+        """
+        track, authority = self._control.last_track, self._control.authority
+        if track is None:
+            raise ValueError("nothing has been followed this night that could be looked for")
+        if not authority.is_autonomous:
+            raise ValueError("autonomy does not have the mount: arm or resume first")
+        if authority.is_held:
+            raise ValueError("the mount is held: resume first")
+        now_ns = self._instrument_controller.now_utc_ns()
+        # A line on the sky leads astray within the hour, an orbit does not.
+        direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
+        refused = self._slews.refuse_direction(direction, now_ns)
+        if refused is not None:
+            raise ValueError(f"it cannot be looked for where it must be: {text(refused)}")
+        return direction

@@ -30,33 +30,28 @@ from rsoconsole.control import (
     printable,
     status_json,
 )
-from rsoconsole.engine.aim import Stopped
-from rsoconsole.engine.doctor import Lack, lacks_of
-from rsoconsole.engine.loop import Engine
-from rsoconsole.engine.operator import (
-    SOON,
-    Accepted,
-    Handler,
-    RefusedError,
+from rsoconsole.engine.aim.states import Stopped
+from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
+from rsoconsole.engine.loop.loop import Engine
+from rsoconsole.engine.operator.arming import (
     arming_checks,
     gather_facts,
     refusal_text,
     unknown_words,
 )
-from rsoconsole.engine.service.health import HealthMeter
-from rsoconsole.engine.service.machine_watch import MachineState
+from rsoconsole.engine.operator.handlers import SOON, Accepted, Handler, RefusedError
+from rsoconsole.engine.service.machine_watch import HealthMeter, MachineState
 from rsoconsole.engine.service.stop_now import REMEDY, stop_now, stop_outcome, stop_status
-from rsoconsole.engine.tasks import (
+from rsoconsole.engine.tasks.command_queue import (
     OVERTAKEN,
     CommandQueue,
     OvertakenError,
-    Seats,
     action_record,
-    seat_name,
 )
+from rsoconsole.engine.tasks.seats import Seats, seat_name
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import StopResult
-from rsoconsole.pipeline.frame import HELD
+from rsoconsole.pipeline import HELD
 from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky import icrs_to_altaz

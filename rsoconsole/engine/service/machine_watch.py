@@ -5,21 +5,21 @@ answers the operator does it: both read what was seen last.
 """
 
 import logging
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from rsoconsole.control import Machine, Poller
-from rsoconsole.engine.machine import (
-    Medium,
-    TimeSource,
-    Trouble,
-    medium_of,
-    read_machine,
-    read_time_source,
-    troubles_of,
-)
+from rsoconsole.config import Config
+from rsoconsole.control import Health, Machine, Poller
+from rsoconsole.engine.doctor.doctor_system import free_bytes, read_clock
+from rsoconsole.engine.doctor.mount_lacks import Lack
+from rsoconsole.engine.loop.interruptions import TimeTrouble
+from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
+from rsoconsole.engine.machine.medium import Medium, medium_of, session_bytes
+from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
+from rsoconsole.instruments import Clock, MountReport
 
 log = logging.getLogger(__name__)
 
@@ -121,3 +121,113 @@ class MachineWatch(Poller):
             self.look()
         except Exception:  # a machine that is told about wrongly must not end the looking
             log.exception("the machine could not be looked at")
+
+
+HOLDS_S = 5.0
+"""How long a reading is told again before it is taken again."""
+SILENT_S = 10.0
+"""A mount that has not reported for so long does not answer."""
+LOW_HOURS = 4.0
+SAID_S = 900.0
+"""For so long it is said what happened to the clock."""
+
+
+class HealthMeter:
+    """Reads at most every few seconds; from any thread."""
+
+    def __init__(
+        self,
+        config: Callable[[], Config],
+        clock: Clock,
+        folder: Path,
+        machine: Callable[[], MachineState | None] = lambda: None,
+    ) -> None:
+        """``machine``: what was last seen of the machine itself; None: not looked at."""
+        self._config = config
+        self._clock = clock
+        self._folder = folder
+        self._machine = machine
+        self._read_s = -HOLDS_S
+        self._readings: tuple[Health, ...] = ()
+
+    def read(
+        self,
+        report: MountReport | None,
+        trouble: TimeTrouble | None = None,
+        lacks: Sequence[Lack] = (),
+    ) -> tuple[Health, ...]:
+        """Mount, clock, disk, temperature; what cannot be read is left out.
+
+        ``trouble``: what happened to the machine's clock last; ``lacks``: what the mount's driver
+        does not offer.
+        """
+        return (*self._now(report, trouble), *driver_health(lacks))
+
+    def _now(self, report: MountReport | None, trouble: TimeTrouble | None) -> tuple[Health, ...]:
+        if trouble is not None:
+            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
+            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
+                others = (each for each in self._all(report) if each.name != "clock")
+                return (*others, Health(name="clock", ok=False, text=trouble.text))
+        return self._all(report)
+
+    def _all(self, report: MountReport | None) -> tuple[Health, ...]:
+        now_s = time.monotonic()
+        if now_s - self._read_s >= HOLDS_S:
+            self._read_s = now_s
+            found = (self._read_clock(), self._read_disk())
+            self._readings = tuple(each for each in found if each is not None)
+        return (self._mount(report), *self._readings, *machine_health(self._machine()))
+
+    def _mount(self, report: MountReport | None) -> Health:
+        if report is None:
+            return Health(name="mount", ok=False, text="has not been heard of")
+        silent_s = (self._clock.now_utc_ns() - report.t_utc_ns) / 1e9
+        if silent_s > SILENT_S:
+            return Health(name="mount", ok=False, text=f"silent for {silent_s:.0f} s")
+        word = "parked" if report.is_parked else "slewing" if report.is_slewing else ""
+        word = word or ("tracking" if report.is_tracking else "stands")
+        return Health(name="mount", ok=True, text=word)
+
+    def _read_clock(self) -> Health:
+        if self._clock.is_simulated:
+            return Health(name="clock", ok=True, text="simulated")
+        reading = read_clock()
+        if not reading.is_synchronised:
+            return Health(name="clock", ok=False, text="not synchronised")
+        offset_ms = None if reading.offset_s is None else abs(reading.offset_s) * 1e3
+        words = "synchronised" if offset_ms is None else f"NTP ±{offset_ms:.1f} ms"
+        return Health(name="clock", ok=True, text=words)
+
+    def _read_disk(self) -> Health | None:
+        try:
+            free = free_bytes(self._folder)
+        except OSError as error:
+            return Health(name="disk", ok=False, text=error.strerror or str(error))
+        hours = free / max(session_bytes(self._config(), 3600.0), 1.0)
+        text = f"{free / 1e9:.0f} GB, {min(hours, 999.0):.0f} h"
+        return Health(name="disk", ok=hours >= LOW_HOURS, text=text)
+
+
+def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
+    """What the mount cannot; nothing of what it only does not tell."""
+    missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
+    return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
+
+
+def machine_health(state: MachineState | None) -> tuple[Health, ...]:
+    """Power, where it is too weak, and the processor's heat; nothing of a silent machine."""
+    if state is None:
+        return ()
+    found = []
+    names = {trouble.name for trouble in state.troubles}
+    if "power" in names:
+        found.append(Health(name="power", ok=False, text="UNDER-VOLTAGE"))
+    words: list[str] = []
+    if state.reading.cpu_temperature_c is not None:
+        words.append(f"{state.reading.cpu_temperature_c:.0f} °C")
+    words += [word for word in ("hot", "throttled") if word in names]
+    if words:
+        is_well = not names & {"hot", "throttled"}
+        found.append(Health(name="CPU", ok=is_well, text=", ".join(words)))
+    return tuple(found)

@@ -19,21 +19,32 @@ from typing import Any
 from rsoconsole.alerting import AlertProcess
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
-from rsoconsole.engine.aim import InstrumentController, Interrupted
-from rsoconsole.engine.doctor import Lack, lacks_of, read_clock
-from rsoconsole.engine.loop import Engine
-from rsoconsole.engine.machine import disk_outlook, keep_from_children, notify
-from rsoconsole.engine.operator import arming_checks, gather_facts, refusal_text, unknown_words
+from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
+from rsoconsole.engine.doctor.doctor_system import read_clock
+from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
+from rsoconsole.engine.loop.loop import Engine
+from rsoconsole.engine.machine.machine import keep_from_children, notify
+from rsoconsole.engine.machine.medium import disk_outlook
+from rsoconsole.engine.operator.arming import (
+    arming_checks,
+    gather_facts,
+    refusal_text,
+    unknown_words,
+)
 from rsoconsole.engine.service.command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
-from rsoconsole.engine.tasks import CommandQueue, keep_uncorrelated, read_past, warnings_on_record
+from rsoconsole.engine.tasks.command_queue import CommandQueue
+from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past, warnings_on_record
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
-from rsoconsole.instruments import Instruments, MountPort, return_what_is_freed
-from rsoconsole.instruments.indi import client_library
-from rsoconsole.instruments.observatory import connect_instruments
-from rsoconsole.pipeline.frame import Reduction, kept_pixels, open_reducer
-from rsoconsole.session.upkeep import cut_off_session, new_session_folder
-from rsoconsole.session.writing import SessionWriter
+from rsoconsole.instruments import (
+    Instruments,
+    MountPort,
+    client_library,
+    connect_instruments,
+    return_what_is_freed,
+)
+from rsoconsole.pipeline import Reduction, kept_pixels, open_reducer
+from rsoconsole.session import SessionWriter, cut_off_session, new_session_folder
 from rsoconsole.sky import day_of
 from rsoconsole.waits import waits_reported_to
 from rsoconsole.words import shutter_words

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.control import LastStop
-from rsoconsole.engine.aim import Stopped
-from rsoconsole.engine.tasks import CommandQueue
+from rsoconsole.engine.aim.states import Stopped
+from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import MountPort, StopResult
 from rsoconsole.reasons import CommandResult
 

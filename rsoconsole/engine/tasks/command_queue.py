@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rsoconsole.control import IN_ENGINE, Request
-from rsoconsole.engine.aim import LimitMet, NightEnded, Stopped, Trigger
+from rsoconsole.engine.aim.states import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import OperatorAction

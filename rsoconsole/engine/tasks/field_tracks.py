@@ -3,14 +3,13 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, FilterConfig
 from rsoconsole.control import NextAim, TrackNow
-from rsoconsole.engine.aim import Ahead
-from rsoconsole.pipeline.aim import tracks_inside
-from rsoconsole.pipeline.cycle import Shown
+from rsoconsole.engine.aim.instrument_controller import Ahead
+from rsoconsole.engine.aim.states import Authority
+from rsoconsole.pipeline import Shown, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.association import Following, Tracked
-from rsoconsole.tracking.initiation import ON_TRIAL
+from rsoconsole.tracking import ON_TRIAL, Following, Tracked
 
 NS_PER_S = 1_000_000_000
 
@@ -100,3 +99,35 @@ def _snr_of(taken: Measurement, shown_of: Callable[[int], Shown]) -> float | Non
     streaks = (*found.detections, *(each.detection for each in found.rejected))
     at = (taken.x_px, taken.y_px)
     return next((s.snr or None for s in streaks if (s.x_px, s.y_px) == at), None)
+
+
+class KeptTrack:
+    """Knows until when the kept track is worth anything."""
+
+    def __init__(self) -> None:
+        self._following: Following | None = None
+        self.until_utc_ns: int | None = None
+        """None while nothing is kept."""
+
+    def see(self, authority: Authority, settings: FilterConfig, now_utc_ns: int) -> None:
+        """The state has changed. In MANUAL a track is kept as long as it would be coasted."""
+        kept = authority.kept
+        if kept is None:
+            self._following = self.until_utc_ns = None
+            return
+        if kept is self._following and authority.state != "MANUAL":
+            return
+        self._following = kept
+        is_lent = authority.state == "MANUAL" and authority.is_resumable
+        self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
+
+    def is_over(self, now_utc_ns: int) -> bool:
+        """Whether what was kept is too old by now."""
+        return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
+
+
+def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
+    """What a track is called; None where nothing is followed. ``names``: by track id."""
+    if following is None or following.track_id is None:
+        return None
+    return names.get(following.track_id, f"track {following.track_id}")

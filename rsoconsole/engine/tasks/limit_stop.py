@@ -9,13 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rsoconsole.engine.aim import NS
+from rsoconsole.engine.aim.instrument_controller import NS
 from rsoconsole.engine.tasks.seen_motion import How, SeenMotion
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event
-from rsoconsole.sky import wrap_180
-from rsoconsole.sky.limits import Pose, StoppingDistance
+from rsoconsole.sky import Pose, StoppingDistance, wrap_180
 
 AGAIN_S = 30.0
 ENOUGH = 20

@@ -6,14 +6,97 @@ of the night lead there, others are taken until the track ends, on record. What 
 meanwhile stands.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rsoconsole.config import Config, OpticsConfig
-from rsoconsole.engine.tasks.tunables import change_record, changed, value_of
+from rsoconsole.config import Config, OpticsConfig, unknown_setting, walk, with_setting
+from rsoconsole.errors import ConfigError
 from rsoconsole.records import ParameterChange, TrackState
-from rsoconsole.tracking.filters import sky_rate_arcsec_s
+from rsoconsole.tracking import sky_rate_arcsec_s
+
+TUNABLE = {
+    "detector.tau",
+    "detector.centroid",
+    "detector.map_mode",
+    "filter.preset",
+    "filter.sigma_arcsec",
+    "filter.q_arcsec2_s3",
+    "filter.q_multiplier",
+    "filter.q_ra_multiplier",
+    "filter.q_ra_rate_multiplier",
+    "filter.q_dec_multiplier",
+    "filter.q_dec_rate_multiplier",
+    "filter.r_multiplier",
+    "filter.r_ra_multiplier",
+    "filter.r_dec_multiplier",
+    "filter.max_3sigma_arcmin",
+    "filter.gate_nis",
+    "filter.max_coast_s",
+    "search.follow",
+    "search.recentre",
+    "search.pattern",
+    "orbit.guide",
+    "orbit.prior",
+    "orbit.wait_min",
+    "mount.meridian",
+    "mount.after_stop",
+    "aim.policy",
+    "aim.lead_s",
+    "aim.along_arcmin",
+    "aim.across_arcmin",
+    "exposure.exposure_s",
+    "exposure.cadence_s",
+    "leap.enabled",
+    "leap.stare_exposure_s",
+    "leap.least_rate_arcsec_s",
+    "leap.most_misses",
+    "leap.at_close",
+    "leap.learns_settle",
+    "leap.binning",
+    "leap.subframe",
+    "leap.pass_norad",
+    "leap.late_sigma_s",
+    "leap.waits",
+}
+"""What may change while the loop runs."""
+
+
+def changed(config: Config, name: str, value: float | str) -> Config:
+    """The configuration with one tunable set. Raises ValueError naming what is allowed."""
+    check_tunable(name)
+    try:
+        return with_setting(config, name, value)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+def check_tunable(name: str) -> None:
+    """Raises ValueError, with the remedy, for what cannot be changed while the loop runs."""
+    if name in TUNABLE:
+        return
+    if name in {each for each, _, _ in walk(Config())}:
+        raise ValueError(
+            f"{name} does not change while the engine runs: write it into the configuration file"
+            " and start the engine again"
+        )
+    raise ValueError(unknown_setting(name, sorted(TUNABLE)))
+
+
+def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
+    """The change for the record."""
+    return ParameterChange(
+        name=name, before=value_of(before, name), after=value_of(after, name), by=by
+    )
+
+
+def value_of(config: Config, name: str) -> Any:
+    """What a setting is there."""
+    section, _, key = name.partition(".")
+    return getattr(getattr(config, section), key)
+
 
 SHORTEST_PX = 40.0
 """Length, in pixels, from which a streak's direction is good to a degree or two."""
@@ -143,3 +226,45 @@ def _may_change(config: Config) -> bool:
     """The paper's night has one exposure, and a dark that cannot be scaled fits one only."""
     is_dark_fixed = bool(config.calibration.darks) and config.calibration.bias is None
     return config.exposure.automatic and config.filter.preset != "paper" and not is_dark_fixed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loan:
+    before: float | int | str
+    frames: int
+
+
+class Temporary:
+    """What is lent, by the name of the setting."""
+
+    def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
+        """``of_night``: a configuration as the night has it, without what a track changed in it."""
+        self._of_night = of_night
+        self._loans: dict[str, _Loan] = {}
+
+    def lend(self, config: Config, name: str, frames: int) -> None:
+        """Remember what the setting is now; the first lender's value comes back at the end."""
+        known = self._loans.get(name)
+        before = value_of(self._of_night(config), name) if known is None else known.before
+        self._loans[name] = _Loan(before=before, frames=frames)
+
+    def keep(self, name: str) -> None:
+        """Somebody has set it for good."""
+        self._loans.pop(name, None)
+
+    def left(self) -> dict[str, int]:
+        """Frames that each still holds for."""
+        return {name: loan.frames for name, loan in dict(self._loans).items()}
+
+    def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
+        """One frame more: the configuration with what is over set back, and the record of it."""
+        changes: list[ParameterChange] = []
+        for name, loan in list(self._loans.items()):
+            if loan.frames > 1:
+                self._loans[name] = _Loan(before=loan.before, frames=loan.frames - 1)
+                continue
+            del self._loans[name]
+            after = changed(config, name, loan.before)
+            changes.append(change_record(config, after, name, "the end of its frames"))
+            config = after
+        return config, tuple(changes)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.pipeline.frame import Reduction
+from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Frame, PixelArray, Solution, Wcs
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rsoconsole.engine.aim import FAR_OFF_DEG, NS, Ordered
+from rsoconsole.engine.aim.instrument_controller import FAR_OFF_DEG, NS, Ordered
 from rsoconsole.instruments import SIDEREAL_ARCSEC_S, MountReport
-from rsoconsole.sky import separation_deg, wrap_180
-from rsoconsole.sky.limits import Limits, Pose, Rates
+from rsoconsole.sky import Limits, Pose, Rates, separation_deg, wrap_180
 
 How = Literal["stands", "tracks", "slews"]
 Own = Literal["slew", "park"]

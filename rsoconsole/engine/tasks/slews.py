@@ -2,24 +2,23 @@
 
 from dataclasses import replace
 
-from rsoconsole.engine.aim import (
+from rsoconsole.engine.aim.instrument_controller import (
     FAR_OFF_DEG,
     POLL_NS,
     InstrumentController,
     Plan,
-    Planner,
     StoppedElsewhere,
 )
+from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import MountReport
-from rsoconsole.pipeline.aim import slew_to
+from rsoconsole.pipeline import slew_to
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand
-from rsoconsole.sky import separation_deg
-from rsoconsole.sky.limits import LimitName, Pose
-from rsoconsole.tracking.association import Following
+from rsoconsole.sky import LimitName, Pose, separation_deg
+from rsoconsole.tracking import Following
 from rsoconsole.words import text
 
 

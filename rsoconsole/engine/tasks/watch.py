@@ -13,15 +13,10 @@ import time
 from collections.abc import Callable, Iterator
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim import (
-    LimitMet,
-    NightEnd,
-    NightEnded,
-    Ordered,
-    lasting_overrides,
-    night_end,
-)
-from rsoconsole.engine.machine import notify
+from rsoconsole.engine.aim.instrument_controller import Ordered
+from rsoconsole.engine.aim.night import NightEnd, lasting_overrides, night_end
+from rsoconsole.engine.aim.states import LimitMet, NightEnded
+from rsoconsole.engine.machine.machine import notify
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.engine.tasks.limit_stop import LimitStop
 from rsoconsole.engine.tasks.seen_motion import (
@@ -36,8 +31,7 @@ from rsoconsole.engine.tasks.seen_motion import (
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import Instruments, MountReport
 from rsoconsole.records import Event
-from rsoconsole.sky import separation_deg
-from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+from rsoconsole.sky import LimitName, Limits, Pose, Refusal, separation_deg
 
 log = logging.getLogger(__name__)
 

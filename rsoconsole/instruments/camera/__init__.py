@@ -1,5 +1,1 @@
 """The camera, by a process of its own; frames come through shared memory."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

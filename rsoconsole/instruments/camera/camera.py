@@ -9,8 +9,8 @@ from typing import Any
 from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.frame_ring import FrameRing
-from rsoconsole.instruments.frames import camera_mode
-from rsoconsole.instruments.indi import IndiProcess, device_settings, drained
+from rsoconsole.instruments.frames.frame_header import camera_mode
+from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"

@@ -16,18 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import return_free_pages, return_what_is_freed
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.camera.sensor_window import SensorWindow
-from rsoconsole.instruments.frames import frame_from_bytes, read_plain
-from rsoconsole.instruments.indi import (
-    IndiClient,
-    ReplyWriter,
-    Vector,
-    open_client,
-    run_child,
-    without_stamp,
-)
+from rsoconsole.instruments.frames.frame_files import frame_from_bytes
+from rsoconsole.instruments.frames.plain_fits import read_plain
+from rsoconsole.instruments.indi.client_choice import open_client
+from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector, without_stamp
+from rsoconsole.instruments.process_memory import return_free_pages, return_what_is_freed
 from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.indi import IndiClient, Vector
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
 _FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
 _SIDES = ("X", "Y", "WIDTH", "HEIGHT")

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frames.fits_by_astropy import ALL
-from rsoconsole.instruments.frames.fits_images import fits_image
+from rsoconsole.instruments.frames.fits_by_astropy import ALL, structure_fault
+from rsoconsole.instruments.frames.frame_decoder import decoder
 from rsoconsole.instruments.frames.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
@@ -38,10 +38,34 @@ from rsoconsole.instruments.frames.frame_pixels import (
     saturation_adu,
     to_pixels,
 )
-from rsoconsole.instruments.frames.pictures import MAGIC as PICTURE_MAGIC
-from rsoconsole.instruments.frames.pictures import picture
-from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+from rsoconsole.instruments.frames.plain_fits import Content, FitsImage, read_plain
 from rsoconsole.records import Frame
+
+MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+def picture(content: Content, name: str) -> npt.NDArray[Any]:
+    """Its pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
+    return decoder().decode_picture(content, name)
+
+
+def fits_image(
+    content: Content, name: str, extension: str | None = None, min_side_px: int = 1
+) -> FitsImage:
+    """The image asked for; with None the file's first.
+
+    ``extension`` is a number (0 is the primary unit), a name (EXTNAME) or ``NAME,VERSION``.
+    Images with a side below ``min_side_px`` count only where there are no others. What is no
+    plain file is decoded in another process. Raises FrameError.
+    """
+    fault = structure_fault(content)
+    if fault is not None:
+        raise FrameError(f"{name} is damaged: {fault} cannot be; copy it again or leave it out")
+    plain = read_plain(content)
+    if plain is not None and extension in (None, "0"):
+        return FitsImage(raw=plain[0], header=plain[1])
+    return decoder().decode(content, name, extension, min_side_px)
+
 
 MIN_SIDE_PX = 64
 MOST_BYTES = 400_000_000
@@ -202,7 +226,7 @@ def _frame(
         image = fits_image(content, name, extension, MIN_SIDE_PX)
         raw, bits = image.raw, image.raw.dtype.itemsize * 8
         notes += _notes_of_others(image) if is_alone else []
-    elif content[:4] in PICTURE_MAGIC:
+    elif content[:4] in MAGIC:
         stored = picture(content, name)
         bits = stored.dtype.itemsize * 8
         raw, full_adu, is_coloured = one_plane(stored, name)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import PyIndi
 
-from rsoconsole.instruments import forget_contents
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+from rsoconsole.instruments.process_memory import forget_contents
 
 _STATES = {
     PyIndi.IPS_IDLE: "Idle",

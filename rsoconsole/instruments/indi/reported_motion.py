@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from rsoconsole.instruments import DirectionReport, Motion, MotionMeter
+from rsoconsole.instruments.motion import DirectionReport, Motion, MotionMeter
 from rsoconsole.sky import hours_to_deg
 
 if TYPE_CHECKING:

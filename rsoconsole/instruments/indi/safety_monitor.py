@@ -7,8 +7,8 @@ from typing import Literal
 
 from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import SkyReport
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments.ports import SkyReport
 from rsoconsole.waits import LongWait
 
 Weather = Literal["ok", "warning", "alert", "silent"]

@@ -9,13 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import (
-    AfterStop,
-    Motion,
-    StopMeasure,
-    StopResult,
-    tracking_after_stop,
-)
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.indi.reported_motion import (
     COORDINATES,
@@ -23,6 +16,8 @@ from rsoconsole.instruments.indi.reported_motion import (
     POLLING_MS,
     ReportedMotion,
 )
+from rsoconsole.instruments.motion import AfterStop, Motion, StopMeasure, tracking_after_stop
+from rsoconsole.instruments.ports import StopResult
 from rsoconsole.words import NO_ANSWER
 
 _REPEAT_ABORT_S = 0.5

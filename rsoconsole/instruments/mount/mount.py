@@ -12,9 +12,11 @@ from typing import Any
 
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import (
-    REPEATS_FOR_S,
-    Motion,
+from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
+from rsoconsole.instruments.indi.wire_stop import WatchedStop, stop_mount
+from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
+from rsoconsole.instruments.mount.mount_stop import MountStop
+from rsoconsole.instruments.ports import (
     MountAbilities,
     MountReport,
     SiteCheck,
@@ -22,14 +24,6 @@ from rsoconsole.instruments import (
     StopResult,
     unheard,
 )
-from rsoconsole.instruments.indi import (
-    IndiProcess,
-    WatchedStop,
-    device_settings,
-    drained,
-    stop_mount,
-)
-from rsoconsole.instruments.mount.mount_stop import MountStop
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
 from rsoconsole.words import measured_text

@@ -12,16 +12,11 @@ from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import AfterStop
-from rsoconsole.instruments.indi import (
-    IndiClient,
-    ReplyWriter,
-    ReportedMotion,
-    Vector,
-    open_client,
-    run_child,
-)
-from rsoconsole.instruments.mount.mount_ear import MountEar
+from rsoconsole.instruments.indi.client_choice import open_client
+from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount.mount_halt import Halt
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
@@ -31,6 +26,7 @@ from rsoconsole.instruments.mount.mount_mirror import (
     SIDE,
     TIME,
     TRACKING,
+    MountEar,
     MountMirror,
 )
 from rsoconsole.instruments.mount.mount_owner import MountOwner

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import AfterStop
-from rsoconsole.instruments.indi import IndiClient, ReportedMotion, Vector
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES, MountMirror
 from rsoconsole.instruments.mount.mount_watch import MountWatch
 from rsoconsole.instruments.mount.stop_measurement import StopMeasurement, is_answered

@@ -3,15 +3,20 @@
 A driver's state is a claim. Where the reported directions tell how the mount moves, that counts.
 """
 
+import contextlib
 import dataclasses
 import math
+import threading
 import time
 from collections.abc import Callable, Collection
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import AfterStop, Motion, MountAbilities, tracking_after_stop
-from rsoconsole.instruments.indi import IndiClient, ReportedMotion, Vector
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+from rsoconsole.instruments.indi.indi_wire import IndiWire
+from rsoconsole.instruments.indi.reported_motion import POLLING, ReportedMotion
+from rsoconsole.instruments.motion import AfterStop, Motion, tracking_after_stop
+from rsoconsole.instruments.ports import MountAbilities
 from rsoconsole.sky import hours_to_deg, iso_to_utc_ns, jnow_to_icrs, wrap_180
 
 COORDINATES = "EQUATORIAL_EOD_COORD"
@@ -228,3 +233,47 @@ def _utc_ns(text: str) -> int | None:
         return iso_to_utc_ns(text)
     except ValueError:
         return None
+
+
+_LOOK_S = 0.1
+_HELD_UP_S = 0.6
+_AGAIN_S = 2.0
+
+
+class MountEar:
+    """Asks where nothing has been told for a while, on a thread of its own."""
+
+    def __init__(self, host: str, port: int, device: str, motion: ReportedMotion) -> None:
+        """``motion`` hears the answers; what the driver tells by itself comes another way."""
+        self._host, self._port, self._device, self._motion = host, port, device, motion
+        self._thread = threading.Thread(target=self._run, daemon=True, name="ear")
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        while True:
+            with contextlib.suppress(InstrumentError):
+                wire = IndiWire(self._host, self._port)
+                try:
+                    self._listen(wire)
+                finally:
+                    wire.close()
+            time.sleep(_AGAIN_S)
+
+    def _listen(self, wire: IndiWire) -> None:
+        """Until the server hangs up: then InstrumentError."""
+        self._motion.begin()
+        wire.ask(self._device, POLLING)
+        looked_s = time.monotonic()
+        while True:
+            vector = wire.wait(lambda each: each.device == self._device, _LOOK_S)
+            now_s = time.monotonic()
+            if now_s - looked_s > _HELD_UP_S:
+                self._motion.held_up()
+            looked_s = now_s
+            if vector is not None and vector.is_definition:
+                self._motion.take(vector)
+            if self._motion.wants_word():
+                wire.ask(self._device, COORDINATES)

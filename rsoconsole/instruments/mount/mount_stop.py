@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from rsoconsole.instruments import Motion, StopPath, StopResult
+from rsoconsole.instruments.motion import Motion
+from rsoconsole.instruments.ports import StopPath, StopResult
 from rsoconsole.words import NO_ANSWER
 
 log = logging.getLogger(__name__)

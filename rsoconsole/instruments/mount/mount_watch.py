@@ -15,7 +15,7 @@ from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.mount.stop_measurement import StopMeasurement
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import utc_ns_to_iso
 
 _LOOK_EVERY_S = 0.2
 _TRY_AGAIN_S = 5.0

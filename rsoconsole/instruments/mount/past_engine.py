@@ -6,7 +6,7 @@ from typing import Any
 
 from rsoconsole.config import Config, IndiConfig, load_config
 from rsoconsole.errors import ConfigError
-from rsoconsole.instruments import StopResult
+from rsoconsole.instruments.ports import StopResult
 
 
 def stop_past_engine(
@@ -25,7 +25,7 @@ def stop_past_engine(
     ``indi`` as the session has it; None: as configured. A configuration that cannot be read
     prevents nothing: ``on_fault`` is told, and the standard mount is stopped.
     """
-    from rsoconsole.instruments.indi import stop_mount
+    from rsoconsole.instruments.indi.wire_stop import stop_mount
 
     try:
         config = load_config(config_path)

@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rsoconsole.instruments import Motion, StopMeasure
-from rsoconsole.instruments.indi import POLLING, POLLING_MS, IndiClient, ReportedMotion
+from rsoconsole.instruments.indi.indi_client import IndiClient
+from rsoconsole.instruments.indi.reported_motion import POLLING, POLLING_MS, ReportedMotion
+from rsoconsole.instruments.motion import Motion, StopMeasure
 from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES
 
 

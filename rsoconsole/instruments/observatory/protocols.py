@@ -14,9 +14,9 @@ from typing import Any, Protocol
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments import CameraPort, MountPort
-from rsoconsole.instruments.camera import IndiCamera
-from rsoconsole.instruments.mount import IndiMount
+from rsoconsole.instruments.camera.camera import IndiCamera
+from rsoconsole.instruments.mount.mount import IndiMount
+from rsoconsole.instruments.ports import CameraPort, MountPort
 
 MOUNTS, CAMERAS = "rsoconsole.mounts", "rsoconsole.cameras"
 

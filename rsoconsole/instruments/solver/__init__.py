@@ -1,5 +1,1 @@
 """The plate solver in a process of its own, and its index files."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

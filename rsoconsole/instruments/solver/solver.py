@@ -29,9 +29,8 @@ from rsoconsole.instruments.solver.index_files import (
 from rsoconsole.instruments.solver.solver_child import SolverChild, SolverDied, SolverTimeout
 from rsoconsole.instruments.solver.solver_process import MatchReply, MatchRequest
 from rsoconsole.records import FloatArray, NotSolved, PlatePath, Solution
-from rsoconsole.sky import describe, wcs_from_cards
-from rsoconsole.sky.stars import J2000_JYEAR, StarCatalogue, julian_year
-from rsoconsole.vision.stars import (
+from rsoconsole.sky import J2000_JYEAR, StarCatalogue, describe, julian_year, wcs_from_cards
+from rsoconsole.vision import (
     FEWEST_STARS,
     PlateFit,
     StarList,

@@ -4,15 +4,8 @@ import math
 from typing import Any
 
 from rsoconsole.night import FRAME_FACTS, facts_of
-from rsoconsole.notebook.figures.page import (
-    BAND,
-    BOUND,
-    MEASURED,
-    finish,
-    note,
-    shade_misses,
-)
-from rsoconsole.notebook.night import DrawnNight
+from rsoconsole.notebook.figures.draw_sky import BAND, BOUND, MEASURED, finish, note, shade_misses
+from rsoconsole.notebook.night.night import DrawnNight
 
 NIS_BAND = (0.0506, 7.378)
 """95 % of a chi-square of two degrees of freedom."""

@@ -6,23 +6,30 @@ and the bounds vanish, so the same is drawn again about a straight line, and the
 their own bounds by themselves.
 """
 
+import io
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError, said_as
-from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.notebook.figures.draw_sky import STYLE, draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.figures.draw_time import (
     draw_confidence,
     draw_nis,
     draw_quality,
     draw_residuals,
 )
-from rsoconsole.notebook.night import DrawnNight, read_night, read_truth
-from rsoconsole.session.reading import SessionReader, clock_notes
+from rsoconsole.notebook.night.night import DrawnNight, read_night, read_truth
+from rsoconsole.session import SessionReader, clock_notes
 
 FigureFormat = Literal["png", "svg", "pdf"]
 WIDTH_IN = 6.6
@@ -86,7 +93,6 @@ def write_figures(
         )
     notes = clock_notes(SessionReader(session))
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    from rsoconsole.notebook.figures.inline import NightFigure, styled
 
     paths = []
     with styled(salt=night.title), warnings.catch_warnings():
@@ -105,3 +111,105 @@ def write_figures(
                 figure.savefig(path, metadata=_UNDATED[file_format])
             paths.append(path)
     return tuple(paths)
+
+
+SHOWN_DPI = 100
+SAVED_DPI = 144
+"""For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
+
+
+def styled(salt: str | None = None) -> AbstractContextManager[None]:
+    """While it holds, matplotlib draws in the product's type and colours.
+
+    ``salt``: by which the same drawing gives the same SVG.
+    """
+    style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
+    return mpl.rc_context(style)
+
+
+class NightFigure(Figure):
+    """A figure with the product's own type and colours."""
+
+    def __init__(self, width_in: float, height_in: float) -> None:
+        with styled():
+            super().__init__(figsize=(width_in, height_in))
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """The picture, and how large it is to be shown."""
+        buffer = io.BytesIO()
+        with styled():
+            self.savefig(buffer, format="png", dpi=SAVED_DPI, metadata={"Software": None})
+        width_in, height_in = self.get_size_inches()
+        size: dict[str, Any] = {
+            "width": round(width_in * SHOWN_DPI),
+            "height": round(height_in * SHOWN_DPI),
+        }
+        return buffer.getvalue(), size
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class NightPlots(ABC):
+    """What a session, a branch and a what-if have in common.
+
+    Every method draws into ``figure`` (a matplotlib Figure or SubFigure of your own, empty) or
+    into a new one, and returns it; the last line of a cell shows it. Nothing needs pyplot or a
+    window. Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue
+    triangles, predicted green circles, 3-sigma bounds dashed; frames that were missed are shaded.
+    Raises SessionError where there is no frame with a time, or no track to draw.
+    """
+
+    @abstractmethod
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """What is drawn, side by side."""
+
+    def plot_confidence(self, figure: Any = None) -> "Figure":
+        """Confidence of what the track took and of what it did not, and tau."""
+        return self._plot(DRAWINGS["confidence"], figure)
+
+    def plot_track(self, figure: Any = None) -> "Figure":
+        """Right ascension and declination in degrees against time, as in the paper."""
+        return self._plot(DRAWINGS["track"], figure)
+
+    def plot_about_line(self, figure: Any = None) -> "Figure":
+        """The same in seconds of arc about the straight line through the updated states."""
+        return self._plot(DRAWINGS["track_about_line"], figure)
+
+    def plot_residuals(self, figure: Any = None) -> "Figure":
+        """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
+        return self._plot(DRAWINGS["residuals"], figure)
+
+    def plot_nis(self, figure: Any = None) -> "Figure":
+        """Normalised innovation squared against its 95 % band, and its running mean."""
+        return self._plot(DRAWINGS["nis"], figure)
+
+    def plot_quality(self, figure: Any = None) -> "Figure":
+        """What each frame says of image and sky: width of its stars, background and so on."""
+        return self._plot(QUALITY, figure)
+
+    def _plot(self, drawing: Drawing, figure: Any) -> "Figure":
+        nights = self.nights()
+        if drawing.needs_track and not any(has_track(night) for night in nights):
+            raise SessionError(
+                f"{nights[0].title}: nothing was followed, there is no {drawing.name} to draw; "
+                "plot_confidence() shows what was detected"
+            )
+        # Half a second of imports: only who draws pays for them.
+
+        if figure is None:
+            figure = NightFigure(WIDTH_IN * len(nights), drawing.height_in)
+        elif hasattr(figure, "set_layout_engine") and figure.get_layout_engine() is None:
+            figure.set_layout_engine("constrained")  # the keys stand outside the panels
+        with styled():
+            if len(nights) == 1:
+                drawing.draw(figure, nights[0])
+                return figure  # type: ignore[no-any-return]
+            for night, part in zip(nights, figure.subfigures(1, len(nights)), strict=True):
+                if not drawing.needs_track or has_track(night):
+                    drawing.draw(part, night)
+                else:
+                    part.suptitle(f"{night.title}: nothing followed", fontsize=9.5)
+        return figure  # type: ignore[no-any-return]

@@ -12,7 +12,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.night import NightFrame, NightFrames
 from rsoconsole.records import Measurement
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.sky import wrap_180
 
 SAME_FRAME_S = 1.0

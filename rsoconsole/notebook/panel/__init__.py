@@ -1,5 +1,1 @@
 """The live panel: a seat on the running engine inside a notebook."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

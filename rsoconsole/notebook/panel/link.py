@@ -9,8 +9,7 @@ from typing import Any
 
 from rsoconsole.control import AskStatus, Poller, Status, Wire, printable, read_status
 from rsoconsole.errors import ControlError, SessionError
-from rsoconsole.notebook.panel.live_night import LiveNight
-from rsoconsole.notebook.panel.panel_view import night_view, status_view
+from rsoconsole.notebook.panel.panel_view import LiveNight, night_view, status_view
 from rsoconsole.words import NOT_SHOWN
 
 log = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ import anywidget
 import traitlets
 
 from rsoconsole.control import ControlClient, Found, Sender, Wire
-from rsoconsole.instruments.mount import stop_past_engine
+from rsoconsole.instruments import stop_past_engine
 from rsoconsole.notebook.panel.link import Link
 from rsoconsole.notebook.panel.panel_orders import PanelOrders
 from rsoconsole.resources import resource

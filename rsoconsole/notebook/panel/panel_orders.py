@@ -24,9 +24,9 @@ from rsoconsole.control import (
     Stopping,
     Wire,
     command_of,
+    preview_lines,
     read_record,
 )
-from rsoconsole.control.words import preview_lines
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.panel.link import Link
 from rsoconsole.notebook.panel.panel_view import TUNED
@@ -211,7 +211,7 @@ class PanelOrders:
         self._send(Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg))
 
     def _understood(self, text: str) -> Any:
-        from rsoconsole.pipeline.words import Names, understand
+        from rsoconsole.pipeline import Names, understand
 
         live, now_utc_ns = self._link.live, self._link.now_utc_ns
         if live is None or now_utc_ns is None:
@@ -275,7 +275,7 @@ def effect_rows(
     ``config`` is that of the session's beginning.
     """
     from rsoconsole.night import shown
-    from rsoconsole.pipeline.replay import what_if
+    from rsoconsole.pipeline import what_if
 
     was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, changes))
     return [[each.label, each.words(was), each.words(then)] for each in shown.TUNED]

@@ -4,7 +4,8 @@ One HTML file that asks for nothing outside itself, by day, by night and on pape
 wrote (titles, notes) stands in it as text and never as markup.
 """
 
-from collections.abc import Iterator, Mapping
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from rsoconsole.control import one_line
 from rsoconsole.export import Export, ExportedNight, MeasuredRow
 from rsoconsole.export import read_night as read_rows
 from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
-from rsoconsole.notebook.night import DrawnNight, read_night
+from rsoconsole.notebook.night.night import DrawnNight, read_night
 from rsoconsole.notebook.report.report_facts import (
     Course,
     TrackFacts,
@@ -22,12 +23,18 @@ from rsoconsole.notebook.report.report_facts import (
     read_course,
     track_facts,
 )
-from rsoconsole.notebook.report.report_field import MOST_PAIRS, field_facts
-from rsoconsole.notebook.report.report_figures import inline_figures
-from rsoconsole.notebook.report.report_passes import pass_facts
-from rsoconsole.notebook.report.report_pictures import shown_frames
-from rsoconsole.pipeline.frame import usual_sigma_s
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.notebook.report.report_pictures import inline_figures, shown_frames
+from rsoconsole.pipeline import usual_sigma_s
+from rsoconsole.records import (
+    ExpectedMembers,
+    LeapDone,
+    LowPass,
+    PairMotion,
+    PairMotions,
+    Record,
+    UnseenMember,
+)
+from rsoconsole.session import SessionReader
 from rsoconsole.sky import day_of
 from rsoconsole.words import (
     clock,
@@ -38,6 +45,151 @@ from rsoconsole.words import (
     shutter_words,
     when,
 )
+
+MOST_PAIRS = 40
+"""In the page's table, those that came nearest first; the rest stand in the session."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairFacts:
+    """Two tracks, as their last motion on record has them, and how near they had been."""
+
+    last: PairMotion
+    nearest_arcsec: float
+    """Least separation of a frame."""
+    nearest_utc_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnseenFacts:
+    """A catalogued object that stood in frames and was not followed there."""
+
+    looks: int
+    """How often the catalogue was asked while it should have been there, and no track was of it."""
+    of_looks: int
+    """How often the catalogue was asked on record."""
+    lit: int
+    """Of ``looks`` those in which the Sun shone on it."""
+    last: UnseenMember
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldFacts:
+    """Of the whole field."""
+
+    pairs: tuple[PairFacts, ...] = ()
+    """Nearest first."""
+    unseen: tuple[UnseenFacts, ...] = ()
+    """Those that were missed most often first."""
+
+
+def field_facts(records: Iterable[Record]) -> FieldFacts:
+    """From the records of a session, in order of time."""
+    pairs: dict[tuple[int, int], PairFacts] = {}
+    unseen: dict[int, tuple[int, int, UnseenMember]] = {}
+    looks = 0
+    for record in records:
+        match record:
+            case PairMotions():
+                for each in record.pairs:
+                    ids = each.track_id, each.other_track_id
+                    pairs[ids] = _nearer(pairs.get(ids), each)
+            case ExpectedMembers():
+                looks += 1
+                for member in record.unseen:
+                    count, lit, _ = unseen.get(member.norad_id, (0, 0, member))
+                    unseen[member.norad_id] = (count + 1, lit + member.is_lit, member)
+            case _:
+                pass
+    return FieldFacts(
+        pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
+        unseen=tuple(
+            UnseenFacts(
+                looks=count,
+                of_looks=looks,
+                lit=lit,
+                last=member,
+            )
+            for _, (count, lit, member) in sorted(
+                unseen.items(), key=lambda item: (-item[1][0], item[0])
+            )
+        ),
+    )
+
+
+def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
+    if before is not None and before.nearest_arcsec <= now.separation_arcsec:
+        return PairFacts(
+            last=now,
+            nearest_arcsec=before.nearest_arcsec,
+            nearest_utc_ns=before.nearest_utc_ns,
+        )
+    return PairFacts(last=now, nearest_arcsec=now.separation_arcsec, nearest_utc_ns=now.t_utc_ns)
+
+
+PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
+"""Of a leap's time, in order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassFacts:
+    """One pass, with what came of its leaps."""
+
+    over: LowPass
+    leaps: int
+    """Ordered."""
+    met: int
+    at_close: int
+    """Ordered as the shutter of the one before closed."""
+    unmet: str
+    """What came of the others, counted: ``2 another streak, 1 not solved``."""
+    total_s: float | None
+    """Median from order to order; None where none was over."""
+    parts_s: tuple[float, ...]
+    """Medians, as ``PARTS`` has them."""
+    along_arcsec: float | None
+    """Median distance from the prediction along the way; None where none was met."""
+    across_arcsec: float | None
+
+
+def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
+    """Every pass of a session's records, in order of time."""
+    leaps: dict[int, list[LeapDone]] = {}
+    passes: list[LowPass] = []
+    for record in records:
+        if isinstance(record, LeapDone):
+            leaps.setdefault(record.begun_frame_id, []).append(record)
+        elif isinstance(record, LowPass):
+            passes.append(record)
+    return tuple(_facts(each, leaps.get(each.begun_frame_id, [])) for each in passes)
+
+
+def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
+    met = [each for each in leaps if each.result == "met"]
+    others = [each.result for each in leaps if each.result != "met"]
+    counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
+    return PassFacts(
+        over=over,
+        leaps=len(leaps),
+        met=len(met),
+        at_close=sum(each.ordered == "at close" for each in leaps),
+        unmet=", ".join(counted),
+        total_s=_median([each.total_s for each in leaps]),
+        parts_s=tuple(_median([getattr(each, part) for each in leaps]) or 0.0 for part in PARTS)
+        if leaps
+        else (),
+        along_arcsec=_median(
+            [abs(off) for each in met if (off := each.off_along_arcsec) is not None]
+        ),
+        across_arcsec=_median(
+            [abs(off) for each in met if (off := each.off_across_arcsec) is not None]
+        ),
+    )
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return statistics.median(values) if values else None
+
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rsoconsole.export import MeasuredRow
 from rsoconsole.night import LogLine, Night, NightTrack, consistency_of, line_of
-from rsoconsole.notebook.night import DrawnNight
+from rsoconsole.notebook.night.night import DrawnNight
 from rsoconsole.records import OperatorAction, ParameterChange
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 
 GEO_RATE_ARCSEC_S = 15.041
 GEO_WITHIN_ARCSEC_S = 0.3

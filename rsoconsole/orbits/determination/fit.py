@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.first import LineOfSight, Sightings, State
-from rsoconsole.orbits.motion import (
-    Motion,
+from rsoconsole.orbits.first.directions import LineOfSight, Sightings, State
+from rsoconsole.orbits.motion.forces import Motion
+from rsoconsole.orbits.motion.two_body import (
     eccentricity_vector,
     propagate,
     propagate_with_slopes,

@@ -14,19 +14,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits.determination.fit import Fit, Prior, fit, formal_covariances
-from rsoconsole.orbits.determination.labels import (
+from rsoconsole.orbits.determination.regimes import (
+    AUTOMATIC,
     FREE_SIGMA_A_KM,
+    REGIMES,
     Label,
+    PriorName,
+    Regime,
+    is_as_predicted,
     is_of_its_regime,
     label_of,
+    passes,
     sigma_of_a_km,
     sigma_of_e,
+    starts_towards,
     widened_covariance,
 )
-from rsoconsole.orbits.determination.passes import is_as_predicted, passes, starts_towards
-from rsoconsole.orbits.determination.regimes import AUTOMATIC, REGIMES, PriorName, Regime
-from rsoconsole.orbits.first import INWARD, Sightings, State, is_plausible, seeds
-from rsoconsole.orbits.motion import Forces, KnownOrbit, Motion, axis_and_inclination
+from rsoconsole.orbits.first.directions import INWARD, Sightings, State, is_plausible, seeds
+from rsoconsole.orbits.motion.forces import Forces, Motion
+from rsoconsole.orbits.motion.prediction import KnownOrbit
+from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
 LEAST_SIGHTINGS = 3
 POINT_MASS_S = 900.0

@@ -13,10 +13,12 @@ import numpy as np
 
 from rsoconsole.orbits.determination.from_directions import determine
 from rsoconsole.orbits.determination.regimes import PriorName
-from rsoconsole.orbits.first import Population, Sightings, State, log_prior_density, population_of
-from rsoconsole.orbits.motion import MU_EARTH_KM3_S2, Forces, propagate
+from rsoconsole.orbits.first.directions import Sightings, State
+from rsoconsole.orbits.first.population import Population, log_prior_density, population_of
+from rsoconsole.orbits.motion.forces import Forces
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, propagate
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import NS_PER_S
 
 STARS_ARCSEC = 0.3
 """Common error of a tracklet's plate solutions."""

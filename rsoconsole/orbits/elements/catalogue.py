@@ -4,7 +4,9 @@ Source of OMM: CCSDS 502.0-B-3, as CelesTrak and Space-Track write it; its field
 package sgp4. An OMM may carry catalogue numbers that two lines have no room for.
 """
 
+import difflib
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,9 +25,11 @@ from rsoconsole.sky import (
     astrometric_places,
     iso_to_utc_ns,
     jd_utc,
+    lit_fraction,
+    phase_angle_deg,
     teme_to_gcrs_rotation,
-    utc_ns_to_iso,
 )
+from rsoconsole.words import called, utc_ns_to_iso
 
 _OF_TWO_LINES = {
     "CLASSIFICATION_TYPE": "U",
@@ -208,3 +212,125 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
         epoch_utc_ns=epoch_utc_ns,
         record=record,
     )
+
+
+LISTED = 8
+"""How many candidates an error names."""
+
+
+def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:
+    """Every element set of the one object that is meant.
+
+    A number is a catalogue number; a name may be a part of the catalogued one, upper case and
+    punctuation aside, if it fits one object only. Raises OrbitError that lists the candidates of
+    an ambiguous name, and the nearest names to an unknown one.
+    """
+    text = wanted.strip()
+    if text.isdecimal():
+        of_number = tuple(each for each in entries if each.norad_id == int(text))
+        if of_number:
+            return of_number
+    plain = _plain(text)
+    whole = [each for each in entries if plain and _plain(each.name) == plain]
+    found = whole or [each for each in entries if plain and plain in _plain(each.name)]
+    numbers = {each.norad_id for each in found}
+    if len(numbers) == 1:
+        return tuple(found)
+    if numbers:
+        raise OrbitError(
+            f"{wanted!r} is {len(numbers)} objects: {_listed(found)}; name one by its number"
+        )
+    raise OrbitError(f"no object is called {wanted!r}{_near(entries, text)}")
+
+
+def _plain(name: str) -> str:
+    """Letters and digits alone, words apart: INTELSAT-14 and Intelsat 14 are one."""
+    return re.sub(r"[^a-z0-9]+", " ", name.casefold()).strip()
+
+
+def _listed(entries: Iterable[CatalogueEntry]) -> str:
+    names = {each.norad_id: each.name for each in entries}
+    words = [called(name, number) for number, name in sorted(names.items())]
+    more = len(words) - LISTED
+    return ", ".join(words[:LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _near(entries: Sequence[CatalogueEntry], text: str) -> str:
+    if not entries:
+        return ": there are no element sets; give some with --tle FILE"
+    by_plain = {_plain(each.name): each for each in entries if each.name}
+    near = difflib.get_close_matches(_plain(text), by_plain, n=3, cutoff=0.5)
+    if not near:
+        count = len({each.norad_id for each in entries})
+        return f" among {count} objects: give another file with --tle FILE"
+    return f"; near it: {_listed(by_plain[name] for name in near)}"
+
+
+STANDARD_RANGE_KM = 36_000.0
+
+
+class Satellite:
+    """SGP4 for one element set, with places as a plate solution measures them.
+
+    Raises OrbitError where SGP4 refuses the elements. Instants at which SGP4 fails (decayed)
+    come out as NaN.
+    """
+
+    def __init__(
+        self, element_set: ElementSet | CatalogueEntry, standard_magnitude: float = 11.0
+    ) -> None:
+        """``standard_magnitude``: fully lit, at 36,000 km."""
+        self.element_set = element_set
+        self.standard_magnitude = standard_magnitude
+        self.record = _record_of(element_set)
+        if self.record.error:
+            raise OrbitError(
+                f"satellite {element_set.norad_id}: SGP4 refuses its elements "
+                f"(error {self.record.error}); fetch a newer set"
+            )
+
+    def position_gcrs(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """GCRS position (N, 3) km and velocity (N, 3) km/s."""
+        t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
+        jd_1, jd_2 = jd_utc(t)
+        failed, r_teme, v_teme = self.record.sgp4_array(
+            np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
+        )
+        rotation = teme_to_gcrs_rotation(t)
+        r = np.einsum("nij,nj->ni", rotation, r_teme)
+        v = np.einsum("nij,nj->ni", rotation, v_teme)
+        is_good = (failed == 0)[:, None]
+        return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
+
+    def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> Places:
+        """Places, ranges and rates at instants (N,): what measured directions are compared to."""
+        return astrometric_places(self.position_gcrs, site, t_utc_ns)
+
+    def magnitude(self, places: Places) -> FloatArray:
+        """Brightness (N,) of a diffuse sphere at the places; inf in the umbra."""
+        lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
+        phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)
+        return magnitude(self.standard_magnitude, places.range_km, phase, lit)
+
+
+def _record_of(element_set: ElementSet | CatalogueEntry) -> Satrec:
+    if isinstance(element_set, CatalogueEntry):
+        return element_set.record
+    try:
+        return Satrec.twoline2rv(element_set.line_1, element_set.line_2)
+    except ValueError as error:
+        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it again") from error
+
+
+def magnitude(
+    standard_magnitude: float,
+    range_km: FloatArray,
+    phase_angle_deg: FloatArray,
+    lit_fraction: FloatArray,
+) -> FloatArray:
+    """Magnitude of a diffuse (Lambert) sphere, ``standard_magnitude`` full at 36,000 km."""
+    phase = np.radians(phase_angle_deg)
+    shine = ((np.pi - phase) * np.cos(phase) + np.sin(phase)) / np.pi * lit_fraction
+    with np.errstate(divide="ignore"):
+        dimming = -2.5 * np.log10(np.maximum(shine, 0.0))
+    return np.asarray(standard_magnitude + 5.0 * np.log10(range_km / STANDARD_RANGE_KM) + dimming)

@@ -10,7 +10,7 @@ from datetime import date
 from decimal import Decimal
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.sky import NS_PER_DAY
+from rsoconsole.words import NS_PER_DAY
 
 _LINE_LENGTH = 69
 _ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"

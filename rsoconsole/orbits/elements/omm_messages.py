@@ -9,7 +9,7 @@ from typing import Literal
 from xml.sax.saxutils import escape
 
 from rsoconsole.orbits.elements.sgp4_fit import MeanElements
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import utc_ns_to_iso
 
 VERSION = "3.0"
 ORIGINATOR = "RSOCONSOLE"

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.determination import Orbit
+from rsoconsole.orbits.determination.from_directions import Orbit
 from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
-from rsoconsole.orbits.first import Sightings
-from rsoconsole.orbits.motion import elements_of, period_s
+from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.motion.two_body import elements_of, period_s
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_DAY, NS_PER_S, IntArray, jd_utc, teme_to_gcrs_rotation
+from rsoconsole.sky import IntArray, jd_utc, teme_to_gcrs_rotation
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 ANALYST_NUMBERS = range(80_000, 90_000)
 """Catalogue numbers that the catalogue itself leaves to objects without a name."""

@@ -11,14 +11,8 @@ import numpy as np
 from sgp4.api import Satrec, SatrecArray
 
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import (
-    LIGHT_KM_S,
-    NS_PER_S,
-    earth_velocity_km_s,
-    jd_utc,
-    site_gcrs,
-    teme_to_gcrs_rotation,
-)
+from rsoconsole.sky import LIGHT_KM_S, earth_velocity_km_s, jd_utc, site_gcrs, teme_to_gcrs_rotation
+from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,5 +1,1 @@
 """First orbits: states through a few lines of sight, before anything is fitted."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

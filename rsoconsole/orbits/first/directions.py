@@ -5,17 +5,19 @@ out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth
 the plate says; everything in it but the orbit is computed once, here. Kilometres along ICRS axes.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.orbits.first.gooding_iteration import GoodingOrbit, Lines, gooding
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, propagate
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     ARCSEC_RAD,
     LIGHT_KM_S,
-    NS_PER_S,
     IntArray,
     direction_to_unit,
     earth_velocity_km_s,
@@ -23,6 +25,7 @@ from rsoconsole.sky import (
     line_of_sight_gcrs,
     site_gcrs,
 )
+from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,3 +146,161 @@ def _whitening(cov: FloatArray) -> FloatArray:
         raise ValueError("a covariance on the sky must be positive definite")
     matrices = np.stack([np.stack([ee, en], -1), np.stack([en, nn], -1)], -2)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(matrices)))
+
+
+State = tuple[FloatArray, FloatArray]
+"""Position (3,) km and velocity (3,) km/s at the epoch, along ICRS axes."""
+LOWEST_KM = 6_478.0
+"""No orbit that lasts comes nearer to the Earth's centre."""
+_RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
+
+
+INWARD = (0.0, 0.1, 0.2)
+"""Shares of the directions to leave out at either end: a wild one spoils what it takes part in."""
+
+
+def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
+    """Plausible starts at the epoch: Gooding's orbits first, then circles.
+
+    ``inward``: the share of the directions that is passed over at either end (`INWARD`).
+    """
+    return (*_by_gooding(seen, inward), *_circles(seen, inward))
+
+
+def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
+    """Lines of sight far apart, at the time of the light; of the middle ones another each time."""
+    first, last = _ends(seen, inward)
+    span_s = seen.t_s[last] - seen.t_s[first]
+    middle = int(np.argmin(np.abs(seen.t_s - seen.t_s[first] - (0.5 + inward / 2.0) * span_s)))
+    chosen = [first, min(max(middle, first + 1), last - 1), last]
+    return Lines(
+        t_s=seen.t_s[chosen], sites_km=seen.sites_km[chosen], directions=seen.lines[chosen]
+    )
+
+
+def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
+    """The first and the last that count, with one at least between them if there is any."""
+    left_out = min(int(inward * len(seen)), max(len(seen) - 3, 0) // 2)
+    return left_out, len(seen) - 1 - left_out
+
+
+def at_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
+    """Of an orbit through three lines its state at the epoch of their times."""
+    # The light of the middle line left so much earlier.
+    since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
+    return propagate(orbit.r_km, orbit.v_km_s, since)
+
+
+def _by_gooding(seen: Sightings, inward: float) -> Iterator[State]:
+    if len(seen) < 3:
+        return
+    lines = three_lines(seen, inward)
+    if len(np.unique(lines.t_s)) < 3:
+        return
+    for orbit in gooding(lines):
+        r, v = at_epoch(orbit, lines)
+        if is_plausible(r, v):
+            yield r, v
+
+
+def _circles(seen: Sightings, inward: float) -> Iterator[State]:
+    """Circular orbits through two lines."""
+    ends = _ends(seen, inward)
+    dt_s = float(seen.t_s[ends[1]] - seen.t_s[ends[0]])
+    if dt_s <= 0.0:
+        return
+    places = [_on_sphere(seen.sites_km[n], seen.lines[n], _RADII_KM) for n in ends]
+    across = np.linalg.norm(np.cross(places[0], places[1]), axis=-1)
+    angle = np.arctan2(across, np.sum(places[0] * places[1], axis=-1))
+    excess = angle - np.sqrt(MU_EARTH_KM3_S2 / _RADII_KM**3) * dt_s
+    for n in np.flatnonzero(np.signbit(excess[:-1]) != np.signbit(excess[1:])):
+        share = excess[n] / (excess[n] - excess[n + 1])
+        radius = np.array([_RADII_KM[n] + share * (_RADII_KM[n + 1] - _RADII_KM[n])])
+        first, last = (_on_sphere(seen.sites_km[m], seen.lines[m], radius)[0] for m in ends)
+        pole = np.cross(first, last)
+        forward = np.cross(pole, first)
+        speed = np.sqrt(MU_EARTH_KM3_S2 / radius[0])
+        yield propagate(first, speed * forward / np.linalg.norm(forward), -seen.t_s[ends[0]])
+
+
+def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> FloatArray:
+    """Where a line leaves spheres about the centre: (M, 3)."""
+    along = site @ line
+    reach = -along + np.sqrt(np.maximum(along * along - site @ site + radii_km**2, 0.0))
+    return np.asarray(site + reach[:, None] * line)
+
+
+def is_plausible(r: FloatArray, v: FloatArray) -> bool:
+    """Bound, and above the air all the way round."""
+    radius = float(np.linalg.norm(r))
+    energy = float(v @ v) / 2.0 - MU_EARTH_KM3_S2 / radius
+    if energy >= 0.0:
+        return False
+    a = -MU_EARTH_KM3_S2 / (2.0 * energy)
+    h = np.cross(r, v)
+    e = float(np.sqrt(max(1.0 - float(h @ h) / (MU_EARTH_KM3_S2 * a), 0.0)))
+    return a * (1.0 - e) > LOWEST_KM
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineOfSight:
+    """From a moving site towards where an object is thought to be."""
+
+    site_km: FloatArray
+    """(3,)"""
+    site_km_s: FloatArray
+    towards: FloatArray
+    east: FloatArray
+    north: FloatArray
+
+    @classmethod
+    def through(cls, state: State, site_km: FloatArray, site_km_s: FloatArray) -> "LineOfSight":
+        """The one on which the state lies."""
+        towards = state[0] - site_km
+        towards = towards / np.linalg.norm(towards)
+        east = np.cross([0.0, 0.0, 1.0] if abs(towards[2]) < 0.999 else [1.0, 0.0, 0.0], towards)
+        east = east / np.linalg.norm(east)
+        return cls(
+            site_km=site_km,
+            site_km_s=site_km_s,
+            towards=towards,
+            east=east,
+            north=np.cross(towards, east),
+        )
+
+    def unknowns(self, state: State) -> FloatArray:
+        """(6,) of a state on the line itself."""
+        u = state[0] - self.site_km
+        distance = float(np.linalg.norm(u))
+        rates = (state[1] - self.site_km_s) / distance
+        turn = (rates @ self.east, rates @ self.north)
+        return np.array([0.0, 0.0, *turn, np.log(distance), rates @ self.towards])
+
+    def state(self, unknowns: FloatArray) -> State:
+        """Position and velocity (3,) of unknowns (6,)."""
+        line, _ = self._line(unknowns)
+        turn = unknowns[2] * self.east + unknowns[3] * self.north
+        distance = np.exp(unknowns[4])
+        return (
+            self.site_km + distance * line,
+            self.site_km_s + distance * (unknowns[5] * line + turn),
+        )
+
+    def slopes(self, unknowns: FloatArray) -> FloatArray:
+        """(6, 6): position and velocity by the unknowns."""
+        line, size = self._line(unknowns)
+        turn = unknowns[2] * self.east + unknowns[3] * self.north
+        distance, rate = np.exp(unknowns[4]), unknowns[5]
+        out = np.zeros((6, 6))
+        for n, axis in enumerate((self.east, self.north)):
+            aside = distance / size * (axis - line * (line @ axis))
+            out[:3, n], out[3:, n] = aside, rate * aside
+            out[3:, 2 + n] = distance * axis
+        out[:3, 4], out[3:, 4] = distance * line, distance * (rate * line + turn)
+        out[3:, 5] = distance * line
+        return out
+
+    def _line(self, unknowns: FloatArray) -> tuple[FloatArray, float]:
+        line = self.towards + unknowns[0] * self.east + unknowns[1] * self.north
+        size = float(np.linalg.norm(line))
+        return line / size, size

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbits.first.lambert import lambert
-from rsoconsole.orbits.motion import MU_EARTH_KM3_S2, dot, propagate
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, dot, propagate
 from rsoconsole.records import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

@@ -8,7 +8,7 @@ Izzo's starting values. Kilometres, seconds, km/s along inertial axes.
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.motion import cross, dot
+from rsoconsole.orbits.motion.two_body import cross, dot
 from rsoconsole.records import FloatArray
 
 _MOST_STEPS = 16

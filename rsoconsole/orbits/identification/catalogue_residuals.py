@@ -12,18 +12,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.elements import CatalogueEntry, states_gcrs
-from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, states_gcrs
+from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import (
-    ARCSEC_RAD,
-    LIGHT_KM_S,
-    NS_PER_S,
-    IntArray,
-    earth_velocity_km_s,
-    site_gcrs,
-)
+from rsoconsole.sky import ARCSEC_RAD, LIGHT_KM_S, IntArray, earth_velocity_km_s, site_gcrs
+from rsoconsole.words import NS_PER_S
 
 _BESIDE_S = 1.0
 """From the middle, for slopes."""

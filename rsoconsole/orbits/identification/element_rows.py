@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.elements import states_gcrs
+from rsoconsole.orbits.elements.catalogue import states_gcrs
 from rsoconsole.orbits.identification.element_errors import Regime, regime_of
 from rsoconsole.orbits.identification.single import Compared, Identification
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S
+from rsoconsole.sky import ARCSEC_RAD
+from rsoconsole.words import NS_PER_S
 
 SURE_NAMED = 0.95
 """Probability from which on a name counts."""

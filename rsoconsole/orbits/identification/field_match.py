@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from rsoconsole.orbits.elements import Exposure, Seen
+from rsoconsole.orbits.elements.sky_paths import Exposure, Seen
 from rsoconsole.orbits.identification.assignments import best_assignments
-from rsoconsole.orbits.identification.element_gates import GATE_SIGMAS
 from rsoconsole.orbits.identification.field_crossings import (
+    GATE_SIGMAS,
     Candidate,
     FieldOfView,
     across_of,

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from rsoconsole.orbits.elements import CatalogueEntry
-from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry
+from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.assignments import Assignment, best_assignments
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
-from rsoconsole.orbits.identification.seen_at_once import seen_at_once
 from rsoconsole.orbits.identification.shared_errors import CASES, Pair, SharedErrors, pair_of
 from rsoconsole.orbits.identification.single import (
     GATE_DEG,
@@ -31,7 +31,30 @@ from rsoconsole.orbits.identification.single import (
     identify,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.words import called
+from rsoconsole.words import NS_PER_S, called
+
+GAP_S = 600.0
+"""Nothing seen of a track for longer than that: it may have been lost meanwhile."""
+
+
+def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
+    """(T, T) whether any two stretches of two tracks overlap, a gap being in neither."""
+    stretches = [_stretches(each) for each in tracks]
+    found = np.zeros((len(tracks), len(tracks)), bool)
+    for one, (begins, ends) in enumerate(stretches):
+        for other in range(one + 1):
+            starts, lasts = stretches[other]
+            overlaps = (begins[:, None] <= lasts[None, :]) & (starts[None, :] <= ends[:, None])
+            found[one, other] = found[other, one] = bool(np.any(overlaps))
+    return found
+
+
+def _stretches(seen: Sightings) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """First and last instants of each."""
+    t = np.asarray(seen.t_utc_ns, np.int64)
+    cuts = np.flatnonzero(np.diff(t) > GAP_S * NS_PER_S)
+    return np.concatenate([t[:1], t[cuts + 1]]), np.concatenate([t[cuts], t[-1:]])
+
 
 _CREDIBLE = 36.0
 """Squared Mahalanobis distance up to which an object is one that a track could be of."""

@@ -22,7 +22,7 @@ from rsoconsole.orbits.identification.element_errors import (
     regime_of,
 )
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_DAY
+from rsoconsole.words import NS_PER_DAY
 
 _ROUNDS = 5
 _LEAST = 1e-300

@@ -12,8 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbits.elements import CatalogueEntry, nearest_in_epoch_of_each, states_gcrs
-from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.elements.catalogue import (
+    CatalogueEntry,
+    nearest_in_epoch_of_each,
+    states_gcrs,
+)
+from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.catalogue_residuals import Comparison, compare
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
@@ -24,8 +28,7 @@ from rsoconsole.orbits.identification.element_errors import (
     regime_of,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_DAY
-from rsoconsole.words import angle, called, clock
+from rsoconsole.words import NS_PER_DAY, angle, called, clock
 
 Verdict = Literal["identified", "ambiguous", "unknown"]
 

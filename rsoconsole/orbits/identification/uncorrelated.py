@@ -13,34 +13,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.first import Sightings
+from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.assignments import best_assignments
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     manoeuvred_probability,
     regime_of,
 )
-from rsoconsole.orbits.identification.seen_at_once import seen_at_once
-from rsoconsole.orbits.motion import (
-    MU_EARTH_KM3_S2,
-    KnownOrbit,
-    SkyMotion,
-    elements_of,
-    predict,
-    predict_motion,
-    propagate,
-)
+from rsoconsole.orbits.identification.joint_identification import seen_at_once
+from rsoconsole.orbits.motion.prediction import KnownOrbit, SkyMotion, predict, predict_motion
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, elements_of, propagate
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     ARCSEC_RAD,
-    NS_PER_DAY,
-    NS_PER_S,
     IntArray,
     direction_to_unit,
     site_gcrs,
     unit_to_direction,
     wrap_180,
 )
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 SURE_SAME = 0.95
 """Probability from which on a track is of an object that was seen before."""

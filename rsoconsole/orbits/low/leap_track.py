@@ -12,11 +12,12 @@ from math import erf
 import numpy as np
 
 from rsoconsole.orbits.low.low_cloud import Cloud, ahead, nearest, through
-from rsoconsole.orbits.low.low_fit import LowOrbit, Timing, fit_streaks
-from rsoconsole.orbits.low.streak_ends import StreakEnds
-from rsoconsole.orbits.motion import KnownOrbit, SkyAhead, SkyPath, path_of, predict, predict_motion
+from rsoconsole.orbits.low.low_fit import LowOrbit, StreakEnds, Timing, fit_streaks
+from rsoconsole.orbits.motion.ahead import SkyAhead, SkyPath, path_of
+from rsoconsole.orbits.motion.prediction import KnownOrbit, predict, predict_motion
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_S, IntArray, position_angle_deg, separation_deg, wrap_180
+from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_180
+from rsoconsole.words import NS_PER_S
 
 GATE = 30.0
 """Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""

@@ -9,23 +9,116 @@ tell how round the orbit is, a wide prior does (stated in the result). Source: T
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rsoconsole.orbits.determination import inverse_of_normal
-from rsoconsole.orbits.first import LineOfSight, Sightings, State, sightings
-from rsoconsole.orbits.low.streak_ends import StreakEnds
-from rsoconsole.orbits.motion import (
+from rsoconsole.orbits.determination.fit import inverse_of_normal
+from rsoconsole.orbits.first.directions import LineOfSight, Sightings, State, sightings
+from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.orbits.motion.prediction import KnownOrbit
+from rsoconsole.orbits.motion.two_body import (
     MU_EARTH_KM3_S2,
-    KnownOrbit,
-    Zonal,
     eccentricity_vector,
     propagate,
     propagate_with_slopes,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S
+from rsoconsole.sky import ARCSEC_RAD, IntArray, position_angle_deg, separation_deg
+from rsoconsole.words import NS_PER_S
+
+UNSEEN_ARCSEC = 7200.0
+"""Sigma along the streak of an end that is not in the frame: its line alone is known there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StreakEnds:
+    """Where the light was when the shutter opened and when it closed, taken in one sense."""
+
+    t_open_utc_ns: int
+    t_close_utc_ns: int
+    ra_icrs_deg: FloatArray
+    """(2,) at the opening and at the closing."""
+    dec_icrs_deg: FloatArray
+    sigma_along_arcsec: FloatArray
+    """(2,) of each end; ``UNSEEN_ARCSEC`` where it is not in the frame."""
+    sigma_across_arcsec: FloatArray
+    delay_s: FloatArray = field(default_factory=lambda: np.zeros(2))
+    """(2,) how much later than the frame's first row the rows of these places were exposed."""
+
+    @property
+    def exposure_s(self) -> float:
+        """How long the shutter was open."""
+        return (self.t_close_utc_ns - self.t_open_utc_ns) / NS_PER_S
+
+    @property
+    def t_mid_utc_ns(self) -> int:
+        """Halfway between opening and closing, as the frame has it."""
+        return (self.t_open_utc_ns + self.t_close_utc_ns) // 2
+
+    @property
+    def t_utc_ns(self) -> IntArray:
+        """(2,) at which the light was at the two places."""
+        late_ns = np.rint(self.delay_s * NS_PER_S).astype(np.int64)
+        return np.array([self.t_open_utc_ns, self.t_close_utc_ns]) + late_ns
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether both ends are in the frame."""
+        return bool(np.all(self.sigma_along_arcsec < UNSEEN_ARCSEC))
+
+    @property
+    def length_arcsec(self) -> float:
+        """From end to end."""
+        return 3600.0 * separation_deg(*self._first, *self._last)
+
+    @property
+    def speed_arcsec_s(self) -> float:
+        """Of a whole streak."""
+        return self.length_arcsec / (float(np.diff(self.t_utc_ns)[0]) / NS_PER_S)
+
+    @property
+    def rate_arcsec_s(self) -> FloatArray:
+        """(2,) east and north, of a whole streak."""
+        towards = np.radians(position_angle_deg(*self._first, *self._last))
+        return self.speed_arcsec_s * np.array([np.sin(towards), np.cos(towards)])
+
+    @property
+    def covariances_arcsec2(self) -> FloatArray:
+        """(2, 3) east-east, east-north, north-north of either end."""
+        towards = np.radians(position_angle_deg(*self._first, *self._last))
+        s, c = np.sin(towards), np.cos(towards)
+        along, across = self.sigma_along_arcsec**2, self.sigma_across_arcsec**2
+        parts = [along * s * s + across * c * c, (along - across) * s * c]
+        return np.stack([*parts, along * c * c + across * s * s], axis=-1)
+
+    def shaken(self, arcsec: float) -> "StreakEnds":
+        """Each end by itself less sure by so much, in any direction."""
+        return replace(
+            self,
+            sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec),
+            sigma_across_arcsec=np.hypot(self.sigma_across_arcsec, arcsec),
+        )
+
+    def of_unsure_length(self, arcsec: float) -> "StreakEnds":
+        """Where a piece so long may be missing at either end, or be too much."""
+        return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
+
+    @property
+    def reversed(self) -> "StreakEnds":
+        """The same streak, run through the other way."""
+        names = ("ra_icrs_deg", "dec_icrs_deg", "sigma_along_arcsec", "sigma_across_arcsec")
+        turned = {name: getattr(self, name)[::-1] for name in (*names, "delay_s")}
+        return replace(self, **turned)
+
+    @property
+    def _first(self) -> tuple[float, float]:
+        return float(self.ra_icrs_deg[0]), float(self.dec_icrs_deg[0])
+
+    @property
+    def _last(self) -> tuple[float, float]:
+        return float(self.ra_icrs_deg[1]), float(self.dec_icrs_deg[1])
+
 
 SIGMA_E = 0.03
 """Root mean square eccentricity that is believed until the streaks tell it themselves."""

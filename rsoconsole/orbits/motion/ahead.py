@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, IntArray, direction_to_unit
+from rsoconsole.sky import ARCSEC_RAD, IntArray, direction_to_unit
+from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

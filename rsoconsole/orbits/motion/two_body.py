@@ -236,3 +236,14 @@ def _cross_of_one(one: FloatArray, other: FloatArray) -> FloatArray:
     """(3,) of two vectors (3,): plain floats, for numpy takes ten times as long."""
     (ax, ay, az), (bx, by, bz) = one.tolist(), other.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointMass:
+    """A `forces.Motion` without forces but the Earth's attraction from its centre."""
+
+    def states(
+        self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,)."""
+        return propagate(r_km, v_km_s, np.atleast_1d(np.asarray(t_s, float)))

@@ -1,5 +1,1 @@
 """Navigation satellites' published orbits, and the shutter's timing by them."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -12,7 +12,7 @@ from datetime import datetime
 import numpy as np
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.navigation.navigation import (
+from rsoconsole.orbits.navigation.sp3 import (
     EARTH_RAD_S,
     GPS_MINUS_BDT_S,
     NavigationFile,
@@ -20,7 +20,8 @@ from rsoconsole.orbits.navigation.navigation import (
     utc_ns_of_gps,
 )
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_S, IntArray
+from rsoconsole.sky import IntArray
+from rsoconsole.words import NS_PER_S
 
 LONGEST_AGE_S = 7200.0
 """From the time of ephemeris: half the interval that a GPS message is fitted to."""

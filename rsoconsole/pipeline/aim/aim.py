@@ -18,7 +18,7 @@ from rsoconsole.sky import (
     slot_direction,
     wrap_360,
 )
-from rsoconsole.tracking.filters import direction_icrs_deg, predict, sky_rate_arcsec_s
+from rsoconsole.tracking import direction_icrs_deg, predict, sky_rate_arcsec_s
 
 SPIRAL_FIELDS = 25
 """Of a search that widens: two rings about its middle."""

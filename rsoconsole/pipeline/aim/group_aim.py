@@ -17,8 +17,13 @@ import numpy as np
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, TrackState
 from rsoconsole.sky import separation_deg
-from rsoconsole.tracking.association import three_sigma_deg
-from rsoconsole.tracking.filters import Plane, direction_icrs_deg, predict, sky_rate_arcsec_s
+from rsoconsole.tracking import (
+    Plane,
+    direction_icrs_deg,
+    predict,
+    sky_rate_arcsec_s,
+    three_sigma_deg,
+)
 
 Policy: TypeAlias = Literal["lead", "most", "group"]
 LEAD_WEIGHT = 1.5

@@ -12,8 +12,8 @@ import os
 import re
 import shutil
 import uuid
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -21,15 +21,14 @@ from rsoconsole import __version__
 from rsoconsole.config import Config
 from rsoconsole.durable_files import lock_file
 from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError, said_as
-from rsoconsole.pipeline.batch.batch import Processed, process_files
-from rsoconsole.pipeline.batch.batch_pool import WorkerPool, share_out
-from rsoconsole.pipeline.frame import open_reducer
+from rsoconsole.night import TrackFigures
+from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, share_out
+from rsoconsole.pipeline.frame.reduce import open_reducer
+from rsoconsole.pipeline.replay.branches import check_name, save_branch
+from rsoconsole.pipeline.replay.what_if_log import RerunCounts, what_if_session
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
-from rsoconsole.session.files import put_in_place
-from rsoconsole.session.log import DATABASE
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.session.writing import BatchRecording
-from rsoconsole.vision.detector import Network
+from rsoconsole.session import DATABASE, BatchRecording, SessionReader, put_in_place
+from rsoconsole.vision import Network
 
 FRAME_SUFFIXES = (".fits", ".fit", ".fts", ".fz", ".gz", ".bz2", ".tif", ".tiff", ".png")
 LOCK = ".batch.lock"
@@ -313,3 +312,65 @@ def _natural(name: str) -> list[tuple[int, str]]:
     """Sorts frame_2 before frame_10."""
     parts = _DIGITS.split(name.lower())
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts if part]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchQuestion:
+    """What is asked of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
+
+    session: Path
+    changes: Mapping[str, float | str] = field(default_factory=dict)
+    detector: bool = False
+    solver: bool = False
+    save: str | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The figures without the night itself, which may be large."""
+
+    changes: Mapping[str, float | str]
+    before: Mapping[str, object] = field(default_factory=dict)
+    recorded: TrackFigures | None = None
+    what_if: TrackFigures | None = None
+    is_reproduced: bool = False
+    rerun: RerunCounts | None = None
+    branch: Path | None = None
+    error: str | None = None
+    """Why there is none."""
+
+
+def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None) -> Answer:
+    """Try, and keep the result where a name is given; never raises for what is broken."""
+    try:
+        if question.save is not None:
+            check_name(question.session, question.save, force=question.force)
+        found = what_if_session(
+            question.session,
+            question.changes,
+            detector=question.detector,
+            solver=question.solver,
+            # Frames that were reduced again are not reduced a second time to be written.
+            keep=question.save is not None and (question.detector or question.solver),
+            on_frame=on_frame,
+        )
+        branch = None
+        if question.save is not None:
+            branch = save_branch(found, question.save, force=question.force)
+    except (RsoconsoleError, OSError) as error:
+        return no_answer(question, str(error))
+    return Answer(
+        changes=dict(found.changes),
+        before=dict(found.before),
+        recorded=found.recorded,
+        what_if=found.what_if,
+        is_reproduced=found.is_reproduced,
+        rerun=found.rerun,
+        branch=branch,
+    )
+
+
+def no_answer(question: BatchQuestion, reason: str) -> Answer:
+    """For a question that came to nothing."""
+    return Answer(changes=dict(question.changes), error=reason)

@@ -3,24 +3,28 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.config import CatalogueConfig, MeasuredErrors
 from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
-from rsoconsole.orbits.elements import CatalogueEntry
-from rsoconsole.orbits.identification import (
+from rsoconsole.orbits import (
     ERROR_REGIMES,
     SURE_NAMED,
+    CatalogueEntry,
     ElementErrors,
     ElementRow,
+    FittedFactors,
     compared_with,
     name_together,
     row_of,
 )
-from rsoconsole.pipeline.orbits import longest_arc, read_observed
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_DAY, NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
+from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
+from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 GATE_DEG = 1.0
 """Wider than where objects are sought: what is cut off there could not be measured."""
@@ -193,3 +197,36 @@ def _called(name: str, t_utc_ns: int) -> str:
     """Of folders and frames of one name, each has its instant; to the second, so that a corrected
     clock makes no other of it."""
     return f"{name}, {utc_ns_to_iso(round(t_utc_ns / NS_PER_S) * NS_PER_S, 0)}"
+
+
+FACTORS = ("along_at_epoch", "along_by_age", "across")
+
+
+def settings_of(
+    fitted: Sequence[FittedFactors], catalogue: CatalogueConfig
+) -> list[dict[str, Any]]:
+    """``catalogue.error_factors`` with what was fitted; other kinds of orbit keep theirs."""
+    new = {each.regime: _measured(each) for each in fitted}
+    kept = [each for each in catalogue.error_factors if each.regime not in new]
+    return [each.model_dump() for each in (*kept, *new.values())]
+
+
+def _measured(fitted: FittedFactors) -> MeasuredErrors:
+    values = {
+        key: round(value, 3)
+        for name in FACTORS
+        for key, value in (
+            (name, getattr(fitted.factors, name)),
+            (f"{name}_sigma", getattr(fitted.sigmas, name)),
+        )
+    }
+    return MeasuredErrors.model_validate(
+        {
+            "regime": fitted.regime,
+            **values,
+            "tracks": fitted.rows,
+            "objects": fitted.objects,
+            "oldest_days": round(fitted.oldest_days, 2),
+            "measured_on": datetime.fromtimestamp(fitted.t_last_utc_ns // NS_PER_S, tz=UTC).date(),
+        }
+    )

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.navigation import NavigationSatellite
-from rsoconsole.pipeline.frame import shutter_time
+from rsoconsole.orbits import NavigationSatellite
+from rsoconsole.pipeline.frame.measurement import shutter_time
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -24,8 +24,9 @@ from rsoconsole.records import (
     Site,
     measurement_id_of,
 )
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, Places, direction_to_unit, east_and_north, wrap_180
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import ARCSEC_RAD, Places, direction_to_unit, east_and_north, wrap_180
+from rsoconsole.words import NS_PER_S
 
 MOST_LATE_S = 10.0
 """A bias beyond is a clock that is wrong, not a shutter's."""

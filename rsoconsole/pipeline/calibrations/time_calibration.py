@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import ExposureConfig
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.navigation import (
+from rsoconsole.orbits import (
     FEWEST,
     SIGMA_KM,
     Estimated,
@@ -38,9 +38,10 @@ from rsoconsole.pipeline.calibrations.navigation_streaks import (
     match_later,
     read_streaks,
 )
-from rsoconsole.pipeline.frame import SAME_EXPOSURE, read_out_of, shutter_time
+from rsoconsole.pipeline.frame.measurement import SAME_EXPOSURE, read_out_of, shutter_time
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_DAY, NS_PER_S
+from rsoconsole.sky import ARCSEC_RAD
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 _TYPICAL_RANGE_KM = 22_000.0
 _ORBIT_KM_S = 3.9

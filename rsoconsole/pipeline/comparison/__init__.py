@@ -1,5 +1,1 @@
 """Streaks of a solved frame against the frame before it and the star catalogue."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -9,19 +9,125 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.pipeline.comparison.moved_on import has_moved_on
-from rsoconsole.pipeline.comparison.solved_field import (
-    SolvedField,
-    Word,
-    ends_of,
-    places_px,
-    to_field,
-)
 from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, FloatArray, Frame
-from rsoconsole.sky import turn_deg
-from rsoconsole.vision.detector import EarlierLight, Mapping2d, Profile, earlier_light
-from rsoconsole.vision.stars import agreement
+from rsoconsole.records import Detection, FloatArray, Frame, Solution
+from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
+from rsoconsole.vision import (
+    Box,
+    Compared,
+    EarlierLight,
+    Mapping2d,
+    Profile,
+    StarList,
+    agreement,
+    earlier_light,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SolvedField:
+    """A solved frame."""
+
+    frame: Frame
+    stars: StarList
+    solution: Solution
+    streaks: tuple[Detection, ...] = ()
+    """What was detected in it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Word:
+    """What a comparison says of a streak."""
+
+    comparison: Compared | None = None
+    reason: NotAStreak | None = None
+    """Why it is none."""
+
+
+def to_field(
+    here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The same places of the sky in another frame."""
+    return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
+
+
+def places_px(stars: StarList) -> FloatArray:
+    """(n, 2) of x, y."""
+    return np.stack([stars.x_px, stars.y_px], axis=1)
+
+
+def ends_of(streak: Detection) -> Box:
+    """x_a, y_a, x_b, y_b in pixels."""
+    return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
+
+
+_ONE_WAY_DEG, _ONE_LENGTH = 10.0, 1.4
+"""Turn and ratio of lengths up to which two streaks are of one motion."""
+_BESIDE_SHARE, _BESIDE_FWHM = 0.12, 2.0
+"""Of its way, or in widths of a star, by which what has moved on may lie beside where it should:
+where the mount drifts, a streak is as long and as turned as the drift makes it, the way is not."""
+
+
+def has_moved_on(streak: Detection, here: SolvedField, before: SolvedField, later_s: float) -> bool:
+    """Whether what lay at a streak's place in the frame before is another streak of this frame.
+
+    ``later_s``: from the middle of that exposure to the middle of this one.
+    """
+    exposure_s = before.frame.exposure_s
+    if not exposure_s:
+        return False
+    way_per_length = later_s / exposure_s
+    others = [each for each in here.streaks if each != streak and _is_alike(each, streak)]
+    return any(
+        _leads(earlier, other, streak, way_per_length, here.stars)
+        for earlier in _at_its_place(streak, here, before)
+        for other in others
+    )
+
+
+def _is_alike(one: Detection, other: Detection) -> bool:
+    if one.kind != "streak" or min(one.length_px, other.length_px) <= 0.0:
+        return False
+    ratio = one.length_px / other.length_px
+    turned = abs(turn_deg(one.angle_deg, other.angle_deg))
+    return 1.0 / _ONE_LENGTH < ratio < _ONE_LENGTH and turned < _ONE_WAY_DEG
+
+
+def _at_its_place(
+    streak: Detection, here: SolvedField, before: SolvedField
+) -> list[tuple[float, float, float]]:
+    """Middles (x, y) on this frame, and lengths, of earlier streaks that overlap with it."""
+    found = []
+    for each in before.streaks:
+        if not _is_alike(each, streak):
+            continue
+        x, y = to_field(before, here, _one(each.x_px), _one(each.y_px))
+        if math.hypot(x[0] - streak.x_px, y[0] - streak.y_px) < streak.length_px:
+            found.append((float(x[0]), float(y[0]), each.length_px))
+    return found
+
+
+def _leads(
+    earlier: tuple[float, float, float],
+    other: Detection,
+    streak: Detection,
+    way_per_length: float,
+    stars: StarList,
+) -> bool:
+    """Whether the other one lies where the earlier streak's own motion has brought it."""
+    x, y, length_px = earlier
+    way_px = length_px * way_per_length
+    dx, dy = other.x_px - x, other.y_px - y
+    angle = math.radians(streak.angle_deg)
+    along = dx * math.cos(angle) + dy * math.sin(angle)
+    across = dy * math.cos(angle) - dx * math.sin(angle)
+    beside_px = max(_BESIDE_SHARE * way_px, _BESIDE_FWHM * stars.median_fwhm_px)
+    return max(abs(abs(along) - way_px), abs(across)) < beside_px
+
+
+def _one(value: float) -> FloatArray:
+    return np.array([value])
+
 
 LATEST_S = 600.0
 """An older frame is not asked."""

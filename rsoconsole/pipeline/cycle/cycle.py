@@ -8,19 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import Fold, Folds, on_record_again
+from rsoconsole.pipeline.cycle.decisions import Fold, Folds, HandTrack, on_record_again
 from rsoconsole.pipeline.cycle.frame_fold import (
     Shown,
     fold,
     mid_exposure,
     star_history_without_fold,
 )
-from rsoconsole.pipeline.cycle.hand_track import HandTrack
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_before, stars_of
-from rsoconsole.pipeline.frame import FrameReducer, Glance, Reduction
+from rsoconsole.pipeline.frame.reduce import FrameReducer, Glance, Reduction
 from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

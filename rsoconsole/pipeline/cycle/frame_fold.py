@@ -1,28 +1,30 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
+import math
 import statistics
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from statistics import fmean
+from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
-from rsoconsole.orbits.first import bending
-from rsoconsole.orbits.motion import orbit_from_record, predict_motion
-from rsoconsole.pipeline.cycle.better_predictor import may_guide
+from rsoconsole.orbits import bending, orbit_from_record, predict_motion
 from rsoconsole.pipeline.cycle.miss_reasons import (
     StarHistory,
     explain_absence,
     stars_of,
     updated_star_history,
 )
-from rsoconsole.pipeline.frame import (
+from rsoconsole.pipeline.frame.measurement import (
     at_its_row,
     calibrated_for,
-    plain_absence,
     shutter_mid_utc_ns,
     shutter_time,
 )
+from rsoconsole.pipeline.frame.reduce import plain_absence
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
@@ -37,16 +39,156 @@ from rsoconsole.records import (
     Solution,
     TrackState,
 )
-from rsoconsole.tracking import follow
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking import (
     CROSSED,
+    Bend,
     Field,
     Following,
     FollowSettings,
     Seen,
+    follow,
     three_sigma_deg,
 )
-from rsoconsole.tracking.filters import Bend, estimator
+from rsoconsole.tracking.filters import estimator
+
+ROUNDING = 1e-7
+"""Relative; a fold's own digits agree to 1e-12 after a night, a setting changes the third."""
+_DIRECTION_DEG = 1e-9
+"""Four millionths of an arcsecond, below what any record can mean."""
+
+
+def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
+    """Whether two lists of records agree, but for what a processor's rounding may change."""
+    return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
+
+
+def is_alike(one: Any, other: Any) -> bool:
+    """Whether two records, or values within them, agree but for rounding."""
+    if one == other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, TrackState):
+        return _is_same_track(one, other)
+    if is_dataclass(one):
+        names = (field.name for field in fields(one))
+        return all(is_alike(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, tuple):
+        return are_alike(one, other)
+    return isinstance(one, float) and math.isclose(one, other, rel_tol=ROUNDING)
+
+
+def _is_same_track(one: TrackState, other: TrackState) -> bool:
+    """Places to less than anybody can measure, covariances in units of their own diagonal."""
+    plain = (f.name for f in fields(one) if f.name not in {"x", "P", "innovation_arcsec"})
+    if not all(is_alike(getattr(one, name), getattr(other, name)) for name in plain):
+        return False
+    sigma = [math.sqrt(one.P[n][n]) for n in range(4)]
+    largest = max(_DIRECTION_DEG, ROUNDING * max(sigma))
+    if any(abs(a - b) > largest for a, b in zip(one.x, other.x, strict=True)):
+        return False
+    if (one.innovation_arcsec is None) != (other.innovation_arcsec is None):
+        return False
+    innovations = zip(one.innovation_arcsec or (), other.innovation_arcsec or (), strict=True)
+    if any(abs(a - b) > largest * 3600.0 for a, b in innovations):
+        return False
+    return all(
+        abs(one.P[i][j] - other.P[i][j]) <= ROUNDING * sigma[i] * sigma[j]
+        for i in range(4)
+        for j in range(4)
+    )
+
+
+WINDOW = 8
+_LEAST = 5
+"""Measurements that both must have predicted."""
+_AHEAD = 0.5
+"""By so much better on the mean before the guide changes, so that it does not change for chance."""
+_CLOSE = 0.1
+"""A turn between two that promise the same but for such a share is no news."""
+_BELIEVED = 0.999
+"""An orbit whose NIS are this unlikely is not believed, however the filter fares."""
+
+
+def may_guide(config: Config) -> bool:
+    """Whether an orbit may say where the telescope goes, and carry on a track.
+
+    Preset ``paper`` is the paper's whole loop: its filter alone leads it.
+    """
+    return config.orbit.guide == "when better" and config.filter.preset != "paper"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """What one of them said of one measurement."""
+
+    nis: float
+    log_size: float
+    """Logarithm of the determinant of the innovation's covariance, arcsec."""
+
+    @property
+    def width_arcsec(self) -> float:
+        """One sigma that it had stated: the geometric mean of both axes."""
+        return math.exp(self.log_size / 4.0)
+
+    @property
+    def score(self) -> float:
+        """Smaller is better: minus twice the logarithm of the density, but for a constant."""
+        return self.nis + self.log_size
+
+
+class Rivals:
+    """The last answers of both."""
+
+    def __init__(self) -> None:
+        self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
+        self.is_orbit_ahead = False
+        """Whether the orbit predicts better."""
+        self._failed = ""
+        """By how much the filter failed last; empty: not known."""
+
+    def compare(self, by_orbit: Score, by_filter: Score) -> None:
+        """One measurement that both predicted."""
+        self._scores.append((by_orbit, by_filter))
+        if len(self._scores) >= _LEAST:
+            lead = fmean(theirs.score - ours.score for ours, theirs in self._scores)
+            is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
+            self.is_orbit_ahead = is_better and self._is_believed()
+
+    def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
+        """The orbit predicted what the filter did not: the NIS of the measurement by the latter."""
+        self._scores.clear()
+        self.is_orbit_ahead = True
+        known = nis is not None and gate_nis is not None
+        self._failed = f": NIS {nis:.1f} by that, gate {gate_nis:.1f}" if known else ""
+
+    @property
+    def is_close(self) -> bool:
+        """Whether the widths that both promise come to the same: within a tenth, or as written."""
+        if not self._scores:
+            return False
+        ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))
+        return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
+
+    @property
+    def words(self) -> str:
+        """How both have predicted the last measurements."""
+        if not self._scores:
+            return f"what was seen does not fit the filter's prediction{self._failed}"
+        ours, theirs = zip(*self._scores, strict=True)
+        which = "it has predicted better" if self.is_orbit_ahead else "the orbit predicts no better"
+        return f"{which} (orbit {_fared(ours)}, filter {_fared(theirs)})"
+
+    def _is_believed(self) -> bool:
+        from scipy.special import chdtr
+
+        total = sum(ours.nis for ours, _ in self._scores)
+        return bool(chdtr(2 * len(self._scores), total) < _BELIEVED)
+
+
+def _fared(scores: Sequence[Score]) -> str:
+    width = fmean(each.width_arcsec for each in scores)
+    return f'±{width:.1f}", NIS {fmean(each.nis for each in scores):.1f}'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,6 @@ from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal
 from rsoconsole.records import Detections, FloatArray, FrameTaken, Site, Solution, TrackState
 from rsoconsole.sky import (
     GEO_RADIUS_KM,
-    NS_PER_S,
     cirs_to_gcrs,
     line_of_sight_gcrs,
     lit_fraction,
@@ -20,6 +19,7 @@ from rsoconsole.sky import (
     site_gcrs,
     wrap_360,
 )
+from rsoconsole.words import NS_PER_S
 
 FEW_STARS = 8
 """Fewer than that in any field of a degree or so: there is something before the sky."""

@@ -11,7 +11,7 @@ from itertools import chain
 
 import numpy as np
 
-from rsoconsole.orbits.motion import KnownOrbit, predict
+from rsoconsole.orbits import KnownOrbit, predict
 from rsoconsole.records import (
     FloatArray,
     FollowedAgain,
@@ -21,10 +21,9 @@ from rsoconsole.records import (
     Site,
     TrackState,
 )
-from rsoconsole.sky import NS_PER_S, wrap_180
-from rsoconsole.tracking import STRANGERS_ARCSEC2
-from rsoconsole.tracking.association import MAY_BE_FOLLOWED, SURE_ODDS
-from rsoconsole.tracking.initiation import REFUSED
+from rsoconsole.sky import wrap_180
+from rsoconsole.tracking import MAY_BE_FOLLOWED, REFUSED, STRANGERS_ARCSEC2, SURE_ODDS
+from rsoconsole.words import NS_PER_S
 
 KEPT_S = 7200.0
 """Older ones are let go: no track has lasted unseen for longer."""

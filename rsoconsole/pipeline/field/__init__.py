@@ -1,5 +1,1 @@
 """What was in the frames: every line and mover against everything catalogued that crossed."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.identification import Line
-from rsoconsole.pipeline.frame import AIR_ARCSEC_ROOT_S, shutter_time
+from rsoconsole.orbits import Line
+from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S, shutter_time
 from rsoconsole.records import Detection, FloatArray, Frame, Solution
-from rsoconsole.sky import ARCSEC_RAD, NS_PER_S, direction_to_unit, pixel_to_sky, unit_to_direction
-from rsoconsole.tracking.filters import Plane
-from rsoconsole.tracking.initiation import Motion, link_points
-from rsoconsole.vision.stars import StarList
+from rsoconsole.sky import ARCSEC_RAD, direction_to_unit, pixel_to_sky, unit_to_direction
+from rsoconsole.tracking import MotionPrior, Plane, link_points
+from rsoconsole.vision import StarList
+from rsoconsole.words import NS_PER_S
 
 WINDOW = 8
 """Frames that are linked together."""
@@ -181,7 +181,7 @@ def _movers(frames: Sequence[Points], window: range) -> list[Mover]:
         return []
     since = t_ns[usable[0]] or 0
     t_s = [((t_ns[n] or 0) - since) / NS_PER_S for n in usable]
-    known = Motion(
+    known = MotionPrior(
         sigma=max(each.sigma_arcsec for each in chosen),
         area=max(each.area_arcsec2 for each in chosen),
         largest_speed=min(

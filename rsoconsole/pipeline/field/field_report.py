@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits.identification import OLDEST_DAYS, Candidate, Choice, Matched, regime_of
-from rsoconsole.pipeline.field.field import TAKEN, FrameAnswer, MoverAnswer
-from rsoconsole.pipeline.field.field_frame import FieldFrame
-from rsoconsole.pipeline.words import detection_report
+from rsoconsole.orbits import OLDEST_DAYS, Candidate, Choice, Matched, regime_of
+from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameAnswer, MoverAnswer
+from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import (
     ARCSEC_RAD,
@@ -18,8 +17,8 @@ from rsoconsole.sky import (
     pixel_to_sky,
     sky_to_pixel,
     unit_to_direction,
-    utc_ns_to_iso,
 )
+from rsoconsole.words import utc_ns_to_iso
 
 EXPECTED = 0.5
 """Chance to have crossed, from which an object counts as expected."""

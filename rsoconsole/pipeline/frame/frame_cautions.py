@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.frames import NOTES_KEY
+from rsoconsole.instruments import NOTES_KEY
 from rsoconsole.pipeline.frame.hints import hint_of, wrong_hints
 from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.vision.detector import range_cautions
+from rsoconsole.vision import range_cautions
 
 CALIBRATION = "calibration"
 """How the kinds of cautions about master frames begin."""

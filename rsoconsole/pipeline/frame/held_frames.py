@@ -1,6 +1,13 @@
 """Frames in which somebody is marking by hand: they can be ruled on for longer than the others."""
 
+import logging
 from collections.abc import Mapping
+from pathlib import Path
+
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments import read_frame
+from rsoconsole.records import PixelArray
+from rsoconsole.session import SessionReader
 
 BEGIN_MARK = "begin_mark"
 """The verb by which one is held."""
@@ -46,3 +53,16 @@ class HeldFrames:
     def forget(self) -> None:
         """None is held."""
         self._left = {}
+
+
+log = logging.getLogger(__name__)
+
+
+def kept_pixels(folder: Path, frame_id: int) -> PixelArray | None:
+    """(height, width) ADU; None where they were not kept, are not written yet, or are damaged."""
+    try:
+        path = SessionReader(folder).frame_path(frame_id)
+        return None if path is None else read_frame(path, frame_id).pixels
+    except RsoconsoleError as error:
+        log.warning("the pixels of frame %d cannot be read: %s", frame_id, error)
+        return None

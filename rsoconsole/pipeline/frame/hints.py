@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.solver import SolveHint
+from rsoconsole.instruments import SolveHint
 from rsoconsole.records import Frame, Solution
 from rsoconsole.sky import separation_deg
 from rsoconsole.words import ALIGN

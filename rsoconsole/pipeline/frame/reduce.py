@@ -1,5 +1,6 @@
 """One frame to measurements: detect, solve, measure. The engine and every replay run this."""
 
+import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,18 +10,85 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.comparison import FixedLight, RecordedComparison
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments import PlateSolver
+from rsoconsole.pipeline.comparison.fixed_light import (
+    FixedLight,
+    RecordedComparison,
+    catalogue_stars,
+)
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
-from rsoconsole.pipeline.frame.frame_part import Part, middle_of
-from rsoconsole.pipeline.frame.glance import Glance
 from rsoconsole.pipeline.frame.measurement import measured
-from rsoconsole.pipeline.frame.zero_point import ZeroPoint
+from rsoconsole.pipeline.frame.plate import Part, PlateFinder, middle_of
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
-from rsoconsole.vision.detector import ConfidenceCurve, Proposer, StreakDetector
-from rsoconsole.vision.stars import PsfMemory, StarList
+from rsoconsole.sky import StarCatalogue
+from rsoconsole.vision import (
+    FEWEST_MATCHED,
+    ConfidenceCurve,
+    Network,
+    Proposer,
+    PsfMemory,
+    StarList,
+    StreakDetector,
+    matched,
+)
 from rsoconsole.words import text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """What the middle of a frame shows, in the whole frame's pixels."""
+
+    detections: Detections
+    solution: Solution
+
+
+log = logging.getLogger(__name__)
+
+_BRIGHTEST, _MOST_STARS = slice(80), 600
+
+
+class ZeroPoint:
+    """Compares the stars of solved frames with the catalogue's magnitudes."""
+
+    def __init__(self, catalogue: StarCatalogue | None = None) -> None:
+        """``catalogue``: None for the shipped stars, read when they are first needed."""
+        self._catalogue = catalogue
+        self._is_broken = False
+
+    def of(
+        self, frame: Frame, stars: StarList, solution: Solution | NotSolved | None
+    ) -> float | None:
+        """Magnitude of a star of 1 ADU a second, median over the matched stars.
+
+        The catalogue's band is not the camera's: compare nights and hours of one camera alone.
+        None without a plate or exposure, for trailed stars, and where fewer than
+        ``FEWEST_MATCHED`` unsaturated stars are in the catalogue.
+        """
+        is_usable = isinstance(solution, Solution) and stars.trail is None and frame.exposure_s
+        if self._is_broken or not is_usable:
+            return None
+        assert isinstance(solution, Solution)
+        assert frame.exposure_s is not None
+        try:
+            known = catalogue_stars(frame, solution, self._catalogue, _MOST_STARS)
+        except RsoconsoleError as error:
+            log.warning("no zero points: %s", error)
+            self._is_broken = True
+            return None
+        if known is None:
+            return None
+        places, magnitude = known
+        bright = np.flatnonzero(~stars.is_saturated & (stars.flux > 0.0))[_BRIGHTEST]
+        mine_px = np.stack([stars.x_px, stars.y_px], axis=1)[bright]
+        mine, theirs = matched(mine_px, places, max(stars.median_fwhm_px, 2.0))
+        if len(mine) < FEWEST_MATCHED:
+            return None
+        rate_adu_s = stars.flux[bright][mine] / frame.exposure_s
+        return float(np.median(magnitude[theirs] + 2.5 * np.log10(rate_adu_s)))
+
 
 BRIGHTEST_STARS = slice(20, 60)
 
@@ -193,3 +261,18 @@ def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3
+
+
+@contextmanager
+def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
+    """A reducer ready to work, and the network's SHA-256.
+
+    Raises ModelError when the network cannot be loaded, SolverError without index files.
+    """
+    network = Network.load(config.detector.model, config.detector.threads)
+    curve = ConfidenceCurve.from_card(network.card)
+    with PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s) as solver:
+        yield (
+            FrameReducer(network, curve, PlateFinder(solver, config), config),
+            str(network.card["sha256"]),
+        )

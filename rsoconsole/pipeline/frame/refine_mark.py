@@ -9,13 +9,21 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rsoconsole.pipeline.frame.frame_part import Part
+from rsoconsole.pipeline.frame.plate import Part
 from rsoconsole.records import Detection, PixelArray
-from rsoconsole.vision.detector import with_fit, with_trace
-from rsoconsole.vision.frame import Background, local_background
-from rsoconsole.vision.lines import Box
-from rsoconsole.vision.stars import StarList, find_stars
-from rsoconsole.vision.streaks import StreakFit, Trace, fit_streak, trace_line
+from rsoconsole.vision import (
+    Background,
+    Box,
+    StarList,
+    StreakFit,
+    Trace,
+    find_stars,
+    fit_streak,
+    local_background,
+    trace_line,
+    with_fit,
+    with_trace,
+)
 
 MARGIN_PX = 80.0
 """Of sky about what is looked at."""

@@ -6,11 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.orbits.low import UNSEEN_ARCSEC, StreakEnds, Timing
-from rsoconsole.pipeline.frame import AIR_ARCSEC_ROOT_S, shutter_mid_utc_ns, shutter_time
+from rsoconsole.orbits import UNSEEN_ARCSEC, StreakEnds, Timing
+from rsoconsole.pipeline.frame.measurement import (
+    AIR_ARCSEC_ROOT_S,
+    shutter_mid_utc_ns,
+    shutter_time,
+)
 from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
-from rsoconsole.sky import NS_PER_S, pixel_to_sky
-from rsoconsole.tracking.association import MAY_BE_FOLLOWED
+from rsoconsole.sky import pixel_to_sky
+from rsoconsole.tracking import MAY_BE_FOLLOWED
+from rsoconsole.words import NS_PER_S
 
 LEAST_SIGMA_PX = 0.3
 """Of an end, however well its streak fits."""

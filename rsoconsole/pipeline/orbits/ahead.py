@@ -7,10 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbits.motion import KnownOrbit, predict
-from rsoconsole.pipeline.outlook import margin_deg
+from rsoconsole.orbits import KnownOrbit, predict
+from rsoconsole.pipeline.outlook.passes import margin_deg
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import NS_PER_S, IntArray, astrometric_places, icrs_to_altaz, lit_fraction
+from rsoconsole.sky import IntArray, astrometric_places, icrs_to_altaz, lit_fraction
+from rsoconsole.words import NS_PER_S
 
 AHEAD_S = 86_400
 _STEP_S = 60

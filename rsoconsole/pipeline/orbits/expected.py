@@ -2,25 +2,26 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rsoconsole.config import Config
-from rsoconsole.orbits.elements import (
-    CatalogueEntry,
-    nearest_in_epoch_of_each,
-    places_of,
-    states_gcrs,
-)
-from rsoconsole.orbits.identification import (
+from rsoconsole.config import CatalogueConfig, Config
+from rsoconsole.orbits import (
     ASSUMED,
+    ERROR_REGIMES,
+    CatalogueEntry,
     ElementErrors,
+    ErrorFactors,
+    Regime,
     covariance_rtn,
     manoeuvred_probability,
+    nearest_in_epoch_of_each,
+    places_of,
     regime_of,
+    states_gcrs,
 )
-from rsoconsole.pipeline.frame import shutter_mid_utc_ns
-from rsoconsole.pipeline.orbits.element_errors_of import errors_of
+from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Event,
@@ -37,15 +38,70 @@ from rsoconsole.records import (
 from rsoconsole.sky import (
     ARCSEC_RAD,
     LIT_SHARE,
-    NS_PER_DAY,
     lit_fraction,
     pixel_to_sky,
     separation_deg,
     site_gcrs,
     sky_to_pixel,
 )
-from rsoconsole.tracking.filters import direction_icrs_deg
-from rsoconsole.words import called, unseen_words
+from rsoconsole.tracking import direction_icrs_deg
+from rsoconsole.words import NS_PER_DAY, called, unseen_words
+
+_TIMES = 3.0
+
+
+def errors_of(catalogue: CatalogueConfig) -> ElementErrors:
+    """By the measured factors of the configuration; as assumed where it has none."""
+    return ASSUMED.scaled(factors_of(catalogue))
+
+
+def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
+    """Three times as wide as assumed, or twice as measured: for what is to measure them.
+
+    Named by narrow errors, tracks could only say that errors are narrow.
+    """
+    known = factors_of(catalogue)
+    wide = {}
+    for regime in ERROR_REGIMES:
+        each = known.get(regime, ErrorFactors())
+        wide[regime] = ErrorFactors(
+            along_at_epoch=max(2.0 * each.along_at_epoch, _TIMES),
+            along_by_age=max(2.0 * each.along_by_age, _TIMES),
+            across=max(2.0 * each.across, _TIMES),
+        )
+    return ASSUMED.scaled(wide)
+
+
+def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
+    """Of each kind of orbit that was measured."""
+    return {
+        each.regime: ErrorFactors(
+            along_at_epoch=each.along_at_epoch,
+            along_by_age=each.along_by_age,
+            across=each.across,
+        )
+        for each in catalogue.error_factors
+    }
+
+
+def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
+    """Of each kind of orbit, where its errors come from, as JSON carries it."""
+    measured = {each.regime: each for each in catalogue.error_factors}
+    found: list[dict[str, Any]] = []
+    for regime in ERROR_REGIMES:
+        each = measured.get(regime)
+        found.append(
+            {
+                "regime": regime,
+                "source": "assumed" if each is None else "measured",
+                "tracks": 0 if each is None else each.tracks,
+                "objects": 0 if each is None else each.objects,
+                "oldest_days": None if each is None else each.oldest_days,
+                "measured_on": None if each is None else each.measured_on.isoformat(),
+            }
+        )
+    return found
+
 
 EVERY = 4
 """Frames from one look at the catalogue to the next; of long catalogues more."""

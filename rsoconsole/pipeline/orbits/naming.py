@@ -7,17 +7,17 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.elements import CatalogueEntry
-from rsoconsole.orbits.first import Sightings
-from rsoconsole.orbits.identification import (
+from rsoconsole.orbits import (
+    CatalogueEntry,
     Compared,
     Identification,
     Match,
+    Sightings,
     compared_with,
     name_together,
 )
-from rsoconsole.pipeline.orbits.catalogue_files import read_catalogue
-from rsoconsole.pipeline.orbits.element_errors_of import errors_of
+from rsoconsole.pipeline.orbits.elements_used import read_catalogue
+from rsoconsole.pipeline.orbits.expected import errors_of
 from rsoconsole.pipeline.orbits.sightings_of import longest_arc
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName

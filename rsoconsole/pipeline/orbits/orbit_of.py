@@ -6,33 +6,33 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbits.determination import (
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbits import (
     LEAST_SIGHTINGS,
     Alone,
+    GoodingOrbit,
+    MeanElements,
     Orbit,
     PriorName,
+    Sightings,
     alone,
+    at_epoch,
     carried,
     common_error_arcsec,
     determine,
+    gooding,
+    is_plausible,
     log_odds_of_more,
+    mean_elements,
     probability_of,
+    propagate,
     sigma_of_a_km,
+    three_lines,
     through,
     together,
 )
-from rsoconsole.orbits.first import (
-    GoodingOrbit,
-    Sightings,
-    at_epoch,
-    gooding,
-    is_plausible,
-    three_lines,
-)
-from rsoconsole.orbits.motion import propagate
 from rsoconsole.pipeline.orbits.sightings_of import Observed, arcs
-from rsoconsole.sky import NS_PER_S
-from rsoconsole.words import counted
+from rsoconsole.words import NS_PER_S, counted
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
@@ -212,3 +212,34 @@ def _misfit(seen: Sightings, orbit: Orbit) -> float:
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s - seen.light_times_s(places))
     return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))
+
+
+WORTH_WRITING = ("free", "constrained by prior")
+"""Others would be taken for better than they are: elements carry no errors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedElements:
+    """The elements, or why there are none."""
+
+    mean: MeanElements | None
+    tle: tuple[str, str] | None
+    """The two lines; None also where they have no room for the catalogue number."""
+    reason: str
+
+
+def orbit_elements(found: Found, *, norad_id: int, name: str, cospar: str = "") -> FittedElements:
+    """Fitted to the directions and the orbit; nothing is raised for what SGP4 does not follow."""
+    if found.orbit is None or found.orbit.label not in WORTH_WRITING:
+        label = "not observable" if found.orbit is None else found.orbit.label
+        return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")
+    try:
+        fitted = mean_elements(found.orbit, found.seen, norad_id=norad_id, name=name)
+        fitted = replace(fitted, cospar=cospar)
+    except OrbitError as error:
+        return FittedElements(mean=None, tle=None, reason=str(error))
+    try:
+        lines = fitted.element_set()
+    except OrbitError as error:
+        return FittedElements(mean=fitted, tle=None, reason=str(error))
+    return FittedElements(mean=fitted, tle=(lines.line_1, lines.line_2), reason="")

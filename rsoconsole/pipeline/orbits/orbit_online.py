@@ -12,22 +12,23 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits.determination import (
+from rsoconsole.orbits import (
     Alone,
     Orbit,
+    Sightings,
+    State,
     alone,
     determine,
+    elements_of,
     log_odds_of_more,
     probability_of,
     together,
 )
-from rsoconsole.orbits.first import Sightings, State
-from rsoconsole.orbits.motion import elements_of
-from rsoconsole.pipeline.cycle import Rivals, Score, Track, TracksTaken, Untaken, may_guide
-from rsoconsole.pipeline.orbits.orbit_prediction import Predicted, predicted_by
-from rsoconsole.pipeline.orbits.orbit_turns import in_turn
-from rsoconsole.pipeline.orbits.part_errors import Exposures, PartErrors
-from rsoconsole.pipeline.orbits.sightings_of import sightings_of
+from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score, may_guide
+from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
+from rsoconsole.pipeline.cycle.untaken import Untaken
+from rsoconsole.pipeline.orbits.orbit_turns import Predicted, in_turn, predicted_by
+from rsoconsole.pipeline.orbits.sightings_of import Exposures, PartErrors, sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import size_words, span

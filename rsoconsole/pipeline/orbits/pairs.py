@@ -1,14 +1,14 @@
 """How the tracks of a field move to each other, frame by frame, as it goes on record."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.orbits.approaches import Approaches
 from rsoconsole.records import (
     FOLLOWING,
     Event,
@@ -23,9 +23,9 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.sky import NS_PER_S, direction_to_unit
-from rsoconsole.tracking import MANY
-from rsoconsole.tracking.association import (
+from rsoconsole.sky import direction_to_unit
+from rsoconsole.tracking import (
+    MANY,
     RelativePath,
     Sights,
     own_covariance,
@@ -34,6 +34,90 @@ from rsoconsole.tracking.association import (
     ways_between,
 )
 from rsoconsole.tracking.filters import lqe
+from rsoconsole.words import NS_PER_S, apart_words, clock, closest_words, tracks_words
+
+Word = tuple[Literal["info", "warning"], str]
+LIKELY, UNLIKELY = 0.5, 0.2
+CLEAR_SHARE = 1.2
+"""Of the angle: they are clear of each other again from there on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Approach:
+    """One that the operator has been warned of."""
+
+    nearest_arcsec: float
+    nearest_utc_ns: int
+
+
+class Approaches:
+    """Those that are under way."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[int, int], _Approach] = {}
+
+    def after(
+        self,
+        pairs: Sequence[PairMotion],
+        alive: Collection[int],
+        t_utc_ns: int | None,
+        limit_arcsec: float,
+    ) -> tuple[Collection[tuple[int, int]], Sequence[Word]]:
+        """The pairs that are warned of after a frame, and words for what is new.
+
+        ``alive``: the tracks that are followed; ``t_utc_ns``: the frame's instant.
+        """
+        words: list[Word] = []
+        for pair in [each for each in self._open if not set(alive).issuperset(each)]:
+            del self._open[pair]
+            gone = " and ".join(str(n) for n in pair if n not in alive)
+            words.append(("info", f"{tracks_words(pair)}: warning over, track {gone} ended"))
+        for each in pairs:
+            if t_utc_ns is None:
+                break
+            pair = (each.track_id, each.other_track_id)
+            known = self._open.get(pair)
+            if known is None:
+                if _is_close(each, limit_arcsec):
+                    self._open[pair] = _Approach(
+                        nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
+                    )
+                    words.append(("warning", f"{tracks_words(pair)}: {_warning(each)}"))
+                continue
+            if each.separation_arcsec < known.nearest_arcsec:
+                known = self._open[pair] = replace(
+                    known, nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
+                )
+            if _is_clear(each, limit_arcsec):
+                del self._open[pair]
+                words.append(("info", f"{tracks_words(pair)}: {_end(each, known, limit_arcsec)}"))
+        return frozenset(self._open), words
+
+
+def _is_close(pair: PairMotion, limit_arcsec: float) -> bool:
+    is_near = pair.separation_arcsec < limit_arcsec
+    return is_near or (limit_arcsec > 0.0 and pair.close_probability >= LIKELY)
+
+
+def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
+    is_apart = pair.separation_arcsec > CLEAR_SHARE * limit_arcsec
+    return is_apart and (pair.close_probability <= UNLIKELY or limit_arcsec == 0.0)
+
+
+def _warning(pair: PairMotion) -> str:
+    return f"{apart_words(pair)} apart, {closest_words(pair)}"
+
+
+def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
+    when = clock(approach.nearest_utc_ns, "minute")
+    if limit_arcsec == 0.0:
+        return "warning over, alert.separation_arcsec is 0"
+    if approach.nearest_arcsec < limit_arcsec:
+        return f"passed, nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    if pair.closest == "now":
+        return f"warning over, they part: nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"
+
 
 MOST_FRAMES = 400
 """Last measurements of a track that are compared."""

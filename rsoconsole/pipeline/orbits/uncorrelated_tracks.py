@@ -8,33 +8,39 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.errors import SessionError
-from rsoconsole.orbits.determination import Orbit, common_error_arcsec, determine, together
-from rsoconsole.orbits.first import Sightings, sightings
-from rsoconsole.orbits.identification import (
+from rsoconsole.orbits import (
     SURE_SAME,
+    Forces,
+    KnownOrbit,
+    Orbit,
     Recognised,
     SeenBefore,
+    Sightings,
     attributable,
+    common_error_arcsec,
+    determine,
+    elements_of,
     recognise,
+    sightings,
+    together,
 )
-from rsoconsole.orbits.motion import Forces, KnownOrbit, elements_of
 from rsoconsole.pipeline.orbits.sightings_of import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
-from rsoconsole.session.ledgers import (
+from rsoconsole.session import (
     Change,
     Ledger,
     LedgerObject,
     LedgerOrbit,
     LedgerTrack,
+    SessionReader,
     change_ledger,
     kept,
     ledger_path,
     taken_back,
 )
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.sky import NS_PER_S
+from rsoconsole.words import NS_PER_S
 
-FEWEST = 5
+FEWEST_TRACKS = 5
 """Directions that a track needs to be kept: fewer are as well a satellite's glints."""
 _MOST_DIRECTIONS = 40
 _TOGETHER = 4
@@ -134,7 +140,7 @@ def keep(
     is_simulated = SessionReader(folder).about().get("is_simulated") is True
     path = path or ledger_path(is_simulated=is_simulated)
     long = sorted(
-        (each for each in tracks if len(each.seen) >= FEWEST), key=lambda each: each.number
+        (each for each in tracks if len(each.seen) >= FEWEST_TRACKS), key=lambda each: each.number
     )
     ready = [(each, longest_arc(each.seen)) for each in long]
     orbits = [_determined(arc) for _, arc in ready]
@@ -168,7 +174,7 @@ def keep(
 
 
 def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
-    return tuple(each.number for each in tracks if len(each.seen) < FEWEST)
+    return tuple(each.number for each in tracks if len(each.seen) < FEWEST_TRACKS)
 
 
 def _numbers(

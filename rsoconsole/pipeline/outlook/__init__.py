@@ -1,5 +1,1 @@
 """What the next hours bring over a site: limits, darkness, passes. Pure."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -7,19 +7,28 @@ from functools import lru_cache
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle import direction_at, is_geostationary_like, next_eclipse_utc_ns
+from rsoconsole.pipeline.cycle.miss_reasons import (
+    direction_at,
+    is_geostationary_like,
+    next_eclipse_utc_ns,
+)
 from rsoconsole.records import Site, TrackState
 from rsoconsole.sky import (
-    NS_PER_S,
+    LimitName,
+    Limits,
+    Pose,
+    Refusal,
     altaz_of_hour_angle,
     icrs_to_altaz,
+    moon_icrs,
+    moon_lit_fraction,
+    night_span,
     separation_deg,
     slot_direction,
     sun_icrs,
     wrap_180,
 )
-from rsoconsole.sky.bodies import moon_icrs, moon_lit_fraction, night_span
-from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+from rsoconsole.words import NS_PER_S
 
 AHEAD_S = 12 * 3600
 _STEP_S = 600

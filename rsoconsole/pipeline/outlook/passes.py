@@ -5,26 +5,103 @@ places and velocities, which is good to a metre for the lowest orbit.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbits.elements import CatalogueEntry, array_of, nearest_in_epoch_of_each
-from rsoconsole.orbits.identification import ASSUMED, ElementErrors, position_sigmas_km, regime_of
-from rsoconsole.pipeline.outlook.standing import Axes, axes_of, directions, margin_deg
+from rsoconsole.orbits import (
+    ASSUMED,
+    CatalogueEntry,
+    ElementErrors,
+    array_of,
+    nearest_in_epoch_of_each,
+    position_sigmas_km,
+    regime_of,
+    states_gcrs,
+)
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     EARTH_RADIUS_KM,
-    NS_PER_DAY,
-    NS_PER_S,
     IntArray,
+    horizon_altitude_deg,
     jd_utc,
+    lit_fraction,
     lit_fraction_by,
+    separation_deg,
     site_gcrs,
     sun_gcrs_km,
     teme_to_gcrs_rotation,
+    unit_to_direction,
+    zenith_gcrs,
 )
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
+
+Axes = tuple[FloatArray, FloatArray, FloatArray]
+"""Up, north and east of a site at instants, (N, 3) unit vectors along GCRS axes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Standing:
+    """M objects at N instants; geometric, without refraction."""
+
+    r_km: FloatArray
+    """(M, N, 3), GCRS."""
+    line_km: FloatArray
+    """(M, N, 3), from the site."""
+    alt_deg: FloatArray
+    """(M, N); NaN where an object has no place."""
+    az_deg: FloatArray
+    margin_deg: FloatArray
+    """(M, N), above the limit; far below it where an object has no place."""
+
+
+def standing(
+    entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray, limits: LimitsConfig
+) -> Standing:
+    """All objects at all instants (N,)."""
+    r_km, _ = states_gcrs(entries, t_utc_ns)
+    line_km = r_km - site_gcrs(site, t_utc_ns)[0]
+    alt_deg, az_deg = directions(line_km, axes_of(site, t_utc_ns))
+    return Standing(
+        r_km=r_km,
+        line_km=line_km,
+        alt_deg=alt_deg,
+        az_deg=az_deg,
+        margin_deg=margin_deg(alt_deg, az_deg, limits),
+    )
+
+
+def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
+    """The vertical and the north of the site as the ground there lies, and its east."""
+    site_km = site_gcrs(site, t_utc_ns)[0]
+    up = zenith_gcrs(site, t_utc_ns)
+    toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
+    moved = replace(site, latitude_deg=site.latitude_deg + toward_deg)
+    north = unit((site_gcrs(moved, t_utc_ns)[0] - site_km) / toward_deg)
+    return up, north, np.cross(north, up)
+
+
+def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]:
+    """Altitude and azimuth (deg) of lines (..., 3); ``axes`` (..., 3) up, north and east."""
+    line = unit(line_km)
+    up, north, east = (np.sum(line * axis, axis=-1) for axis in axes)
+    alt_deg = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
+    return np.asarray(alt_deg), np.asarray(np.degrees(np.arctan2(east, north)) % 360.0)
+
+
+def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) -> FloatArray:
+    """How far above altitude limit and horizon mask; -90 where there is no place."""
+    lowest_deg = np.full(np.shape(alt_deg), limits.min_altitude_deg)
+    if limits.horizon:
+        lowest_deg = np.maximum(lowest_deg, horizon_altitude_deg(limits.horizon, az_deg))
+    return np.where(np.isfinite(alt_deg), alt_deg - lowest_deg, -90.0)
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """(..., 3) of length 1."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
 
 STEP_S = 60
 LOW_REVOLUTIONS = 9.0
@@ -268,3 +345,81 @@ def _pass(
         tle_age_days=age_days,
         sigma_s=along_km / speed_km_s,
     )
+
+
+MINUTES = (*range(21), *range(25, 60, 5), *range(60, 721, 15))
+"""When it is looked at: close together at first, as a low satellite is up for minutes."""
+RATE_STEP_S = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Up:
+    """One satellite above the limit."""
+
+    norad_id: int
+    name: str
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    """Geometric, to some arcseconds: a go-to asks for the place again."""
+    alt_deg: float
+    az_deg: float
+    is_lit: bool
+    """By the Sun: in the Earth's shadow there is nothing to see."""
+    rate_arcsec_s: float
+    """How fast it moves over the stars."""
+    minutes_left: float | None
+    """Until it sinks to the limit; None: not within 12 hours."""
+
+
+def up_now(
+    entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
+) -> tuple[Up, ...]:
+    """Those above altitude limit and horizon mask, the highest first.
+
+    Elements that SGP4 refuses are left out.
+    """
+    nearest = nearest_in_epoch_of_each(entries, t_utc_ns)
+    if not nearest:
+        return ()
+    now = standing(nearest, site, np.array([t_utc_ns, t_utc_ns + RATE_STEP_S * NS_PER_S]), limits)
+    is_up = now.margin_deg[:, 0] > 0.0
+    there = [each for each, up in zip(nearest, is_up, strict=True) if up]
+    if not there:
+        return ()
+    ra_deg, dec_deg = unit_to_direction(now.line_km[is_up])
+    rates = np.asarray(separation_deg(ra_deg[:, 0], dec_deg[:, 0], ra_deg[:, 1], dec_deg[:, 1]))
+    lit = lit_fraction(now.r_km[is_up, 0], t_utc_ns) >= LIT_SHARE
+    left = _minutes_left(there, site, t_utc_ns, limits)
+    found = [
+        Up(
+            norad_id=each.norad_id,
+            name=each.name or str(each.norad_id),
+            ra_icrs_deg=float(ra_deg[n, 0]),
+            dec_icrs_deg=float(dec_deg[n, 0]),
+            alt_deg=float(now.alt_deg[is_up][n, 0]),
+            az_deg=float(now.az_deg[is_up][n, 0]),
+            is_lit=bool(lit[n]),
+            rate_arcsec_s=float(rates[n]) * 3600.0 / RATE_STEP_S,
+            minutes_left=None if np.isinf(left[n]) else float(left[n]),
+        )
+        for n, each in enumerate(there)
+    ]
+    return tuple(sorted(found, key=lambda up: -up.alt_deg))
+
+
+def _minutes_left(
+    entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
+) -> FloatArray:
+    """Minutes until the margin of each is used up; infinite where it is not."""
+    minutes = np.array(MINUTES)
+    t = t_utc_ns + minutes.astype(np.int64) * 60 * NS_PER_S
+    margin = standing(entries, site, t, limits).margin_deg
+    is_down = margin <= 0.0
+    first = np.argmax(is_down, axis=1)
+    rows = np.arange(len(entries))
+    last = np.maximum(first - 1, 0)
+    before, after = margin[rows, last], margin[rows, first]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = before / (before - after)
+        left = minutes[last] + share * (minutes[first] - minutes[last])
+    return np.where(is_down.any(axis=1), left, np.inf)

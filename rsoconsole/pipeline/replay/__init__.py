@@ -1,5 +1,1 @@
 """A recorded night once more: as it was, or with other settings."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -18,10 +18,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError
 from rsoconsole.pipeline.replay.what_if_log import WhatIf, rewritten_log
-from rsoconsole.session.files import folders_in, put_in_place
-from rsoconsole.session.log import DATABASE
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.session.writing import SessionWriter
+from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, put_in_place
 
 BRANCHES = "branches"
 RESERVED = ("figures", "exports")

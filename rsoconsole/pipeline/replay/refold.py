@@ -12,21 +12,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
-from rsoconsole.config import Config, with_changes, with_setting
+from rsoconsole.config import Config, ExposureConfig, with_changes, with_setting
 from rsoconsole.night import FOLDED, is_from_outside, is_instruments
-from rsoconsole.pipeline.cycle import (
-    Fold,
-    Folds,
-    HandTrack,
-    KeptOnRecord,
-    Shown,
-    StarHistory,
-    are_alike,
-    fold,
-    star_history_without_fold,
+from rsoconsole.pipeline.cycle.decisions import Fold, Folds, HandTrack
+from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike, fold, star_history_without_fold
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
+from rsoconsole.pipeline.cycle.track_assignment import KeptOnRecord
+from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK
+from rsoconsole.pipeline.frame.measurement import (
+    at_its_row,
+    measure,
+    shutter_mid_utc_ns,
+    shutter_time,
 )
-from rsoconsole.pipeline.frame import BEGIN_MARK, shutter_mid_utc_ns
-from rsoconsole.pipeline.replay.other_settings import at_instant, at_tau
+from rsoconsole.reasons import BelowTau
 from rsoconsole.records import (
     BesideRecord,
     CycleTiming,
@@ -45,11 +44,65 @@ from rsoconsole.records import (
     OrbitRecord,
     ParameterChange,
     Record,
+    Rejection,
     Ruling,
     Solution,
     StateChange,
+    measurement_id_of,
 )
-from rsoconsole.tracking.association import Following
+from rsoconsole.tracking import Following
+
+
+def at_instant(shown: Shown, t_mid_utc_ns: int, exposure: ExposureConfig) -> Shown:
+    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
+    shutter = shutter_time(shown.taken, exposure)
+    moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in shown.measurements)
+    return shown if moved == shown.measurements else replace(shown, measurements=moved)
+
+
+def at_tau(shown: Shown, config: Config) -> Shown:
+    """What the frame would have shown at the configured tau, most confident first.
+
+    The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
+    plate solution a candidate is detected and not measured, as ever.
+    """
+    tau = config.detector.tau
+    found = shown.detections
+    numbered = {
+        number: r.detection
+        for number, r in enumerate(found.rejected, start=len(found.detections))
+        if isinstance(r.reason, BelowTau) and r.detection.confidence > tau
+    }
+    admitted = list(numbered.values())
+    kept = [d for d in found.detections if d.confidence > tau]
+    too_faint = [
+        Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=tau))
+        for d in found.detections
+        if d.confidence <= tau
+    ]
+    measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
+    if isinstance(shown.solution, Solution):
+        made = (
+            measure(
+                detection,
+                shown.solution,
+                shown.taken,
+                config.exposure,
+                measurement_id=measurement_id_of(found.frame_id, number),
+            )
+            for number, detection in numbered.items()
+        )
+        measurements += [m for m in made if m is not None]
+    # Sorting is stable: what was measured keeps its order.
+    detections = sorted((*kept, *admitted), key=lambda d: -d.confidence)
+    rejected = [r for r in found.rejected if r.detection not in admitted]
+    rejected = sorted((*rejected, *too_faint), key=lambda r: -r.detection.confidence)
+    return replace(
+        shown,
+        detections=replace(found, detections=tuple(detections), rejected=tuple(rejected)),
+        measurements=tuple(sorted(measurements, key=lambda m: -m.confidence)),
+    )
+
 
 TAU = "detector.tau"
 

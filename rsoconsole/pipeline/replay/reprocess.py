@@ -13,17 +13,13 @@ from pathlib import Path
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
-from rsoconsole.instruments.frames import header_start, read_frame
-from rsoconsole.instruments.solver import PlateSolver
-from rsoconsole.pipeline.comparison import RecordedComparison
-from rsoconsole.pipeline.frame import (
-    Calibration,
-    FrameReducer,
-    Plate,
-    PlateFinder,
-    calibration_warnings,
-)
-from rsoconsole.pipeline.replay.rerun import RecordedPlate, as_recorded
+from rsoconsole.instruments import PlateSolver, header_start, read_frame
+from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
+from rsoconsole.pipeline.frame.calibration import Calibration
+from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
+from rsoconsole.pipeline.frame.plate import PlateFinder
+from rsoconsole.pipeline.frame.reduce import FrameReducer, Plate
+from rsoconsole.pipeline.replay.what_if_log import RecordedPlate, as_recorded
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -35,9 +31,15 @@ from rsoconsole.records import (
     ParameterChange,
     Solution,
 )
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.vision.detector import ConfidenceCurve, Network, is_same_streak
-from rsoconsole.vision.frame import FrameMap, choose_blocks, make_map
+from rsoconsole.session import SessionReader
+from rsoconsole.vision import (
+    ConfidenceCurve,
+    FrameMap,
+    Network,
+    choose_blocks,
+    is_same_streak,
+    make_map,
+)
 from rsoconsole.words import text
 
 log = logging.getLogger(__name__)

@@ -21,7 +21,7 @@ from rsoconsole.child_process import ChildProcess
 from rsoconsole.config import Config, FilterConfig
 from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Record
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session import SessionReader
 from rsoconsole.words import NO_EFFECT
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ class WhatIfProcess:
 
 def main(socket_fd: int) -> None:
     """Answer one question after the other until the parent's end of the socket closes."""
-    from rsoconsole.pipeline.replay.what_if_figures import what_if
+    from rsoconsole.pipeline.replay.what_if_log import what_if
     from rsoconsole.tracking.filters import estimator
 
     os.nice(STEP_BACK)

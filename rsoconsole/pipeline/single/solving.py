@@ -5,18 +5,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.instruments.solver import PlateSolver, series_name
-from rsoconsole.pipeline.frame import (
-    Calibration,
-    PlateFinder,
-    WrongHint,
-    cautions,
-    hint_of,
-    overridden,
-    wrong_hints,
-)
-from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.vision.stars import find_stars
+from rsoconsole.instruments import PlateSolver, series_name
+from rsoconsole.pipeline.frame.calibration import Calibration
+from rsoconsole.pipeline.frame.frame_cautions import cautions
+from rsoconsole.pipeline.frame.hints import WrongHint, hint_of, overridden, wrong_hints
+from rsoconsole.pipeline.frame.plate import PlateFinder
+from rsoconsole.records import Detections, Frame, NotSolved, Solution
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
 
 MOST_MASKED = 0.2
 """Of a frame's pixels that may be masked: its stars are still found."""
@@ -83,3 +78,22 @@ class FrameSolver:
             index_missing=tuple(series_name(number) for number in missing),
             notes=tuple(each.words for each in warnings if not each.kind.endswith(" hint")),
         )
+
+
+class FrameDetector:
+    """Calibrates a frame and looks for streaks in it; each frame by itself."""
+
+    def __init__(self, config: Config) -> None:
+        """Raises ModelError when the network cannot be loaded."""
+        settings = config.detector
+        network = Network.load(settings.model, settings.threads)
+        self._config = config
+        self._detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
+        self._calibration = Calibration(config)
+
+    def detect(self, frame: Frame) -> tuple[Detections, tuple[str, ...]]:
+        """What was found, and what is to be known of the frame, a sentence each."""
+        prepared, noted = self._calibration.prepare(frame)
+        found = self._detector.analyse(prepared).detections
+        notes = (*noted, *cautions(frame, None, self._config))
+        return found, tuple(each.words for each in notes)

@@ -15,14 +15,13 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, SessionError
-from rsoconsole.pipeline.frame import usual_sigma_s
-from rsoconsole.pipeline.replay import replay
-from rsoconsole.pipeline.tuning.propose_evidence import Proposal
-from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry
+from rsoconsole.pipeline.frame.measurement import usual_sigma_s
+from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry, Proposal
 from rsoconsole.pipeline.tuning.propose_likelihood import Arc, arcs_of
 from rsoconsole.records import TrackState
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.tracking.filters import scatter_words
+from rsoconsole.session import SessionReader
+from rsoconsole.tracking import scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
 """The gate at first and later: wide, so that an R too small cuts off none that show it."""

@@ -4,13 +4,21 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits.determination import Orbit
-from rsoconsole.orbits.first import Sightings
-from rsoconsole.orbits.identification import SURE, Identification, Match
-from rsoconsole.orbits.motion import KnownOrbit, elements_of, period_s
-from rsoconsole.pipeline.orbits import Ahead, Found, OrbitOutlook, Part
+from rsoconsole.orbits import (
+    SURE,
+    Identification,
+    KnownOrbit,
+    Match,
+    Orbit,
+    Sightings,
+    elements_of,
+    period_s,
+)
+from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
+from rsoconsole.pipeline.orbits.orbit_of import Found, Part
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_S, utc_ns_to_iso, wrap_180
+from rsoconsole.sky import wrap_180
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 
 _STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
 _ELEMENTS = ("a_km", "e", "i_deg", "raan_deg", "argp_deg", "m_deg")

@@ -7,9 +7,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rsoconsole.instruments.frames import EXTENSION_KEY
-from rsoconsole.pipeline.batch import Processed
-from rsoconsole.pipeline.frame import Reduction, WrongHint
+from rsoconsole.instruments import EXTENSION_KEY
+from rsoconsole.pipeline.batch.batch_pool import Processed
+from rsoconsole.pipeline.frame.hints import WrongHint
+from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -19,9 +20,9 @@ from rsoconsole.records import (
     Solution,
     TrackState,
 )
-from rsoconsole.sky import utc_ns_to_iso, wcs_cards
-from rsoconsole.tracking.association import Following
-from rsoconsole.words import text
+from rsoconsole.sky import wcs_cards
+from rsoconsole.tracking import Following
+from rsoconsole.words import text, utc_ns_to_iso
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:

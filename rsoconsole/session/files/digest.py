@@ -7,13 +7,17 @@ NULL, ``body`` as it is stored. That is what ``sqlite3`` prints of these columns
 """
 
 import hashlib
+import io
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal, TypeAlias
 
-from rsoconsole.session.log import LOG_ROWS, transaction
+from rsoconsole.session.log.database import LOG_ROWS, transaction
+from rsoconsole.session.log.worker import is_written
 
 META_KEY = "log_digest"
 
@@ -90,3 +94,122 @@ def mark_closed(connection: sqlite3.Connection) -> None:
 def sha256_of(content: bytes) -> str:
     """64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
+
+
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_CHUNK_BYTES_BESIDE_DATA = 12
+"""Length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
+
+
+def found_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
+    """The row of the table ``files`` for a file that was found without one."""
+    return frame_id, role, path, len(content), None, None, sha256_of(content)
+
+
+def content_fault(name: str, content: bytes) -> str | None:
+    """Why a FITS or PNG file cannot be read whole; None when it can, and for other files."""
+    suffixes = {suffix.lower() for suffix in PurePosixPath(name).suffixes}
+    if ".png" in suffixes:
+        return _png_fault(content)
+    if suffixes & {".fits", ".fit", ".fts"}:
+        return _fits_fault(content)
+    return None
+
+
+def _png_fault(content: bytes) -> str | None:
+    """Every chunk carries its own checksum: no decoder is needed, and none may complain."""
+    if not content.startswith(_PNG_MAGIC):
+        return "it is no PNG picture"
+    place = len(_PNG_MAGIC)
+    while place + _CHUNK_BYTES_BESIDE_DATA <= len(content):
+        size = int.from_bytes(content[place : place + 4], "big")
+        end = place + 8 + size
+        if end + 4 > len(content):
+            break
+        if zlib.crc32(content[place + 4 : end]) != int.from_bytes(content[end : end + 4], "big"):
+            return "a part of the picture is damaged"
+        if content[place + 4 : place + 8] == b"IEND":
+            return None
+        place = end + 4
+    return "the picture breaks off"
+
+
+def _fits_fault(content: bytes) -> str | None:
+    import warnings
+
+    from astropy.io import fits
+
+    try:
+        with warnings.catch_warnings():
+            # A file that breaks off is only worth a warning to astropy.
+            warnings.simplefilter("error")
+            with fits.open(io.BytesIO(content), memmap=False) as hdus:
+                shapes = [hdu.data.shape for hdu in hdus if hdu.is_image and hdu.data is not None]
+    except Exception as error:  # astropy raises whatever a damaged file makes it stumble over
+        return f"it cannot be read as FITS ({error})"
+    return None if any(len(shape) == 2 for shape in shapes) else "it holds no image"
+
+
+Severity: TypeAlias = Literal["damage", "leftover", "remark"]
+"""Something of the record is lost or changed · something waits to be repaired · good to know."""
+State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
+Digest: TypeAlias = Literal["confirmed", "differs", "none"]
+
+REPAIR = "'rsoconsole sessions repair' sets it right"
+FROM_COPY = "take it from a copy of the session, if there is one; the rest is not affected"
+NOTHING_TO_DO = "nothing to do"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that is not as the session says."""
+
+    severity: Severity
+    place: str
+    """A file by its path in the session's folder, or a part of the log."""
+    what: str
+    remedy: str
+
+
+@dataclass(slots=True, kw_only=True)
+class Verification:
+    """What was looked at in one session, and what was found."""
+
+    session: Path
+    state: State = "unreadable"
+    schema: int | None = None
+    records: int = 0
+    frames: int = 0
+    files: int = 0
+    """Files whose bytes were read."""
+    bytes: int = 0
+    digest: Digest = "none"
+    """Of the log; none: it is not closed."""
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether nothing is damaged; a session that waits for its repair is sound."""
+        return all(found.severity != "damage" for found in self.findings)
+
+    def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
+        """Something of the record is lost or changed."""
+        self._add("damage", place, what, remedy)
+
+    def leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
+        """Something waits to be repaired; nothing is lost."""
+        self._add("leftover", place, what, remedy)
+
+    def remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
+        """Something is good to know."""
+        self._add("remark", place, what, remedy)
+
+    def _add(self, severity: Severity, place: str, what: str, remedy: str) -> None:
+        self.findings.append(Finding(severity=severity, place=place, what=what, remedy=remedy))
+
+
+def state_of(about: Mapping[str, Any]) -> State:
+    """What the session's table ``meta`` says of its end."""
+    if about.get("is_closed") is True:
+        return "closed"
+    return "live" if is_written(about) else "cut off"

@@ -1,8 +1,10 @@
 """The files of a session, in its folder or in an archive."""
 
+import contextlib
 import hashlib
 import io
 import os
+import shutil
 import stat
 import tarfile
 from collections.abc import Callable, Iterator, Mapping
@@ -12,8 +14,8 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import IO, TypeAlias
 
-from rsoconsole.errors import SessionError
-from rsoconsole.session.log import DATABASE
+from rsoconsole.errors import SessionError, said_as
+from rsoconsole.session.log.schema import DATABASE
 
 PIECE_BYTES = 1 << 20
 MANIFEST = "MANIFEST.sha256"
@@ -137,3 +139,33 @@ def _has_end(tar: tarfile.TarFile) -> bool:
 
 def _raise(error: OSError) -> None:
     raise error
+
+
+def folders_in(root: Path) -> list[Path]:
+    """What lies directly in a folder; nothing where there is none. Raises SessionError."""
+    refused = said_as(SessionError, f"{root} cannot be looked into: ")
+    with refused, contextlib.suppress(FileNotFoundError):
+        return list(root.iterdir())
+    return []
+
+
+def written_ns(folder: Path) -> int:
+    """When a session's log was written to last; 0: nobody can say."""
+    with contextlib.suppress(OSError):
+        return (folder / DATABASE).stat().st_mtime_ns
+    return 0
+
+
+def put_in_place(beside: Path, folder: Path) -> None:
+    """Rename ``beside`` to ``folder``; what was there is gone only when the new one stands.
+
+    Raises OSError.
+    """
+    if not folder.exists():
+        beside.rename(folder)
+        return
+    gone = folder.with_name(f".{folder.name}.gone")
+    shutil.rmtree(gone, ignore_errors=True)
+    folder.rename(gone)
+    beside.rename(folder)
+    shutil.rmtree(gone, ignore_errors=True)

@@ -14,7 +14,7 @@ from typing import Any
 from rsoconsole.durable_files import sync_folder, write_durably
 from rsoconsole.errors import SessionError, said_as
 from rsoconsole.foreign_text import json_of
-from rsoconsole.sky import utc_ns_to_iso
+from rsoconsole.words import utc_ns_to_iso
 
 UPKEEP = "upkeep.jsonl"
 KEEP = "KEEP"

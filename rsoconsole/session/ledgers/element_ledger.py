@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
-from rsoconsole.orbits.identification import ElementRow
-from rsoconsole.session.log import LineFile, Lines, from_json_value, objects_of
+from rsoconsole.orbits import ElementRow
+from rsoconsole.session.log.codec import from_json_value
+from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
 
 FORMAT = 1
 

@@ -12,7 +12,8 @@ from typing import Any
 
 from rsoconsole.config import state_dir
 from rsoconsole.errors import SessionError
-from rsoconsole.session.log import LineFile, Lines, from_json_value, objects_of
+from rsoconsole.session.log.codec import from_json_value
+from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
 
 FORMAT = 1
 _MOST_NAME = 40

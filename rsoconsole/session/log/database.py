@@ -1,16 +1,19 @@
 """The session's SQLite file: how it is made, opened to be written, and left as one file."""
 
+import contextlib
 import json
+import os
+import re
 import shutil
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.durable_files import PART, sync_folder
-from rsoconsole.session.log.bounds import bound
 from rsoconsole.session.log.schema import (
     APPLICATION_ID,
     DATABASE,
@@ -19,6 +22,76 @@ from rsoconsole.session.log.schema import (
     WAL,
     create_script,
 )
+
+MOST_ROW_BYTES = 64_000_000
+"""The largest records have some ten thousand bytes."""
+STEPS_A_CALL = 100_000
+LEAST_CALLS = 500
+"""Fifty million steps: seconds on a slow machine."""
+BYTES_A_CALL = 10_000
+"""Ten steps a byte; all that the program asks of a session takes a thirtieth of a step."""
+_TABLES = ("log", "meta", "files")
+_COMPUTED = re.compile(r"\b(check|generated|as|virtual)\b", re.IGNORECASE)
+_GENERATED = (2, 3)
+"""Kinds of hidden columns in ``table_xinfo``. Source: sqlite.org/pragma.html."""
+_NAMED = (
+    "SELECT type, name, coalesce(sql, '') FROM main.sqlite_master"
+    " WHERE type = 'trigger' OR name COLLATE NOCASE IN ('log', 'meta', 'files')"
+)
+_INDEXES = (
+    "SELECT name, coalesce(sql, '') FROM main.sqlite_master"
+    " WHERE type = 'index' AND tbl_name COLLATE NOCASE IN ('log', 'meta', 'files')"
+)
+
+
+def bound(connection: sqlite3.Connection, path: Path) -> None:
+    """End whatever asks for more than a file of this size explains, and refuse huge rows.
+
+    SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
+    """
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_ROW_BYTES)
+    left = LEAST_CALLS + sum(map(_bytes, (path, path.with_name(WAL)))) // BYTES_A_CALL
+
+    def is_over() -> bool:
+        nonlocal left
+        left -= 1
+        return left < 0
+
+    connection.set_progress_handler(is_over, STEPS_A_CALL)
+
+
+def is_interrupted(error: BaseException) -> bool:
+    """Whether a statement was ended because it asked for too much."""
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
+
+
+def computed_part(connection: sqlite3.Connection) -> str | None:
+    """What of the tables is none or computes something, in words; None where all is plain.
+
+    Raises sqlite3.Error.
+    """
+    for kind, name, sql in connection.execute(_NAMED):
+        if kind == "trigger":
+            return f"the trigger {name} changes what is read or written"
+        if kind != "table" or str(name).lower() not in _TABLES:
+            return f"{name} is no table in it"
+        if _COMPUTED.search(str(sql)):
+            return f"its table {name} computes values"
+    for name in _TABLES:
+        columns = connection.execute(f"PRAGMA main.table_xinfo({name})").fetchall()
+        if any(column[6] in _GENERATED for column in columns):
+            return f"its table {name} computes values"
+    for name, sql in connection.execute(_INDEXES):
+        if str(sql).count("(") > 1 or re.search(r"\bwhere\b", str(sql), re.IGNORECASE):
+            return f"its index {name} computes values"
+    return None
+
+
+def _bytes(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 class Database(sqlite3.Connection):
@@ -65,7 +138,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     """A connection that cannot write, to a database that SQLite can read as it stands.
 
     ``is_immutable`` promises that nobody writes. What asks for more than the file's size explains
-    is ended (``session/log/bounds.py``). Raises sqlite3.Error.
+    is ended (``session/log/database.py``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
     connection = sqlite3.connect(
@@ -139,3 +212,81 @@ def leave_wal(path: Path, timeout_s: float) -> None:
                 time.sleep(0.05)
     finally:
         connection.close()
+
+
+_MAGIC = b"SQLite format 3\x00"
+
+
+@dataclass(slots=True)
+class _Seen:
+    identity: tuple[int, int]
+    size: int
+
+
+class LogPlace:
+    """The database and its write-ahead log, as they were when last looked at."""
+
+    def __init__(self, database: Path) -> None:
+        self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
+        self._seen: dict[str, _Seen] = {}
+        self._descriptor: int | None = None
+        with contextlib.suppress(OSError):
+            self._descriptor = os.open(database, os.O_RDONLY | os.O_CLOEXEC)
+        self.damage(lambda: True)
+
+    def close(self) -> None:
+        """Only behind the last connection: to close any descriptor of a file lets go of SQLite's
+        own lock of it, and another program would believe that nobody writes.
+        """
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def forget_wal(self) -> None:
+        """The connection is closed: SQLite removes the write-ahead log itself then."""
+        self._seen.pop("write-ahead log", None)
+
+    def damage(self, has_all: Callable[[], bool]) -> str | None:
+        """What has become of them since the first look, in words; None where all is well.
+
+        ``has_all``: whether a reader finds every record; asked where the write-ahead log is
+        shorter, which is so after somebody has had SQLite fold it into the database, too.
+        """
+        for name, path in self._paths.items():
+            try:
+                found = path.stat()
+            except FileNotFoundError:
+                if name in self._seen:
+                    return f"the session's {name} has been removed"
+                continue
+            except OSError as error:
+                return f"the session's {name} cannot be seen: {error.strerror}"
+            known = self._seen.setdefault(name, _Seen((found.st_dev, found.st_ino), found.st_size))
+            if known.identity != (found.st_dev, found.st_ino):
+                return f"the session's {name} has been replaced"
+            is_folded = found.st_size < known.size and path.name == WAL and has_all()
+            if found.st_size < known.size and not is_folded:
+                return f"the session's {name} has been cut short"
+            known.size = found.st_size
+        return self._overwritten()
+
+    def _overwritten(self) -> str | None:
+        if self._descriptor is None:
+            return None
+        try:
+            head = os.pread(self._descriptor, len(_MAGIC), 0)
+        except OSError as error:
+            return f"the session's log cannot be read: {error.strerror}"
+        return None if head == _MAGIC else "the session's log has been written over"
+
+
+LOG_COLUMNS = "seq, t_utc_ns, kind, frame_id, body"
+FILE_COLUMNS = "frame_id, role, path, bytes, ms, reason, sha256"
+LOG_ROWS = f"SELECT {LOG_COLUMNS} FROM log ORDER BY seq"
+LOG_ROW = f"SELECT {LOG_COLUMNS} FROM log WHERE seq = ?"
+FILE_ROWS = f"SELECT {FILE_COLUMNS} FROM files"
+FILE_ROW = f"{FILE_ROWS} WHERE frame_id = ? AND role = ?"
+# OR IGNORE: a commit that reported an error may have reached the disk all the same.
+INSERT_RECORD = f"INSERT OR IGNORE INTO log ({LOG_COLUMNS}) VALUES (?, ?, ?, ?, ?)"
+INSERT_FILE = f"INSERT OR REPLACE INTO files ({FILE_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?)"
+"""The news of a file that came last holds."""

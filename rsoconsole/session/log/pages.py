@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from rsoconsole.session.log.bounds import MOST_ROW_BYTES
+from rsoconsole.session.log.database import MOST_ROW_BYTES
 
 Value: TypeAlias = int | float | str | bytes | None
 Fields: TypeAlias = tuple[Value, ...]

@@ -26,24 +26,26 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Event, Record
-from rsoconsole.session.files import pruned_on, read_notes
-from rsoconsole.session.log import (
+from rsoconsole.session.files.upkeep_log import pruned_on, read_notes
+from rsoconsole.session.log.codec import KINDS, decode
+from rsoconsole.session.log.database import (
+    computed_part,
+    connect_to_read,
+    finish_copy,
+    is_interrupted,
+)
+from rsoconsole.session.log.schema import (
     APPLICATION_ID,
     DATABASE,
     FOLDERS,
     JOURNAL,
-    KINDS,
     SCHEMA_VERSION,
     VIEWS,
     WAL,
-    computed_part,
-    connect_to_read,
-    decode,
-    finish_copy,
-    is_interrupted,
     select_of,
 )
 from rsoconsole.session.reading.plausible import LAST_UTC_NS, expect_plausible
+from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500
 MAX_BRANCH_DEPTH = 8
@@ -402,3 +404,25 @@ def _known(table: Any) -> Any:
         settings = getattr(field.annotation, "model_fields", {})
         known[name] = {key: value for key, value in section.items() if key in settings}
     return known
+
+
+def clock_notes(reader: SessionReader) -> tuple[str, ...]:
+    """When and what, a line each, in order; empty for a night of one steady clock.
+
+    Raises SessionError where the session cannot be read.
+    """
+    return tuple(
+        clock_note(t_utc_ns, record)
+        for _, t_utc_ns, record in reader.records(kinds=(Event,))
+        if isinstance(record, Event) and is_clock_fault(record)
+    )
+
+
+def is_clock_fault(event: Event) -> bool:
+    """Whether it tells of one."""
+    return event.topic == "clock" and event.level != "info"
+
+
+def clock_note(t_utc_ns: int, event: Event) -> str:
+    """The instant and what happened, without what the engine made of it."""
+    return f"{utc_ns_to_iso(t_utc_ns, 0)} {event.text.partition(': ')[0]}"

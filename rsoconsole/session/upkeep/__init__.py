@@ -1,5 +1,1 @@
 """Sessions kept well: archived, verified, repaired, recovered, merged, pruned."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

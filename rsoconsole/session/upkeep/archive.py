@@ -19,15 +19,11 @@ from typing import IO, TypeAlias
 
 from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
-from rsoconsole.session.files import (
-    MANIFEST,
-    UPKEEP,
-    FolderHoldings,
-    Verification,
-    add_note,
-)
-from rsoconsole.session.log import BESIDE_DATABASE, DATABASE
-from rsoconsole.session.reading import SessionReader
+from rsoconsole.session.files.digest import Verification
+from rsoconsole.session.files.holdings import MANIFEST, FolderHoldings
+from rsoconsole.session.files.upkeep_log import UPKEEP, add_note
+from rsoconsole.session.log.schema import BESIDE_DATABASE, DATABASE
+from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import verify_session
 

@@ -19,42 +19,36 @@ from typing import Any
 from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of, read_foreign, toml_of
-from rsoconsole.session.files import META_KEY as DIGEST_KEY
-from rsoconsole.session.files import (
-    FolderHoldings,
-    Row,
-    add_note,
-    content_fault,
-    found_row,
-    mark_closed,
+from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
+from rsoconsole.session.files.digest import Row, content_fault, found_row, mark_closed
+from rsoconsole.session.files.holdings import FolderHoldings
+from rsoconsole.session.files.upkeep_log import add_note
+from rsoconsole.session.log.codec import KINDS, decode
+from rsoconsole.session.log.database import (
+    INSERT_FILE,
+    INSERT_RECORD,
+    LOG_COLUMNS,
+    Database,
+    bound,
+    computed_part,
+    connect_to_write,
+    create_database,
+    leave_wal,
+    transaction,
 )
-from rsoconsole.session.log import (
+from rsoconsole.session.log.pages import MAGIC, Fields, Pages
+from rsoconsole.session.log.schema import (
     BESIDE_DATABASE,
     BRANCHES,
     CONFIG,
     DATABASE,
     FOLDERS,
-    INSERT_FILE,
-    INSERT_RECORD,
     JOURNAL,
-    KINDS,
-    LOG_COLUMNS,
-    MAGIC,
     SCHEMA_VERSION,
     WAL,
-    Database,
-    Fields,
-    Pages,
-    bound,
-    computed_part,
-    connect_to_write,
-    create_database,
-    decode,
-    leave_wal,
     role_of,
-    transaction,
 )
-from rsoconsole.session.reading import SessionReader, expect_schema
+from rsoconsole.session.reading.reader import SessionReader, expect_schema
 
 RECOVERED = ".recovered"
 PAGE_BYTES = 4096

@@ -9,7 +9,7 @@ import shutil
 import sqlite3
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -21,24 +21,14 @@ from rsoconsole.config import Config, config_to_toml
 from rsoconsole.durable_files import sync_folder, write_durably
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Frame, Record
-from rsoconsole.session.files import compress_frame, encode_preview, mark_closed, sha256_of
-from rsoconsole.session.log import (
-    CONFIG,
-    DATABASE,
-    FOLDERS,
-    SCHEMA_VERSION,
-    BoundedWorker,
-    Faults,
-    connect_to_write,
-    create_database,
-    file_name,
-    leave_wal,
-    own_mark,
-    to_json_value,
-)
-from rsoconsole.session.log import META_KEY as WRITER_KEY
-from rsoconsole.session.writing.log_writer import KeptFile, LogWriter
-from rsoconsole.session.writing.rescue import Rescue
+from rsoconsole.session.files.digest import mark_closed, sha256_of
+from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
+from rsoconsole.session.log.codec import to_json_value
+from rsoconsole.session.log.database import connect_to_write, create_database, leave_wal
+from rsoconsole.session.log.schema import CONFIG, DATABASE, FOLDERS, SCHEMA_VERSION, file_name
+from rsoconsole.session.log.worker import META_KEY as WRITER_KEY
+from rsoconsole.session.log.worker import BoundedWorker, Faults, own_mark
+from rsoconsole.session.writing.log_writer import KeptFile, LogWriter, Rescue
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
@@ -252,3 +242,34 @@ def _make_folder(folder: Path) -> None:
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
     sync_folder(folder.parent)
+
+
+class BatchRecording:
+    """Writes what ``process`` found into a new session; does nothing without a folder."""
+
+    def __init__(
+        self, folder: Path | None, config: Config, model_sha256: str, **about: Any
+    ) -> None:
+        """``about``: what else the session is to say of itself, or another title."""
+        self._writer: SessionWriter | None = None
+        self._last_utc_ns = 0
+        if folder is not None:
+            facts = {"title": "recorded frames", "model_sha256": model_sha256, **about}
+            self._writer = SessionWriter.create(folder, config, facts)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What the record lacks, in words; empty when all is well."""
+        return () if self._writer is None else self._writer.faults
+
+    def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:
+        """All records of one frame, in order; a frame without a time keeps the last one's."""
+        self._last_utc_ns = t_utc_ns if t_utc_ns is not None else self._last_utc_ns
+        if self._writer is not None:
+            for record in records:
+                self._writer.append(record, self._last_utc_ns)
+
+    def close(self) -> None:
+        """Finish the session."""
+        if self._writer is not None:
+            self._writer.close()

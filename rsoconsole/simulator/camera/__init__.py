@@ -1,5 +1,1 @@
 """From what is in the field to what the camera stores."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,9 +1,15 @@
 """A frame as INDI's camera drivers write it: a plain FITS file in memory."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+
+from rsoconsole.config import OpticsConfig
+from rsoconsole.simulator.camera.rendering import frame_rng
+from rsoconsole.simulator.world.world import FramesWorld, World
 
 _BLOCK = 2880
 
@@ -49,3 +55,56 @@ def _card(key: str, value: Card) -> str:
     else:
         text = f"'{value:<8}'"
     return f"{key:<8}= {text}"[:80].ljust(80)
+
+
+_STREAM = 37
+Fate = Literal["delivered", "late", "failed", "dropped"]
+
+
+def frame_fate(world: FramesWorld, seed: int, t_start_utc_ns: int) -> Fate:
+    """The fate of the frame begun then; each at its stated rate."""
+    rates: tuple[tuple[Fate, float], ...] = (
+        ("dropped", world.dropped_rate),
+        ("failed", world.failed_rate),
+        ("late", world.late_rate),
+    )
+    if not any(rate for _, rate in rates):
+        return "delivered"
+    lot = frame_rng(seed, t_start_utc_ns, _STREAM).random()
+    for fate, rate in rates:
+        if lot < rate:
+            return fate
+        lot -= rate
+    return "delivered"
+
+
+OWN_ROTATION_DEG = 1.7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraTraits:
+    """What the driver tells of the camera; sizes and pitch are those of joined pixels."""
+
+    width_px: int
+    height_px: int
+    pixel_um: float
+    focal_length_mm: float
+    binning: int = 1
+    start_latency_s: float = 0.3
+    """From the order to the opening of the shutter; DATE-OBS is the opening."""
+    rotation_deg: float = OWN_ROTATION_DEG
+    """Position angle of the array's +y axis with the telescope west of the pier."""
+    is_flipped: bool = False
+
+
+def camera_traits(optics: OpticsConfig, world: World) -> CameraTraits:
+    """The camera of a telescope in a world."""
+    angle = world.optics.camera_angle_deg
+    return CameraTraits(
+        width_px=optics.width_px,
+        height_px=optics.height_px,
+        pixel_um=optics.pixel_um,
+        focal_length_mm=optics.focal_length_mm,
+        binning=world.sensor.binning,
+        rotation_deg=OWN_ROTATION_DEG if angle is None else angle,
+    )

@@ -15,7 +15,7 @@ from rsoconsole.simulator.camera.rendering import frame_rng
 
 if TYPE_CHECKING:
     # Training draws moving images in an environment without pydantic.
-    from rsoconsole.simulator.world import World
+    from rsoconsole.simulator.world.world import World
 
 AIR_TAU_S = 0.05
 WIND_TAU_S = 0.3

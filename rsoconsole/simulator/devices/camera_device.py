@@ -12,11 +12,10 @@ import numpy.typing as npt
 from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.simulator.camera import CameraTraits, Card, Fate, fits_bytes, frame_fate
+from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card, Fate, fits_bytes, frame_fate
 from rsoconsole.simulator.devices.camera_header import header_cards
 from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors
-from rsoconsole.simulator.mount import (
-    MountModel,
+from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
     asked_numbers,
     numbers,
@@ -25,7 +24,8 @@ from rsoconsole.simulator.mount import (
     texts,
     turn_on,
 )
-from rsoconsole.simulator.world import NAMELESS, World
+from rsoconsole.simulator.mount.mount_model import MountModel
+from rsoconsole.simulator.world.world import NAMELESS, World
 from rsoconsole.sky import jnow_to_icrs
 
 NS = 1_000_000_000

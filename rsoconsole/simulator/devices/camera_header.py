@@ -1,11 +1,12 @@
 """The header that INDI's CCD driver writes; RA and DEC are J2000 from the mount's own belief."""
 
 from rsoconsole.records import Site
-from rsoconsole.simulator.camera import CameraTraits, Card, header_start_utc_ns
-from rsoconsole.simulator.mount import MountInstant
-from rsoconsole.simulator.world import World
-from rsoconsole.sky import jnow_to_icrs, utc_ns_to_iso
-from rsoconsole.words import format_dec, format_ra
+from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card
+from rsoconsole.simulator.camera.truth import header_start_utc_ns
+from rsoconsole.simulator.mount.mount_model import MountInstant
+from rsoconsole.simulator.world.world import World
+from rsoconsole.sky import jnow_to_icrs
+from rsoconsole.words import format_dec, format_ra, utc_ns_to_iso
 
 
 def date_obs(world: World, t_start_utc_ns: int) -> str:

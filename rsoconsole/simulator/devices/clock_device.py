@@ -1,12 +1,86 @@
 """The simulated clock as an INDI device: a client asks time to pass and is told when it has."""
 
+import asyncio
+import math
+import time
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 from indipydriver import Device
 
-from rsoconsole.simulator.devices.virtual_clock import VirtualClock
-from rsoconsole.simulator.mount import asked_for, stamp, switches, texts, turn_on
+from rsoconsole.simulator.mount.indi_vectors import asked_for, stamp, switches, texts, turn_on
+
+NS = 1_000_000_000
+US = 1_000
+REPORT_EVERY_NS = 1 * NS
+_LONGEST_STEP_S = 0.1
+CATCH_UP = 4.0
+"""How many times faster paced time passes while it is behind the wall's."""
+MOST_BEHIND_S = 60.0
+"""Wall seconds that are caught up; what lies further back (a machine that slept) is given up."""
+
+
+class VirtualClock:
+    """The observatory's time, in UTC ns, always whole microseconds (INDI's finest stamp).
+
+    ``speed`` is virtual seconds a wall second; 0 or infinity: at once. A paced clock keeps to the
+    wall's: while nobody asks for time it stands, and catches up afterwards, as fast as
+    ``CATCH_UP`` allows.
+    """
+
+    def __init__(
+        self, t_start_utc_ns: int, speed: float, wall_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._now_utc_ns = t_start_utc_ns // US * US
+        self.speed = 0.0 if math.isinf(speed) else max(0.0, speed)
+        self._interrupted = asyncio.Event()
+        self._wall_s = wall_s
+        self._on_schedule_s: float | None = None
+        """When, by the wall, the present instant was due; None before the first advance."""
+
+    @property
+    def now_utc_ns(self) -> int:
+        """The present instant."""
+        return self._now_utc_ns
+
+    def interrupt(self) -> None:
+        """End a paced advance where it is."""
+        self._interrupted.set()
+
+    async def advance(self, t_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> int:
+        """Let time pass until ``t_utc_ns`` (rounded up to whole microseconds).
+
+        ``on_report`` is awaited at every whole second on the way that is paced, and at the end.
+        Returns the instant reached: an earlier one when interrupted; never goes back.
+        """
+        self._interrupted.clear()
+        t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)
+        while self.speed and self._now_utc_ns < t_end_utc_ns and not self._interrupted.is_set():
+            await self._step(t_end_utc_ns, on_report)
+        if not self._interrupted.is_set():
+            self._now_utc_ns = t_end_utc_ns
+        await on_report()
+        return self._now_utc_ns
+
+    async def _step(self, t_end_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> None:
+        step_ns = max(US, round(_LONGEST_STEP_S * self.speed * NS) // US * US)
+        next_report_utc_ns = (self._now_utc_ns // REPORT_EVERY_NS + 1) * REPORT_EVERY_NS
+        t_next_utc_ns = min(self._now_utc_ns + step_ns, t_end_utc_ns)
+        if self.speed <= 1.0 / _LONGEST_STEP_S:
+            t_next_utc_ns = min(t_next_utc_ns, next_report_utc_ns)
+        wall_s = (t_next_utc_ns - self._now_utc_ns) / NS / self.speed
+        now_s = self._wall_s()
+        due_s = now_s if self._on_schedule_s is None else self._on_schedule_s
+        due_s = max(due_s, now_s - MOST_BEHIND_S)
+        pause_s = max(due_s + wall_s - now_s, wall_s / CATCH_UP)
+        try:
+            await asyncio.wait_for(self._interrupted.wait(), pause_s)
+        except TimeoutError:
+            self._now_utc_ns = t_next_utc_ns
+            self._on_schedule_s = due_s + wall_s
+            if t_next_utc_ns >= next_report_utc_ns and t_next_utc_ns < t_end_utc_ns:
+                await on_report()
+
 
 DEVICE = "Simulated Clock"
 _GROUP = "Main Control"

@@ -8,9 +8,8 @@ from typing import Any
 from indipydriver import Device
 
 from rsoconsole.records import Site
-from rsoconsole.simulator.mount import (
+from rsoconsole.simulator.mount.indi_vectors import (
     MountFaults,
-    MountModel,
     asked_for,
     asked_numbers,
     numbers,
@@ -19,7 +18,9 @@ from rsoconsole.simulator.mount import (
     texts,
     turn_on,
 )
-from rsoconsole.sky import deg_to_hours, hours_to_deg, iso_to_utc_ns, utc_ns_to_iso, wrap_360
+from rsoconsole.simulator.mount.mount_model import MountModel
+from rsoconsole.sky import deg_to_hours, hours_to_deg, iso_to_utc_ns, wrap_360
+from rsoconsole.words import utc_ns_to_iso
 
 _GROUP = "Main Control"
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from indipydriver import NumberVector
 
-from rsoconsole.simulator.camera import CameraTraits, Card
-from rsoconsole.simulator.mount import numbers
+from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card
+from rsoconsole.simulator.mount.indi_vectors import numbers
 
 _GROUP = "Image Settings"
 MOST_BINNING = 4

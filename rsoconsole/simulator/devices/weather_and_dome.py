@@ -6,7 +6,14 @@ from typing import Any
 from indipydriver import Device
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.simulator.mount import asked_for, lights, stamp, switches, texts, turn_on
+from rsoconsole.simulator.mount.indi_vectors import (
+    asked_for,
+    lights,
+    stamp,
+    switches,
+    texts,
+    turn_on,
+)
 
 NS = 1_000_000_000
 Schedule = tuple[tuple[float, str], ...]

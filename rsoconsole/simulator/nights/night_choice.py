@@ -8,9 +8,9 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
-from rsoconsole.orbits.elements import CatalogueEntry, Satellite
+from rsoconsole.orbits import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
-from rsoconsole.simulator.mount import MountTraits, systematic_error_deg
+from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
 from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
 from rsoconsole.simulator.nights.when_up import (
     Window,
@@ -20,8 +20,8 @@ from rsoconsole.simulator.nights.when_up import (
     visible_from,
 )
 from rsoconsole.sky import (
-    NS_PER_S,
     Places,
+    StarCatalogue,
     hour_angle_icrs_deg,
     icrs_of_hour_angle,
     icrs_to_jnow,
@@ -30,7 +30,7 @@ from rsoconsole.sky import (
     tan_wcs,
     wrap_360,
 )
-from rsoconsole.sky.stars import StarCatalogue
+from rsoconsole.words import NS_PER_S
 
 BESIDE_FIELDS = 0.2
 """Share of the field's short side up to which the telescope begins beside the first target."""

@@ -11,15 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbits.elements import (
-    CatalogueEntry,
-    Satellite,
-    nearest_in_epoch_of_each,
-    parse_catalogue,
-)
+from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_in_epoch_of_each, parse_catalogue
 from rsoconsole.records import Site
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
-from rsoconsole.sky.stars import StarCatalogue
+from rsoconsole.sky import StarCatalogue
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
 """Fully lit, at 36,000 km: what such satellites commonly show, chosen, not measured. A navigation

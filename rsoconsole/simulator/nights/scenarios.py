@@ -9,10 +9,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbits.elements import CatalogueEntry, ElementSet, parse_elements
+from rsoconsole.orbits import CatalogueEntry, ElementSet, parse_elements
 from rsoconsole.records import Site
 from rsoconsole.resources import resource
-from rsoconsole.simulator.sky import BrightnessHistory, CloudDeck, Turning
+from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning
+from rsoconsole.simulator.sky.clouds import CloudDeck
 from rsoconsole.sky import iso_to_utc_ns
 
 DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

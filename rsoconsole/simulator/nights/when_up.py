@@ -8,13 +8,12 @@ import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig, OpticsConfig
 from rsoconsole.errors import ConfigError
-from rsoconsole.orbits.elements import Satellite
+from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.simulator.camera import WINGS, SensorModel
+from rsoconsole.simulator.camera.psf import WINGS
+from rsoconsole.simulator.camera.sensor import SensorModel
 from rsoconsole.simulator.nights.night_plan import STREAK_PX, USUAL_EXPOSURE_S, cadence_for
 from rsoconsole.sky import (
-    NS_PER_DAY,
-    NS_PER_S,
     IntArray,
     Places,
     altaz_of_hour_angle,
@@ -25,8 +24,8 @@ from rsoconsole.sky import (
     separation_deg,
     sun_gcrs_km,
     unit_to_direction,
-    utc_ns_to_iso,
 )
+from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -3,12 +3,13 @@
 import math
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from rsoconsole.simulator.camera import frame_rng
-from rsoconsole.simulator.world import World, world_from
+from rsoconsole.simulator.camera.rendering import frame_rng
+from rsoconsole.simulator.world.world import World, settings_of_worlds, world_from
 
 _STREAM = 40
 
@@ -115,3 +116,37 @@ def random_world(seed: int) -> World:
             section, _, key = law.name.partition(".")
             table.setdefault(section, {})[key] = value
     return world_from(table, source=f"the random world of seed {seed}")
+
+
+README = Path(__file__).parents[1] / "README.md"
+BEGIN = "<!-- settings: written by python -m rsoconsole.simulator.nights.world_laws -->"
+END = "<!-- end of settings -->"
+
+
+def settings_table() -> str:
+    """Markdown: a table for each section."""
+    laws = {law.name: law.words for law in LAWS}
+    lines: list[str] = []
+    section_before = ""
+    for setting in settings_of_worlds():
+        section, _, key = setting.name.partition(".")
+        if section != section_before:
+            words = (World.model_fields[section].annotation.__doc__ or "").strip()
+            lines += ["", f"**`[{section}]`** {words}", ""]
+            lines += ["| setting | unit | default | allowed | meaning | random |", "|---" * 6 + "|"]
+            section_before = section
+        law = laws.get(setting.name, "-")
+        cells = (f"`{key}`", setting.unit or "-", setting.default, setting.limits or "-")
+        lines.append(f"| {' | '.join(cells)} | {setting.description} | {law} |")
+    return "\n".join(lines[1:]) + "\n"
+
+
+def with_table(readme: str) -> str:
+    """The README with its table as the code has it now."""
+    head, _, rest = readme.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    return f"{head}{BEGIN}\n\n{settings_table()}\n{END}{tail}"
+
+
+if __name__ == "__main__":
+    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")

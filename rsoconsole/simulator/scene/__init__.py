@@ -1,5 +1,1 @@
 """A night above one site: what any exposure of it shows, and the truth of it."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

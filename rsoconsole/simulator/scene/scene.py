@@ -12,52 +12,52 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits.elements import Satellite
+from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Wcs
-from rsoconsole.simulator.camera import (
-    SHUTTER_SIGMA_S,
-    FieldContent,
-    FramePixels,
+from rsoconsole.simulator.camera.rendering import FieldContent, FramePixels, frame_rng, render
+from rsoconsole.simulator.camera.sensor import SHUTTER_SIGMA_S, SensorModel, air_sigma_arcsec
+from rsoconsole.simulator.camera.truth import (
     FrameTruth,
-    SensorModel,
-    air_sigma_arcsec,
     clock_offset_s,
-    frame_rng,
     header_start_utc_ns,
-    render,
     reported_start_utc_ns,
     scatter_sigma_s,
     true_shutter,
 )
-from rsoconsole.simulator.nights import Scenario
-from rsoconsole.simulator.scene.image_in_motion import blurred, plate_in_motion, plate_of
+from rsoconsole.simulator.nights.scenarios import Scenario
 from rsoconsole.simulator.scene.world_scene import (
+    blurred,
     clouds_in,
     moonlit,
     moved_stars_arcsec,
+    plate_in_motion,
+    plate_of,
     seeing_arcsec,
     sensor_in,
     with_pattern,
 )
-from rsoconsole.simulator.sky import (
+from rsoconsole.simulator.sky.brightness import BrightnessHistory, flash_nodes, world_extra_mag
+from rsoconsole.simulator.sky.other_objects import Nearby, traffic
+from rsoconsole.simulator.sky.passes import (
     MARGIN_PX,
     NODES,
-    BrightnessHistory,
     ExtraMagnitude,
-    Nearby,
     Sight,
     dimmed,
-    faint_stars,
-    flash_nodes,
-    places_now,
     satellite_passes,
     satellite_truth,
-    traffic,
-    world_extra_mag,
 )
-from rsoconsole.simulator.world import NAMELESS, World
-from rsoconsole.sky import IntArray, icrs_to_altaz, lst_deg, pixel_to_sky, sky_to_pixel, wcs_cards
-from rsoconsole.sky.stars import StarCatalogue
+from rsoconsole.simulator.sky.star_background import faint_stars, places_now
+from rsoconsole.simulator.world.world import NAMELESS, World
+from rsoconsole.sky import (
+    IntArray,
+    StarCatalogue,
+    icrs_to_altaz,
+    lst_deg,
+    pixel_to_sky,
+    sky_to_pixel,
+    wcs_cards,
+)
 
 NS = 1_000_000_000
 FAINTEST_STAR_MAG = 19.0

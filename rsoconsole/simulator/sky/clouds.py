@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.simulator.camera import frame_rng
+from rsoconsole.simulator.camera.rendering import frame_rng
 
 FloatArray = npt.NDArray[np.float64]
 _WAVES = 40

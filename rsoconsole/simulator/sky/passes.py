@@ -6,21 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.orbits.elements import Satellite
+from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
-from rsoconsole.simulator.camera import (
-    FWHM_PER_SIGMA,
-    WINGS,
-    FieldContent,
-    ImageMotion,
-    SatelliteTruth,
-    SensorModel,
-    Streak,
-    TrueShutter,
-    cloud_at,
-    integrated_snr,
-    vignetting,
-)
+from rsoconsole.simulator.camera.motion import ImageMotion
+from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, WINGS
+from rsoconsole.simulator.camera.rendering import FieldContent, Streak, cloud_at
+from rsoconsole.simulator.camera.sensor import SensorModel, vignetting
+from rsoconsole.simulator.camera.streak_snr import integrated_snr
+from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueShutter
 from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
 
 ExtraMagnitude = Callable[[IntArray], FloatArray]

@@ -8,12 +8,13 @@ rounded), between the galactic pole and plane.
 import math
 from functools import lru_cache
 
+import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.simulator.camera import frame_rng
-from rsoconsole.sky import separation_deg
-from rsoconsole.sky.stars import Stars
+from rsoconsole.simulator.camera.rendering import frame_rng
+from rsoconsole.sky import JD_UNIX, Stars, separation_deg
+from rsoconsole.words import NS_PER_DAY
 
 CELL_DEG = 0.5
 BRIGHTEST_MAG = 11.0
@@ -82,3 +83,24 @@ def _cell(
 def _log_count(latitude_deg: float) -> FloatArray:
     towards_plane = math.exp(-abs(latitude_deg) / _LATITUDE_SCALE_DEG)
     return np.asarray(_LOG_COUNT_POLE + (_LOG_COUNT_PLANE - _LOG_COUNT_POLE) * towards_plane)
+
+
+def places_now(stars: Stars, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
+    """(RA, Dec) of stars given at J2000.0, by SOFA's space motion and not the reduction's own."""
+    arcsec = math.radians(1.0 / 3600.0)
+    zero = np.zeros(len(stars))
+    pm_ra = stars.pm_ra_mas_yr * arcsec / 1e3 / np.cos(np.radians(stars.dec_icrs_deg))
+    # The plain function warns of every star without a parallax.
+    ra, dec, *_ = erfa.ufunc.pmsafe(
+        np.radians(stars.ra_icrs_deg),
+        np.radians(stars.dec_icrs_deg),
+        pm_ra,
+        stars.pm_dec_mas_yr * arcsec / 1e3,
+        zero,
+        zero,
+        erfa.DJ00,
+        0.0,
+        JD_UNIX,
+        t_utc_ns / NS_PER_DAY,
+    )
+    return np.degrees(ra) % 360.0, np.degrees(dec)

@@ -1,5 +1,1 @@
 """What is imperfect about a simulated night: every imperfection a named setting."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

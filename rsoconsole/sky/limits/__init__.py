@@ -1,5 +1,1 @@
 """Where a telescope must never look or turn."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -13,17 +13,9 @@ import numpy as np
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import (
-    NS_PER_S,
-    Epoch,
-    IntArray,
-    PierSide,
-    epoch_at,
-    iso_to_utc_ns,
-    utc_ns_to_iso,
-)
+from rsoconsole.sky.epoch import Epoch, epoch_at
+from rsoconsole.sky.frames import PierSide
 from rsoconsole.sky.limits import refusals
-from rsoconsole.sky.limits.axes import Way, side_after, ways
 from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
     Margin,
@@ -35,7 +27,7 @@ from rsoconsole.sky.limits.margins import (
     while_tracking,
 )
 from rsoconsole.sky.limits.refusals import LimitName, Refusal
-from rsoconsole.sky.limits.sun_passage import sun_passage
+from rsoconsole.sky.limits.sun_passage import Way, side_after, sun_passage, ways
 from rsoconsole.sky.limits.way_ahead import (
     SIDEREAL_DEG_S,
     Rates,
@@ -43,6 +35,8 @@ from rsoconsole.sky.limits.way_ahead import (
     on_way_ahead,
     way_ahead,
 )
+from rsoconsole.sky.times import IntArray, iso_to_utc_ns
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 
 __all__ = ["LimitName", "Limits", "PierSide", "Pose", "Refusal"]
 

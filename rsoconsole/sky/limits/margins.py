@@ -1,6 +1,6 @@
 """Each limit held against the places of a track: how far beyond its bound, instant by instant."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +9,37 @@ from numpy.typing import NDArray
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import Epoch, IntArray, PierSide, altaz_of_hour_angle, wrap_180
+from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky.epoch import Epoch
+from rsoconsole.sky.frames import PierSide, altaz_of_hour_angle
 from rsoconsole.sky.limits import refusals
-from rsoconsole.sky.limits.axes import is_pole, polar_deg
-from rsoconsole.sky.limits.horizon import level_deg, lowest_altitude_deg
 from rsoconsole.sky.limits.refusals import AngleLimit, LimitName, Refusal
-from rsoconsole.sky.limits.sun_passage import from_sun_deg
+from rsoconsole.sky.limits.sun_passage import from_sun_deg, is_pole, polar_deg
+from rsoconsole.sky.times import IntArray
+
+
+def horizon_altitude_deg(
+    mask: Sequence[tuple[float, float]], azimuth_deg: FloatArray
+) -> FloatArray:
+    """Altitude of the mask at azimuths: straight lines between its points, round through north.
+
+    mask: (azimuth, altitude) in degrees, at least one point.
+    """
+    azimuths_deg, altitudes_deg = zip(*mask, strict=True)
+    return np.asarray(np.interp(azimuth_deg, azimuths_deg, altitudes_deg, period=360.0))
+
+
+def level_deg(limits: LimitsConfig) -> float:
+    """The horizon without walls: altitude 0, or lower where the telescope may look lower."""
+    return min(0.0, limits.min_altitude_deg)
+
+
+def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatArray:
+    """What nobody may look below: the mask, or the level horizon where none was drawn."""
+    if limits.horizon:
+        return horizon_altitude_deg(limits.horizon, azimuth_deg)
+    return np.full(azimuth_deg.shape, level_deg(limits))
+
 
 SUN_HARMLESS_DEG = -6.0
 """No tube above the horizon looks at a Sun that low, and a German mount that flips by night may

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import direction_to_unit, unit_to_direction
+from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 from rsoconsole.sky.stars.proper_motion import J2000_JYEAR, moved
 from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
 

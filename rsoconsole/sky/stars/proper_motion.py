@@ -8,7 +8,8 @@ Source: Hipparcos and Tycho Catalogues, ESA SP-1200, 1997, volume 1, section 1.5
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky import NS_PER_DAY, direction_to_unit, east_and_north, unit_to_direction
+from rsoconsole.sky.angles import direction_to_unit, east_and_north, unit_to_direction
+from rsoconsole.words import NS_PER_DAY
 
 J2000_JYEAR = 2000.0
 FASTEST_ARCSEC_YR = 10.4

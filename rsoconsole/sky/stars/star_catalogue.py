@@ -20,7 +20,7 @@ import numpy.typing as npt
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.resources import resource
-from rsoconsole.sky import separation_deg, wrap_180
+from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, moved
 
 RA_STEP_DEG = 360.0 / 2**32

@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Measurement, TrackState, Wcs
 from rsoconsole.sky import jacobian_arcsec_px, sky_to_pixel
-from rsoconsole.tracking.filters import direction_icrs_deg, motion_between, sky_covariance_arcsec2
+from rsoconsole.tracking.filters.agreement import motion_between
+from rsoconsole.tracking.filters.lqe import direction_icrs_deg, sky_covariance_arcsec2
 
 BoolArray = npt.NDArray[np.bool_]
 

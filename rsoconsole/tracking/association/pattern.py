@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.sky import IntArray
-from rsoconsole.tracking.filters import Plane, lqe, streak_axis
+from rsoconsole.tracking.filters import lqe
+from rsoconsole.tracking.filters.agreement import streak_axis
+from rsoconsole.tracking.filters.sky_path import Plane
 
 BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5

@@ -6,7 +6,7 @@ shutter that opens when it likes. So a filter for each combination of ``MOTIONS`
 with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom,
 Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
 ``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
-are open as far as the admissible region of orbits leaves them (``orbits/first/admissible.py``).
+are open as far as the admissible region of orbits leaves them (``orbits/first/population.py``).
 
 What the length of a streak tells of its error is one of two hypotheses, weighed in the same way.
 What the shutter is late by moves a streak along itself. How much it scatters is not known

@@ -4,35 +4,33 @@ from dataclasses import replace
 
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, TrackState
-from rsoconsole.tracking.association import (
+from rsoconsole.tracking.association import pattern as patterns
+from rsoconsole.tracking.association.following import (
     MAY_BE_FOLLOWED,
-    NO_PATTERN,
     Following,
     FollowSettings,
-    Neighbour,
-    Pattern,
-    Place,
     Seen,
     Tracked,
     expected_motion,
-    learnt_error_arcsec,
     not_followed,
     of_track,
-    remembered,
 )
-from rsoconsole.tracking.association import pattern as patterns
-from rsoconsole.tracking.filters import (
-    NO_ERRORS,
-    Bend,
+from rsoconsole.tracking.association.neighbours import Neighbour, remembered
+from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern, Place, learnt_error_arcsec
+from rsoconsole.tracking.filters import estimator
+from rsoconsole.tracking.filters.adaptive import Bend
+from rsoconsole.tracking.filters.agreement import (
     Motion,
-    StreakErrors,
-    across_error_arcsec,
-    along_error_arcsec,
     disagreement,
-    estimator,
     motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
+)
+from rsoconsole.tracking.filters.streak_length import (
+    NO_ERRORS,
+    StreakErrors,
+    across_error_arcsec,
+    along_error_arcsec,
     remembered_with,
     turns_with,
 )

@@ -24,7 +24,7 @@ _COMMON_TRIALS = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+class MotionPrior:
     """What is known of points and motions before the frames are seen; any unit of length."""
 
     sigma: float
@@ -67,7 +67,7 @@ class _Hypothesis:
 
 
 def link_points(
-    t_s: Sequence[float], points: Sequence[FloatArray], known: Motion
+    t_s: Sequence[float], points: Sequence[FloatArray], known: MotionPrior
 ) -> tuple[Tracklet, ...]:
     """Tracklets through frames at ``t_s``, with points (M, 2) in each; the surest first.
 
@@ -101,7 +101,7 @@ def _tracklet(hypothesis: _Hypothesis, margin: float) -> Tracklet:
 
 
 def _hypotheses(
-    t_s: Sequence[float], points: Sequence[FloatArray], known: Motion
+    t_s: Sequence[float], points: Sequence[FloatArray], known: MotionPrior
 ) -> list[_Hypothesis]:
     """Every set of points near one straight line, and every part of it of two points or more."""
     found: dict[tuple[tuple[int, int], ...], _Hypothesis] = {}
@@ -122,7 +122,7 @@ def _along(
     points: Sequence[FloatArray],
     first: tuple[int, int],
     last: tuple[int, int],
-    known: Motion,
+    known: MotionPrior,
 ) -> Iterator[tuple[tuple[int, int], ...]]:
     """Sets that begin with one point and end with another, through what lies between them."""
     (a, i), (b, j) = first, last
@@ -144,7 +144,7 @@ def _fitted(
     t_s: Sequence[float],
     points: Sequence[FloatArray],
     chosen: tuple[tuple[int, int], ...],
-    known: Motion,
+    known: MotionPrior,
 ) -> _Hypothesis:
     """Straight line by least squares, and what the points gain over chance."""
     at = np.array([t_s[frame] for frame, _ in chosen])
@@ -173,7 +173,7 @@ def _fitted(
     )
 
 
-def _common_motion(hypotheses: Sequence[_Hypothesis], known: Motion) -> FloatArray | None:
+def _common_motion(hypotheses: Sequence[_Hypothesis], known: MotionPrior) -> FloatArray | None:
     """The velocity that explains most of the points; None where nothing moves at all."""
     if known.common is not None:
         return np.array(known.common)
@@ -189,7 +189,7 @@ def _common_motion(hypotheses: Sequence[_Hypothesis], known: Motion) -> FloatArr
 
 
 def _gains(
-    hypotheses: Sequence[_Hypothesis], common: FloatArray | None, known: Motion
+    hypotheses: Sequence[_Hypothesis], common: FloatArray | None, known: MotionPrior
 ) -> FloatArray:
     """(H,) logarithms of the likelihood ratios against chance."""
     if not hypotheses:
@@ -209,7 +209,7 @@ def _gains(
     return np.asarray(log_fit + np.log(density))
 
 
-def _lone_price(common: FloatArray | None, known: Motion) -> float:
+def _lone_price(common: FloatArray | None, known: MotionPrior) -> float:
     """What a motion gains by being called common."""
     if common is None:
         return 0.0

@@ -1,5 +1,1 @@
 """What network, line filter and star search propose, decided, with a confidence."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

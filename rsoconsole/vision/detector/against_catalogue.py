@@ -11,7 +11,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.lines import Box, columns_at, length_of, on_line, rows_across, smoothed
+from rsoconsole.vision.lines.line_columns import (
+    columns_at,
+    length_of,
+    on_line,
+    rows_across,
+    smoothed,
+)
+from rsoconsole.vision.lines.streak_search import Box
 
 Said: TypeAlias = Literal["stars", "no stars", "unclear"]
 

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.lines import (
-    Box,
+from rsoconsole.vision.lines.line_columns import (
     LineColumns,
     columns_at,
     length_of,
@@ -23,7 +22,8 @@ from rsoconsole.vision.lines import (
     rows_across,
     smoothed,
 )
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 BoolArray = npt.NDArray[np.bool_]
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]

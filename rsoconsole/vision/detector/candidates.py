@@ -9,30 +9,33 @@ import numpy as np
 
 from rsoconsole.reasons import NotAStreak, NotAStreakKind
 from rsoconsole.records import Detection, FloatArray, Frame, Rejection
-from rsoconsole.vision.detector.candidate import SHARP_PX, Candidate, Focus, LineLight
-from rsoconsole.vision.detector.measured_detection import from_box, from_fit, from_trace, light_of
-from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
-from rsoconsole.vision.detector.same_streak import (
+from rsoconsole.vision.detector.measured_detection import (
     SAME_STREAK_DEG,
+    SHARP_PX,
     BoolArray,
+    Candidate,
+    Focus,
+    LineLight,
     ends_of_box,
+    from_box,
+    from_fit,
+    from_trace,
     is_same_streak,
+    light_of,
 )
+from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.detector.working_frame import to_original
-from rsoconsole.vision.frame import Background
-from rsoconsole.vision.lines import OFF_PX, Box, CellLine, ShortLights, cut_out
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streaks import (
-    AS_CHAINS_FWHM,
-    MARGIN_PX,
-    StreakFit,
-    Trace,
-    fit_streak,
-    line_signal,
-    trace_line,
-    unevenness,
-    width_at_a_glance,
-)
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.lines.line_filter import CellLine
+from rsoconsole.vision.lines.line_or_stars import ShortLights
+from rsoconsole.vision.lines.line_strip import OFF_PX
+from rsoconsole.vision.lines.streak_search import Box, cut_out
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
+from rsoconsole.vision.streaks.streak_glance import line_signal, width_at_a_glance
+from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
 
 log = logging.getLogger(__name__)
 

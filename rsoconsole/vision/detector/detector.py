@@ -14,7 +14,6 @@ from typing import Protocol
 from rsoconsole.config import DetectorConfig
 from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, Rejection
-from rsoconsole.vision.detector.candidate import Candidate, Focus
 from rsoconsole.vision.detector.candidates import (
     LEAST_RECORDED_CONFIDENCE,
     Measurements,
@@ -23,34 +22,31 @@ from rsoconsole.vision.detector.candidates import (
     proposals,
 )
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.measured_detection import at_box_centre, from_box
+from rsoconsole.vision.detector.measured_detection import (
+    Candidate,
+    Focus,
+    at_box_centre,
+    distinct,
+    from_box,
+    runs_alike,
+)
 from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.detector.same_streak import distinct, runs_alike
 from rsoconsole.vision.detector.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.detector.working_frame import WorkingFrame, pixels_to_join
-from rsoconsole.vision.frame import (
-    Background,
-    FrameMap,
-    Workers,
-    bin_frame,
-    choose_blocks,
-    find_pattern,
-    local_background,
-    make_map,
-    map_noise,
-    threads_for,
-)
-from rsoconsole.vision.lines import (
-    FINEST_PX,
-    CellLine,
-    ShortLights,
-    cell_side_px,
-    in_turn,
-    propose_lines,
-    short_lines,
-)
-from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, Psf, PsfMemory, StarList, find_stars
-from rsoconsole.vision.streaks import Likelihood, named_with_shares, with_middle
+from rsoconsole.vision.frame.background import Background, local_background
+from rsoconsole.vision.frame.bins import bin_frame
+from rsoconsole.vision.frame.maps import FrameMap, choose_blocks, make_map, map_noise
+from rsoconsole.vision.frame.pattern import find_pattern
+from rsoconsole.vision.frame.workers import Workers, threads_for
+from rsoconsole.vision.lines.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
+from rsoconsole.vision.lines.line_or_stars import ShortLights
+from rsoconsole.vision.lines.short import in_turn, short_lines
+from rsoconsole.vision.stars.psf_field import Psf
+from rsoconsole.vision.stars.psf_memory import PsfMemory
+from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.streaks.streak_class import Likelihood
+from rsoconsole.vision.streaks.streak_middle import with_middle
+from rsoconsole.vision.streaks.streak_names import named_with_shares
 
 MOST_FITS = 28
 MOST_QUICK_FITS = 3

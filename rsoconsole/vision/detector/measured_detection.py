@@ -1,12 +1,99 @@
 """A detection as it goes on record, of a fit, of a trace, or of a proposed box alone."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from rsoconsole.records import Detection, Frame
-from rsoconsole.vision.detector.candidate import UNMEASURED, LineLight
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import Detection, FloatArray, Frame
+from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.streaks import StreakFit, Trace
+from rsoconsole.vision.stars.psf_field import PsfField
+from rsoconsole.vision.streaks.streak_fit import StreakFit
+from rsoconsole.vision.streaks.streak_trace import Trace
+
+SHARP_PX = 3.2
+"""Width of a star that neither wind nor the mount has widened: a streak may be as narrow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineLight:
+    """How the light of a candidate lies along it (``streak_trace``)."""
+
+    lower_quartile_snr: float
+    """What the lower quartile of its parts says of the whole: sigma, were all parts like it."""
+    roughness: float
+    """Scatter of its parts over their mean that neither a slow change nor one period explains."""
+    confusion: float = 1.0
+    """Scatter of the sky beside it over its pixels' noise."""
+    bend: float = 0.0
+    lumpiness: float = 0.0
+    """How much more than noise explains its path and its light vary, of a short one
+    (``streak_evenness``)."""
+
+    over_points: float = 0.0
+    """Chi-square that one line explains better than a few stars in a row, of its profile
+    (``line_or_points``)."""
+    over_stars: float = 0.0
+    """The same of its pixels, held against images of the frame's stars (``line_or_stars``)."""
+    left: float = 0.0
+    """Chi-square of a pixel that the line leaves; 0: it was not held against any."""
+
+    @property
+    def unevenness(self) -> float:
+        """The larger of the two."""
+        return max(self.bend, self.lumpiness)
+
+
+UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One line of light."""
+
+    found: Detection
+    """With the network's confidence, then with its calibrated one."""
+    light: LineLight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Focus:
+    """How the frame shows a point, in the pixels in which it was searched."""
+
+    fwhm_px: float
+    """Of the stars: their median, or at the place that ``at`` was asked for."""
+    joined: int = 1
+    """Pixels of the camera along one of these: stars were so wide."""
+    trail_px: float = 0.0
+    """What drift has drawn the stars out to."""
+    trail_deg: float = 0.0
+    """Its direction, x towards y."""
+    psf_field: PsfField | None = None
+    """How the stars' width changes over the frame; None where it does not."""
+
+    def at(self, x_px: float, y_px: float) -> "Focus":
+        """The same about one place, with the stars' width there; itself where nothing changes."""
+        if self.psf_field is None:
+            return self
+        return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
+
+    def widest_px(self, angle_deg: float) -> float:
+        """How wide a streak of this direction may be.
+
+        A satellite's path and a drift of the mount add up to one straight line, as wide as a star;
+        what blurs the whole image, like shaking in one direction, draws the line out sideways.
+        """
+        if self.trail_px == 0.0:
+            return self.fwhm_px
+        sideways = abs(math.sin(math.radians(angle_deg - self.trail_deg)))
+        return math.hypot(self.fwhm_px, _WIDTH_OF_A_BAND * self.trail_px * sideways)
+
+
+_WIDTH_OF_A_BAND = 0.9
+"""Full width at half maximum of a band between its edges, over theirs, as a Gaussian fits it."""
+
 
 BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
@@ -127,3 +214,69 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
         is_clipped=is_clipped,
         method="box",
     )
+
+
+BoolArray = npt.NDArray[np.bool_]
+
+SAME_STREAK_DEG, _SAME_WIDTHS, _LEAST_WIDTH_PX = 10.0, 1.5, 2.0
+"""Turn, and distance across in widths of it, with a least width in px."""
+_RUNS_ALIKE_DEG = 6.0
+"""What a proposal's direction is worth."""
+
+
+def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
+    """Candidates of maps of several blocks, each streak once, at its most confident."""
+    if len(found) == 1:
+        return found[0]
+    boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
+    if not boxes:
+        return ()
+    same = _are_same(np.array([ends_of_box(box) for box in boxes]))
+    is_kept = np.zeros(len(boxes), dtype=bool)
+    for i in range(len(boxes)):
+        is_kept[i] = not (same[i] & is_kept).any()
+    return tuple(box for box, is_one in zip(boxes, is_kept.tolist(), strict=True) if is_one)
+
+
+def _are_same(ends: FloatArray) -> BoolArray:
+    """``is_same_streak`` of every box with every other, (n, n); ``ends`` (n, 4)."""
+    along = ends[:, 2:] - ends[:, :2]
+    middle, lengths = 0.5 * (ends[:, 2:] + ends[:, :2]), np.hypot(along[:, 0], along[:, 1])
+    cos, sin = (along / np.maximum(lengths, 1e-6)[:, None]).T
+    cross = np.abs(cos[:, None] * sin[None] - sin[:, None] * cos[None])
+    turn = np.degrees(np.arcsin(np.minimum(cross, 1.0)))
+    shortest = np.maximum(np.minimum(lengths[:, None], lengths[None]), 1.0)
+    off = middle[:, None] - middle[None]
+    # Of row i on the line of column j.
+    place = np.abs(off[..., 0] * cos + off[..., 1] * sin)
+    across = np.abs(off[..., 1] * cos - off[..., 0] * sin)
+    lies = (across < _SAME_WIDTHS * _LEAST_WIDTH_PX) & (place < 0.5 * lengths + 1.0)
+    return np.asarray((turn <= SAME_STREAK_DEG + np.degrees(2.0 / shortest)) & (lies | lies.T))
+
+
+def is_same_streak(one: Detection, other: Detection) -> bool:
+    """True when the midpoint of either lies on the other's line, and both run alike."""
+    turn = turn_deg(one.angle_deg, other.angle_deg)
+    shortest = max(min(one.length_px, other.length_px), 1.0)
+    if turn > SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
+        return False
+    return _lies_on(one, other) or _lies_on(other, one)
+
+
+def runs_alike(one: Detection, others: list[Detection]) -> bool:
+    """Whether any of ``others`` may have the direction of a proposal."""
+    turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
+    return any(turn < _RUNS_ALIKE_DEG for turn in turns)
+
+
+def _lies_on(one: Detection, other: Detection) -> bool:
+    angle = np.radians(other.angle_deg)
+    dx, dy = one.x_px - other.x_px, one.y_px - other.y_px
+    along = abs(dx * np.cos(angle) + dy * np.sin(angle))
+    across = abs(dy * np.cos(angle) - dx * np.sin(angle))
+    reach_px = _SAME_WIDTHS * max(other.width_px, _LEAST_WIDTH_PX)
+    return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
+
+
+def ends_of_box(box: NetworkBox) -> tuple[float, float, float, float]:
+    return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px

@@ -20,14 +20,14 @@ import numpy.typing as npt
 from rsoconsole.errors import ModelError
 from rsoconsole.foreign_text import json_of, read_foreign
 from rsoconsole.resources import model_resource
-from rsoconsole.vision.frame import (
+from rsoconsole.vision.frame.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
     ByteArray,
     FrameMap,
-    threads_for,
 )
+from rsoconsole.vision.frame.workers import threads_for
 
 Float32Array = npt.NDArray[np.float32]
 

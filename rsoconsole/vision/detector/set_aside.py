@@ -7,9 +7,10 @@ import numpy as np
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.sky import turn_deg
-from rsoconsole.vision.detector.candidate import Candidate
 from rsoconsole.vision.detector.candidates import Proposal
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, Trail
+from rsoconsole.vision.detector.measured_detection import Candidate
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.trailed_stars import Trail
 
 TRAILED_STREAKS = 9
 """Streaks of one length and direction from which on they are stars, where stars are not points."""

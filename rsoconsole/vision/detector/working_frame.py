@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
-from rsoconsole.vision.stars import Oblong, StarList
+from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.trailed_stars import Oblong
 
 WIDE_PX = 5.0
 """Width of the stars from which on pixels are joined."""

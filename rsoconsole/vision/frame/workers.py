@@ -1,7 +1,10 @@
 """Threads among which the work on one frame is divided."""
 
+import math
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
 from typing import TypeVar
 
 _Result = TypeVar("_Result")
@@ -41,3 +44,45 @@ class Workers:
 
 
 CALLER_ALONE = Workers()
+
+
+MOST_THREADS = 4
+"""What is left of a frame's work beyond these is too small to divide: a Raspberry Pi has four."""
+CGROUPS = Path("/sys/fs/cgroup")
+
+
+def threads_for(wanted: int) -> int:
+    """Threads to use where ``wanted`` are configured; 0: one a core, at most four."""
+    return wanted if wanted > 0 else min(available_cores(), MOST_THREADS)
+
+
+def available_cores(cgroups: Path = CGROUPS, own: Path = Path("/proc/self/cgroup")) -> int:
+    """Cores that this process may use: its affinity, and the quota of the groups it is in."""
+    if hasattr(os, "sched_getaffinity"):
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    quota = _quota_cores(cgroups, own)
+    return cores if quota is None else max(1, min(cores, math.ceil(quota)))
+
+
+def _quota_cores(cgroups: Path, own: Path) -> float | None:
+    """The tightest quota from this process's group upward (cgroup v2); None: there is none."""
+    try:
+        lines = own.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return None
+    place = next((line[3:] for line in lines if line.startswith("0::/")), None)
+    if place is None:
+        return None
+    found: list[float] = []
+    folder = cgroups / place.lstrip("/")
+    for group in (folder, *folder.parents):
+        if not group.is_relative_to(cgroups):
+            break
+        try:
+            quota_us, period_us = (group / "cpu.max").read_text(encoding="ascii").split()
+            found.append(int(quota_us) / int(period_us))
+        except (OSError, ValueError, ZeroDivisionError):
+            continue  # no such file in the topmost group; "max" is no limit
+    return min(found, default=None)

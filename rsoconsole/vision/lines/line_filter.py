@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.frame import CELL_PX, Background, lines_through, median_5x5, resample
+from rsoconsole.vision.frame.background import Background, resample
+from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
 from rsoconsole.vision.lines.line_seeds import Float32Array, Seed, seeds_in, threshold
-from rsoconsole.vision.stars import StarList, lit_radius_px
+from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
 LEAST_SNR = 5.0
 """Sigma of the cells' own scatter of a whole line that was traced."""

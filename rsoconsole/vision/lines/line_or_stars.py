@@ -15,8 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, best_pair, median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarImage, StarList, disc, star_image
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import best_pair, median_of
+from rsoconsole.vision.stars.image import StarImage, disc, star_image
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
 
 MOST_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""

@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, median_of
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.streak_search import Box
-from rsoconsole.vision.stars import StarList, lit_radius_px
+from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
 Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int_]

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, median_of
-from rsoconsole.vision.stars import StarList, lit_radius_px
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
 BoolArray = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background
+from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
 

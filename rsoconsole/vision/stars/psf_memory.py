@@ -14,7 +14,7 @@ from rsoconsole.vision.stars.stars import StarList
 
 HOLDS_NS = 30 * 60 * 10**9
 """Of the frames' own time, from one exposure's middle to the other's."""
-FEWEST_STARS = 12
+FEWEST_STARS_KEPT = 12
 """Of fewer the width is measured, but may be that of something else."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
@@ -58,7 +58,7 @@ class PsfMemory:
         one whose stars are trails: drift and wind pass with it.
         """
         is_good = stars.width_source == "measured" and stars.trail is None
-        if not is_good or len(stars) < FEWEST_STARS or frame.t_mid_utc_ns is None:
+        if not is_good or len(stars) < FEWEST_STARS_KEPT or frame.t_mid_utc_ns is None:
             return
         self._last = _Known(
             psf=Psf(fwhm_px=stars.median_fwhm_px, field=stars.psf_field),

@@ -7,7 +7,8 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, Float32Array, mirrored
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.bins import Float32Array, mirrored
 
 IntArray = npt.NDArray[np.intp]
 

@@ -13,18 +13,9 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import (
-    MOST_POINTS,
-    Background,
-    FrameBins,
-    bin_frame,
-    binning_of,
-    block_maximum,
-    local_background,
-    on_one_line,
-    resample,
-)
-from rsoconsole.vision.stars.oblong import MOST_OBLONG, Oblong
+from rsoconsole.vision.frame.background import Background, local_background, resample
+from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
+from rsoconsole.vision.frame.median import MOST_POINTS, on_one_line
 from rsoconsole.vision.stars.psf_field import (
     FEWEST_STARS,
     Psf,
@@ -33,7 +24,7 @@ from rsoconsole.vision.stars.psf_field import (
     fit_psf_field,
 )
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
-from rsoconsole.vision.stars.trailed_stars import Trail, Trailed, trailed_stars
+from rsoconsole.vision.stars.trailed_stars import MOST_OBLONG, Oblong, Trail, Trailed, trailed_stars
 
 BoolArray = npt.NDArray[np.bool_]
 

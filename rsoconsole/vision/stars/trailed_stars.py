@@ -13,8 +13,24 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.sky import turn_deg
-from rsoconsole.vision.frame import Background, mirrored
-from rsoconsole.vision.stars.oblong import MOST_OBLONG, Oblong
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.bins import mirrored
+
+MOST_OBLONG = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Oblong:
+    """One entry a light, the surest first."""
+
+    x_px: FloatArray
+    y_px: FloatArray
+    angle_deg: FloatArray
+    """x towards y, 0 to 180."""
+    half_px: FloatArray
+    """Half its length, roughly; what is longer than a few widths of a star may be longer still."""
+    snr: FloatArray
+
 
 IntArray = npt.NDArray[np.intp]
 

@@ -12,11 +12,20 @@ import numpy as np
 
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background
-from rsoconsole.vision.lines import Box, Cutout, Ends, Guess, cut_out, find_ends, find_line
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streaks.streak_doubts import goes_on_beyond, is_broken
-from rsoconsole.vision.streaks.streak_evenness import unevenness
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.lines.streak_search import (
+    Box,
+    Cutout,
+    Ends,
+    Guess,
+    cut_out,
+    find_ends,
+    find_line,
+)
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
 from rsoconsole.vision.streaks.streak_model import Line, LineFit
 from rsoconsole.vision.streaks.streak_robust import (
     Axes,

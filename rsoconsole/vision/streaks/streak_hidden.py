@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.lines import Cutout
+from rsoconsole.vision.lines.streak_search import Cutout
 from rsoconsole.vision.streaks.streak_model import BoolArray, LineFit
 
 _LONGEST_PX = 40

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, median_of
-from rsoconsole.vision.lines import Box, length_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_columns import length_of
+from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 FEWEST_COLUMNS = 16
 FEWEST_PERIODS = 4.0

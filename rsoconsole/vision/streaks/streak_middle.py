@@ -18,19 +18,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
-from rsoconsole.vision.frame import Background, median_of
-from rsoconsole.vision.lines import (
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_or_points import confusion
+from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     BoolArray,
     Course,
     IntArray,
     LineStrip,
-    confusion,
     level,
     profile_of,
     strip_about,
 )
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
 
 log = logging.getLogger(__name__)
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.lines import Cutout, Ends
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.lines.streak_search import Cutout, Ends
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks.streak_hidden import with_hidden_ends
 from rsoconsole.vision.streaks.streak_model import (
     BoolArray,

@@ -14,27 +14,27 @@ import numpy as np
 
 from rsoconsole.records import PixelArray
 from rsoconsole.sky import turn_deg
-from rsoconsole.vision.frame import Background, median_of
-from rsoconsole.vision.lines import (
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_or_points import confusion, drawn_along, line_over_points, texture
+from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     LEAST_KNOWN,
     OFF_PX,
     BoolArray,
-    Box,
     Course,
     IntArray,
     LineProfile,
     LineStrip,
-    confusion,
-    drawn_along,
     level,
-    line_over_points,
     profile_of,
     strip_about,
-    texture,
     weights_of,
 )
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList, Trail
+from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.trailed_stars import Trail
 
 _PARTS = 16
 _LIT = 0.4

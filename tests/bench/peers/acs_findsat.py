@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import Frame
-from rsoconsole.vision.frame.background import local_background, resample
+from rsoconsole.vision import local_background, resample
 from tests.bench.peers.joining import joined
 from tests.bench.peers.scoring import Candidate, Line
 

@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.vision.detector.network import Network
-from rsoconsole.vision.frame.background import local_background, resample
+from rsoconsole.vision import FrameMap, Network, local_background, make_map, resample
 from rsoconsole.vision.frame.bins import block_maximum, mean_of_squares
-from rsoconsole.vision.frame.maps import FrameMap, make_map, to_codes
+from rsoconsole.vision.frame.maps import to_codes
 from tests.bench.peers.frames import SNR_BINS, BenchFrame
 from tests.bench.peers.paper_recipe import BLACK, PER_SIGMA, stretched, through_jpeg
 from tests.bench.peers.scoring import Candidate, Judged, Line, judge, summary

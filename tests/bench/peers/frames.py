@@ -12,17 +12,19 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.instruments.frames.frame_files import read_frame
+from rsoconsole.instruments import read_frame
 from rsoconsole.records import Frame
-from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, WINGS
-from rsoconsole.simulator.camera.rendering import (
+from rsoconsole.simulator import (
+    FWHM_PER_SIGMA,
+    WINGS,
     FieldContent,
+    SensorModel,
     Streak,
     frame_rng,
     render,
     straight_streak,
+    vignetting,
 )
-from rsoconsole.simulator.camera.sensor import SensorModel, vignetting
 from tests.bench.peers.scoring import Line, TrueStreak
 
 SEED = 70417

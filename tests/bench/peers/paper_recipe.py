@@ -15,9 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import Frame
-from rsoconsole.vision.detector.network import Network, NetworkBox
-from rsoconsole.vision.frame.background import local_background, resample
-from rsoconsole.vision.frame.maps import FrameMap
+from rsoconsole.vision import FrameMap, Network, NetworkBox, local_background, resample
 from tests.bench.peers.scoring import Candidate, Line
 
 SETTINGS: Mapping[str, Any] = {"white_sigma": 2.0, "quality": 95, "reduce": "area"}

@@ -5,9 +5,7 @@ from typing import Any
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Frame
-from rsoconsole.vision.detector.confidence import ConfidenceCurve
-from rsoconsole.vision.detector.detector import StreakDetector
-from rsoconsole.vision.detector.network import Network
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.bench.peers.scoring import Candidate, Line
 
 SETTINGS: Mapping[str, Any] = {"map_mode": "fast", "centroid": "line", "threads": 2}

@@ -1,2 +1,0 @@
-from . import demo as demo
-from .bench import run_bench as run_bench

@@ -1,0 +1,203 @@
+"""What each look at the machine, its masters and its shutter found."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date
+
+from rsoconsole.config import Config
+from rsoconsole.control import Machine
+from rsoconsole.engine.doctor import doctor_system
+from rsoconsole.engine.machine.machine import HEAT_REMEDY, POWER_REMEDY, read_machine, troubles_of
+from rsoconsole.engine.machine.medium import Medium, disk_outlook, medium_of
+from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
+from rsoconsole.instruments import utc_now_ns
+from rsoconsole.pipeline import Master, Traits, is_same_exposure, nearest_dark, read_masters
+from rsoconsole.sky import day_of
+from rsoconsole.words import OLD_DAYS, TAKE_DARK, age_days, mode_words, shutter_words, timing_words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """What one check found."""
+
+    check: str = ""
+    """Its name, which who runs it gives."""
+    ok: bool | None
+    """None when it cannot be told."""
+    detail: str
+    remedy: str = ""
+    """What to do; empty when all is well."""
+
+
+def well(detail: str, remedy: str = "") -> Check:
+    """All is well; the remedy is for what could be better."""
+    return Check(ok=True, detail=detail, remedy=remedy)
+
+
+def bad(detail: str, remedy: str = "") -> Check:
+    """Something is not."""
+    return Check(ok=False, detail=detail, remedy=remedy)
+
+
+def unsure(detail: str, remedy: str = "") -> Check:
+    """It cannot be told, or one may live with it."""
+    return Check(ok=None, detail=detail, remedy=remedy)
+
+
+HOW = "'rsoconsole calibrate-time NIGHT --rinex FILE --write', of nights on navigation satellites"
+
+
+def check_shutter(config: Config, today: date | None = None) -> Check:
+    """Every camera mode's timing with its age; unknown where nothing was measured."""
+    today = today or day_of(utc_now_ns())
+    known = config.exposure.calibrated
+    if not known:
+        return unsure(shutter_words(config.exposure, today), HOW)
+    detail = "; ".join(f"{mode_words(each.mode)}: {timing_words(each, today)}" for each in known)
+    old = [each for each in known if age_days(each, today) > OLD_DAYS]
+    later = [each for each in known if age_days(each, today) < 0]
+    if later:
+        remedy = "the machine's clock is wrong, or exposure.calibrated.measured_on"
+    else:
+        remedy = f"older than {OLD_DAYS} days: measure again, {HOW}" if old else ""
+    return Check(ok=None if old or later else True, detail=detail, remedy=remedy)
+
+
+WORN_PERCENT = 80
+_NOT_REPORTED = {
+    True: "this kernel does not tell it",
+    False: "not a Raspberry Pi: this machine does not tell it",
+}
+
+
+def check_temperature(reading: Machine | None = None) -> Check:
+    """The processor is cool enough to run at its full speed."""
+    found = read_machine() if reading is None else reading
+    if found.cpu_temperature_c is None:
+        return well("this machine does not tell it")
+    parts = [f"{found.cpu_temperature_c:.0f} °C"]
+    if found.cpu_frequency_mhz is not None and found.cpu_frequency_max_mhz is not None:
+        parts.append(
+            f"{found.cpu_frequency_mhz:.0f} of {found.cpu_frequency_max_mhz:.0f} MHz at the moment"
+        )
+    troubles = [each for each in troubles_of(found) if each.name == "hot"]
+    if troubles:
+        return bad(", ".join([troubles[0].words, *parts[1:]]), HEAT_REMEDY)
+    return well(", ".join(parts))
+
+
+def check_power(reading: Machine | None = None) -> Check:
+    """The supply is strong enough, and nothing slows the processor down."""
+    found = read_machine() if reading is None else reading
+    if found.is_under_voltage is None and found.is_throttled is None:
+        return well(_NOT_REPORTED[found.is_pi])
+    troubles = [each for each in troubles_of(found) if each.name in {"power", "throttled"}]
+    if troubles:
+        return bad("; ".join(each.words for each in troubles), troubles[0].remedy)
+    if found.has_been_under_voltage:
+        words = "well now, but it has been too weak before: under-voltage spoils cards and frames"
+        return unsure(words, POWER_REMEDY)
+    if found.has_been_throttled:
+        words = "well now, but the processor has been slowed down before"
+        return unsure(words, HEAT_REMEDY)
+    words = "no under-voltage" if found.is_throttled is None else "no under-voltage, not throttled"
+    return well(words)
+
+
+def check_medium(config: Config, medium: Medium | None = None) -> Check:
+    """The nights are written to something that bears it: a card wears out, and is slow."""
+    root = config.session.root
+    found = medium_of(root) if medium is None else medium
+    now_utc_ns = utc_now_ns()
+    need = disk_outlook(config, doctor_system.free_bytes(root), now_utc_ns).bytes_a_night
+    device = f" {found.device}" if found.device else ""
+    parts = [f"{found.kind}{device}", f"a night writes up to {need / 1e6:.0f} MB"]
+    if found.life_used_percent is not None:
+        parts.append(f"{found.life_used_percent} % of its life used")
+    detail = ", ".join(parts)
+    if found.kind in {"SD card", "eMMC"}:
+        remedy = (
+            "set session.root to a folder on a USB disk: nights wear a card out, and what it loses "
+            "is the operating system too"
+        )
+        is_worn = (found.life_used_percent or 0) >= WORN_PERCENT
+        return Check(ok=False if is_worn else None, detail=detail, remedy=remedy)
+    if found.kind == "memory":
+        remedy = "set session.root to a disk: what lies in memory is gone with the power"
+        return bad(detail, remedy)
+    return well(detail)
+
+
+def check_time_source(source: TimeSource | None = None) -> Check:
+    """Somebody sets this machine's clock; without a real-time clock each power cut unsets it."""
+    found = read_time_source() if source is None else source
+    kept = f"real-time clock {found.rtc}" if found.rtc else "no real-time clock"
+    said = found.detail if found.kind == "unknown" else f"{found.kind}: {found.detail}"
+    detail = f"{said}; {kept}"
+    if found.kind in {"GPS", "NTP"}:
+        return well(detail)
+    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    if not found.rtc:
+        remedy += "; until it is reached after each start the time is wrong"
+    return unsure(detail, remedy)
+
+
+BIAS_GONE = 0.5
+"""Of the bias's level: a dark below it has had its bias taken off."""
+
+
+def check_calibration(config: Config) -> Check:
+    """The configured master frames are there, have the camera's size and the exposure's length."""
+    if not config.calibration.files:
+        return well("no master frames: frames are used as they come")
+    masters, faults = read_masters(config.calibration)
+    camera = Traits(
+        width_px=config.optics.width_px,
+        height_px=config.optics.height_px,
+        exposure_s=config.exposure.exposure_s,
+        temperature_c=None,
+    )
+    doubts = list(_doubts(masters, camera))
+    loaded = [f"{each.setting.removesuffix('s')} {each.words}" for each in masters]
+    return Check(
+        ok=False if faults else None if doubts else True,
+        detail="; ".join([*loaded, *faults, *(words for words, _ in doubts)]),
+        remedy="; ".join(
+            [
+                *(["correct the paths in calibration, or leave them out"] if faults else []),
+                *dict.fromkeys(remedy for _, remedy in doubts),
+            ]
+        ),
+    )
+
+
+def _doubts(masters: Sequence[Master], camera: Traits) -> Iterator[tuple[str, str]]:
+    """Why a master would not be used, or not be right, and what to do."""
+    for each in masters:
+        if not each.traits.has_pixels_of(camera):
+            yield (
+                f"{each.path.name} does not fit the camera's {camera.size_words}",
+                "give masters of the camera's binning, or correct optics.width_px and"
+                " optics.height_px",
+            )
+    fitting = [each for each in masters if each.traits.has_pixels_of(camera)]
+    bias = next((each for each in fitting if each.setting == "bias"), None)
+    dark = nearest_dark(fitting, camera)
+    if dark is None and bias is None and any(each.setting == "flat" for each in fitting):
+        yield (
+            "the flat is not used without a dark or bias of its size",
+            "name one in calibration.darks or calibration.bias",
+        )
+    if dark is None:
+        return
+    if bias is None and not is_same_exposure(dark.traits.exposure_s, camera.exposure_s):
+        yield (
+            f"no dark is known to be of {camera.exposure_s:g} s: {dark.path.name} is used as it is",
+            f"{TAKE_DARK}, or calibration.bias to scale it",
+        )
+    if bias is not None and dark.level_adu < BIAS_GONE * bias.level_adu:
+        yield (
+            f"{dark.path.name} ({dark.level_adu:.0f} ADU) lies below the bias"
+            f" ({bias.level_adu:.0f} ADU)",
+            "give a dark with the camera's offset still in it",
+        )

@@ -1,2 +1,0 @@
-from .interruptions import TimeTrouble as TimeTrouble
-from .loop import Engine as Engine

@@ -1,2 +1,0 @@
-from .service import RunSettings as RunSettings
-from .service import run_engine as run_engine

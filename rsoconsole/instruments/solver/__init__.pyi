@@ -1,9 +1,0 @@
-from .index_files import IndexFile as IndexFile
-from .index_files import config_search_dirs as config_search_dirs
-from .index_files import list_index_files as list_index_files
-from .index_files import needed_scales as needed_scales
-from .index_files import series_name as series_name
-from .index_install import install as install
-from .solver import MIN_STARS as MIN_STARS
-from .solver import PlateSolver as PlateSolver
-from .solver import SolveHint as SolveHint

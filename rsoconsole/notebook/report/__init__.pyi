@@ -1,1 +1,0 @@
-from .report import render_report as render_report

@@ -1,5 +1,0 @@
-"""Moon, planets, named stars, and when it is dark."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
