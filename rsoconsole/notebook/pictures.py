@@ -233,7 +233,7 @@ class SessionPictures:
 
         Raises SessionError where the frame was not kept or nothing was detected in it.
         """
-        from rsoconsole.notebook.figures.figures import NightFigure, styled
+        from rsoconsole.notebook.figures.inline import NightFigure, styled
 
         found = self._frame(frame_id).found
         if not found:
@@ -251,7 +251,7 @@ class SessionPictures:
 
         Raises SessionError where the frame was not kept or no track took anything of it.
         """
-        from rsoconsole.notebook.figures.figures import NightFigure, styled
+        from rsoconsole.notebook.figures.inline import NightFigure, styled
 
         frame, streaks = self._frame(frame_id), []
         for track in tracks_of(self._frames.seen()).values():

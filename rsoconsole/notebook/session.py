@@ -271,7 +271,7 @@ class Session(SessionPictures, NightPlots):
         """
         from rsoconsole.control import ControlClient, Sender, status_of
         from rsoconsole.errors import ControlError
-        from rsoconsole.notebook.tables import live_panel
+        from rsoconsole.notebook.live import live_panel
 
         path = None if socket is None else Path(socket)
         written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session

@@ -7,27 +7,14 @@ NaN.
 """
 
 from collections.abc import Sequence
-from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.night import Row
+from rsoconsole.notebook.extra import needed
 from rsoconsole.records import Column
 from rsoconsole.sky import jd_utc
-
-
-def needed(library: str, what: str) -> Any:
-    """The library. Raises RsoconsoleError naming the extra where it is not installed."""
-    try:
-        return import_module(library)
-    except ImportError as error:
-        raise RsoconsoleError(
-            f"{what} needs {library} ({error}): pip install 'rsoconsole[notebook]'"
-        ) from error
-
 
 NS = "_utc_ns"
 
@@ -118,33 +105,3 @@ def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
     nothing = np.datetime64("NaT", "ns").astype(np.int64)
     whole = np.array([nothing if value is None else value for value in values], np.int64)
     return pandas.Series(whole.view("datetime64[ns]")).dt.tz_localize("UTC")
-
-
-if TYPE_CHECKING:
-    from rsoconsole.notebook.panel.panel import LivePanel
-
-__all__ = ["LivePanel", "live_panel"]
-
-
-def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
-    """A panel on the running engine, for a notebook: its state, its picture, its orders, STOP.
-
-    ``socket``: the engine's, None for this user's own. ``read_only``: looks and stops, nothing
-    else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
-    ``rsoconsole[notebook]`` is not installed.
-    """
-
-    needed("anywidget", "a live panel")
-    from rsoconsole.notebook.panel.panel import LivePanel
-
-    return LivePanel(socket, read_only=read_only)
-
-
-def __getattr__(name: str) -> Any:
-    if name != "LivePanel":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-    needed("anywidget", "a live panel")
-    from rsoconsole.notebook.panel.panel import LivePanel
-
-    return LivePanel

@@ -22,7 +22,7 @@ from rsoconsole.alerting.process import _log_file
 from rsoconsole.alerting.services import Sender, Sent, Service, send
 from rsoconsole.alerting.spool import MOST, OLDEST_NS, Spool
 from rsoconsole.cli.app import app
-from rsoconsole.cli.telescope.telescope import metrics
+from rsoconsole.cli.telescope.prometheus import metrics
 from rsoconsole.config import (
     AlertsConfig,
     Config,

@@ -76,7 +76,7 @@ def test_the_report_has_a_line_for_each_member_and_says_whose_misses_they_are(fo
 
 
 def test_two_streaks_of_one_frame_are_drawn_with_their_tracks_numbers_and_confidences():
-    from rsoconsole.notebook.figures.figures import NightFigure
+    from rsoconsole.notebook.figures.inline import NightFigure
 
     pixels = np.full((600, 800), 1000, np.uint16)
     pixels[300:302, 200:320] = 3000

@@ -13,13 +13,11 @@ from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
 from rsoconsole.config import Config, load_config
-from rsoconsole.engine import Engine
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments import stop_past_engine
-from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Site
 from rsoconsole.waits import waits_reported_to
-from rsoconsole.words import direction, number, size_words
+from rsoconsole.words import number, size_words
 
 if TYPE_CHECKING:
     from rsoconsole.simulator import World
@@ -256,6 +254,7 @@ def _beside_lines(socket: Path) -> tuple[str, ...]:
 
 def _print_night(config: Config, night: Night) -> dict[str, Any]:
     """The night here, a line for each frame."""
+    from rsoconsole.cli.words.cycle_text import HEADING, cycle_line
 
     def has_started(_folder: Path, socket: Path) -> None:
         if _socket_words(socket):
@@ -349,26 +348,3 @@ def _own_settings() -> Config:
         root = own.session.root
         output.complain(f"rsoconsole: {error}; the demo does without, its session goes to {root}")
         return own
-
-
-HEADING = 'frame state    RA          Dec         confidence  residual ± 3 sigma (")'
-
-
-def cycle_line(engine: Engine, reduction: Reduction) -> str:
-    """What the frame showed and what the loop makes of it; ``HEADING`` names the columns."""
-    following = engine.following
-    start = f"{engine.frame_id:5d} {following.state:8}"
-    track, taken = following.track, following.taken
-    if following.state == "TRACK" and track is not None and taken is not None:
-        place = direction(taken.ra_icrs_deg, taken.dec_icrs_deg, "bare")
-        line = f"{start} {place} {taken.confidence:9.2f}"
-        if track.innovation_arcsec is None or track.sigma_innovation_arcsec is None:
-            return f"{line}   two frames agree: locked"
-        east, north = track.innovation_arcsec
-        bounds = [3.0 * sigma for sigma in track.sigma_innovation_arcsec]
-        return f"{line}   {east:+5.1f} ± {bounds[0]:.1f}  {north:+5.1f} ± {bounds[1]:.1f}"
-    if reduction.measurements:
-        best = reduction.measurements[0]
-        place = direction(best.ra_icrs_deg, best.dec_icrs_deg, "bare")
-        return f"{start} {place} {best.confidence:9.2f}   measured, not followed yet"
-    return f"{start} {reduction.absence}, {reduction.star_count} stars"

@@ -12,12 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frames.fits_by_astropy import MOST_PIXELS
-from rsoconsole.instruments.frames.plain_fits import Content
 
 SPARE_BYTES = 900_000_000
 """Beyond what it weighs itself."""
@@ -78,6 +73,7 @@ def _answer(connection: Connection, request: DecodeRequest, content: bytes) -> N
     import numpy as np
 
     from rsoconsole.instruments.frames.fits_by_astropy import image_by_astropy
+    from rsoconsole.instruments.frames.pictures_by_opencv import picture_by_opencv
     from rsoconsole.instruments.frames.plain_fits import FitsImage
 
     try:
@@ -103,20 +99,3 @@ def _answer(connection: Connection, request: DecodeRequest, content: bytes) -> N
         return
     connection.send(reply)
     connection.send_bytes(pixels.data.cast("B"))
-
-
-# OpenCV looks once, when it is loaded: a picture of more pixels is refused before it is unpacked.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
-
-
-def picture_by_opencv(content: Content, name: str) -> npt.NDArray[Any]:
-    """Its pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
-    import cv2
-
-    try:
-        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
-    return np.asarray(image)

@@ -6,22 +6,16 @@ and the bounds vanish, so the same is drawn again about a straight line, and the
 their own bounds by themselves.
 """
 
-import io
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import matplotlib as mpl
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError, said_as
-from rsoconsole.notebook.figures.draw_sky import STYLE, draw_about_line, draw_errors, draw_track
+from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.figures.draw_time import (
     draw_confidence,
     draw_nis,
@@ -93,6 +87,7 @@ def write_figures(
         )
     notes = clock_notes(SessionReader(session))
     # Half a second of imports: only who draws pays for them. No window system is asked for.
+    from rsoconsole.notebook.figures.inline import NightFigure, styled
 
     paths = []
     with styled(salt=night.title), warnings.catch_warnings():
@@ -111,41 +106,6 @@ def write_figures(
                 figure.savefig(path, metadata=_UNDATED[file_format])
             paths.append(path)
     return tuple(paths)
-
-
-SHOWN_DPI = 100
-SAVED_DPI = 144
-"""For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
-
-
-def styled(salt: str | None = None) -> AbstractContextManager[None]:
-    """While it holds, matplotlib draws in the product's type and colours.
-
-    ``salt``: by which the same drawing gives the same SVG.
-    """
-    style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
-    return mpl.rc_context(style)
-
-
-class NightFigure(Figure):
-    """A figure with the product's own type and colours."""
-
-    def __init__(self, width_in: float, height_in: float) -> None:
-        with styled():
-            super().__init__(figsize=(width_in, height_in))
-        FigureCanvasAgg(self)
-
-    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """The picture, and how large it is to be shown."""
-        buffer = io.BytesIO()
-        with styled():
-            self.savefig(buffer, format="png", dpi=SAVED_DPI, metadata={"Software": None})
-        width_in, height_in = self.get_size_inches()
-        size: dict[str, Any] = {
-            "width": round(width_in * SHOWN_DPI),
-            "height": round(height_in * SHOWN_DPI),
-        }
-        return buffer.getvalue(), size
 
 
 if TYPE_CHECKING:
@@ -198,6 +158,7 @@ class NightPlots(ABC):
                 "plot_confidence() shows what was detected"
             )
         # Half a second of imports: only who draws pays for them.
+        from rsoconsole.notebook.figures.inline import NightFigure, styled
 
         if figure is None:
             figure = NightFigure(WIDTH_IN * len(nights), drawing.height_in)

@@ -205,7 +205,7 @@ def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]
 
 def _drawn(draw: Callable[[Any, DrawnNight], None], night: DrawnNight, height_in: float) -> str:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    from rsoconsole.notebook.figures.figures import NightFigure, styled
+    from rsoconsole.notebook.figures.inline import NightFigure, styled
 
     salt = night.title
     # Nothing of it is shown; a dollar in a title would begin a formula.
