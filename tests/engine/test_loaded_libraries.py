@@ -1,5 +1,6 @@
 """A preset's library is loaded where that preset filters, and nowhere else."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -61,3 +62,28 @@ def test_a_preset_that_is_set_is_loaded_before_the_next_frame(
     r.queue.put(asked("set", arguments={"name": "filter.preset", "value": "paper"}))
     r.engine.run(frames=1)
     assert loaded[0] == ("paper", 0)
+
+
+HELP = """
+import sys
+from rsoconsole.cli import main
+sys.argv = ["rsoconsole", "--help"]
+try:
+    main()
+except SystemExit:
+    pass
+print({name.split(".")[1] for name in sys.modules if name.startswith("rsoconsole.")}, file=sys.stderr)
+"""
+
+
+def test_help_loads_nothing_of_what_the_verbs_do() -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", HELP],
+        cwd=Path(__file__).resolve().parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = set(ast.literal_eval(done.stderr))
+    assert "cli" in loaded
+    assert not loaded & {"engine", "pipeline", "night", "session", "vision", "orbits", "tracking"}
