@@ -72,7 +72,8 @@ try:
     main()
 except SystemExit:
     pass
-print({name.split(".")[1] for name in sys.modules if name.startswith("rsoconsole.")}, file=sys.stderr)
+ours = [name for name in sys.modules if name.startswith("rsoconsole.")]
+print({name.split(".")[1] for name in ours}, file=sys.stderr)
 """
 
 
