@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.star_catalogue import read_index
 from rsoconsole.errors import SolverError
 from rsoconsole.resources import resource
 from rsoconsole.sky import StarCatalogue, Stars, separation_deg
-from rsoconsole.sky.stars.build_star_catalogue import read_index
 
 INDEX_08 = Path("/usr/share/astrometry/index-tycho2-08.littleendian.fits")
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from models.star_catalogue import matched, read_places
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.sky.star_background import places_now
@@ -15,7 +16,6 @@ from rsoconsole.sky import (
     separation_deg,
     wcs_from_cards,
 )
-from rsoconsole.sky.stars.build_star_catalogue import matched, read_places
 from rsoconsole.sky.stars.proper_motion import moved
 from rsoconsole.vision import PlateFit, field_radius_deg, refit
 from tests.drawn.plate_fields import SHARED, star_rows

@@ -1,6 +1,6 @@
 """Make the shipped star catalogues out of Tycho-2 itself and one index file.
 
-``python -m rsoconsole.sky.stars.build_star_catalogue TYCHO2 INDEX FOLDER``
+``python -m models.star_catalogue TYCHO2 INDEX FOLDER``
 
 The index file of the plate solver chooses the stars (it thins crowded fields); the catalogue
 gives their places and proper motions. The index file's own places are those of the catalogue at
@@ -17,11 +17,16 @@ import numpy.typing as npt
 
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
-from rsoconsole.sky.stars.proper_motion import J2000_JYEAR, moved
-from rsoconsole.sky.stars.star_catalogue import StarCatalogue, Stars
+from rsoconsole.sky import (
+    J2000_JYEAR,
+    StarCatalogue,
+    Stars,
+    direction_to_unit,
+    moved,
+    unit_to_direction,
+)
 
-USAGE = "usage: python -m rsoconsole.sky.stars.build_star_catalogue TYCHO2_FOLDER INDEX OUT_FOLDER"
+USAGE = "usage: python -m models.star_catalogue TYCHO2_FOLDER INDEX OUT_FOLDER"
 BELT_DEG = 12.0
 SUPPLEMENT_JYEAR = 1991.25
 _ROUNDING_ARCSEC = 0.1
