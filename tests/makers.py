@@ -3,7 +3,8 @@
 import math
 from typing import Any
 
-from rsoconsole.records import Detection, Measurement
+from rsoconsole.orbits import Identification, Sightings, identify_jointly
+from rsoconsole.records import Detection, Measurement, Site
 
 T0_UTC_NS = 1_687_400_000_000_000_000
 NS = 1_000_000_000
@@ -75,3 +76,9 @@ def straight_detection(
         "method": "line",
     }
     return Detection(**(values | other))
+
+
+def identify(seen: Sightings, site: Site, entries: Any, **asked: Any) -> Identification:
+    """The name of one track, nothing else being in the field."""
+    (answer,) = identify_jointly([seen], site, entries, **asked)
+    return answer

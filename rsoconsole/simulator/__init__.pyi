@@ -29,6 +29,8 @@ from .nights.scenarios import NIGHT_FRAMES as NIGHT_FRAMES
 from .nights.scenarios import all_scenarios as all_scenarios
 from .nights.scenarios import elements_path as elements_path
 from .nights.scenarios import scenario_named as scenario_named
+from .nights.world_laws import LAWS as LAWS
+from .nights.world_laws import Law as Law
 from .nights.world_laws import random_world as random_world
 from .scene.scene import NS as NS
 from .scene.scene import Scene as Scene
@@ -37,5 +39,8 @@ from .sky.clouds import CloudDeck as CloudDeck
 from .world.world import NAMELESS as NAMELESS
 from .world.world import World as World
 from .world.world import load_world as load_world
+from .world.world import settings_of_worlds as settings_of_worlds
+from .world.world import unit_of as unit_of
+from .world.world import value_to_toml as value_to_toml
 from .world.world import world_from as world_from
 from .world.world import world_to_toml as world_to_toml

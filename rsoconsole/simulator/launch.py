@@ -63,7 +63,6 @@ def start_observatory(
     *,
     width_px: int | None = None,
     height_px: int | None = None,
-    log_path: Path | None = None,
     stage: str | None = None,
     plan: Mapping[str, Any] | None = None,
     weather: Sequence[tuple[float, str]] = (),
@@ -94,7 +93,7 @@ def start_observatory(
         "dome": list(dome),
         "world": dict(world or {}),
     }
-    with _log_file(log_path) as log:
+    with tempfile.TemporaryFile() as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "rsoconsole.simulator.server"],
             stdin=subprocess.PIPE,
@@ -126,12 +125,6 @@ def _first_line(process: "subprocess.Popen[bytes]", settings: dict[str, Any]) ->
     line = process.stdout.readline()
     answer: dict[str, Any] = json.loads(line) if line.strip() else {}
     return answer
-
-
-def _log_file(log_path: Path | None) -> IO[bytes]:
-    if log_path is None:
-        return tempfile.TemporaryFile()
-    return Path(log_path).open("w+b")
 
 
 def _tail(log: IO[bytes]) -> str:

@@ -24,7 +24,12 @@ from rsoconsole.tracking.association.following import (
     three_sigma_deg,
 )
 from rsoconsole.tracking.filters import adaptive, lqe
-from rsoconsole.tracking.filters.agreement import disagreement, motion_between, streak_motion
+from rsoconsole.tracking.filters.agreement import (
+    disagreement,
+    motion_between,
+    streak_motion,
+    way_between,
+)
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import first_state
 from rsoconsole.tracking.takeover import Step, is_neighbour
@@ -229,8 +234,7 @@ def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
 
 
 def _is_same(m: Measurement, taken: Measurement) -> bool:
-    to = (taken.ra_icrs_deg, taken.dec_icrs_deg)
-    return motion_between(m.ra_icrs_deg, m.dec_icrs_deg, *to).length_arcsec < _SAME_STREAK_ARCSEC
+    return way_between(m, taken).length_arcsec < _SAME_STREAK_ARCSEC
 
 
 def without_refusals_of(

@@ -28,7 +28,7 @@ from rsoconsole.tracking.association.pattern import (
     own_covariance,
 )
 from rsoconsole.tracking.filters import adaptive, lqe
-from rsoconsole.tracking.filters.agreement import motion_between
+from rsoconsole.tracking.filters.agreement import way_between
 from rsoconsole.tracking.filters.bank_update import inverted
 from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.filters.sky_path import Plane
@@ -231,8 +231,7 @@ def _without(cost: FloatArray, row: int, same: set[int]) -> FloatArray:
 
 
 def _apart_arcsec(one: Measurement, other: Measurement) -> float:
-    here, there = (one.ra_icrs_deg, one.dec_icrs_deg), (other.ra_icrs_deg, other.dec_icrs_deg)
-    return motion_between(*here, *there).length_arcsec
+    return way_between(one, other).length_arcsec
 
 
 def _explained(cost: FloatArray) -> _Explanation:

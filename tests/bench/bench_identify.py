@@ -22,11 +22,11 @@ from rsoconsole.orbits import (
     states_gcrs,
 )
 from rsoconsole.orbits.identification.element_errors import UNDISTURBED
-from rsoconsole.orbits.identification.single import identify
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, astrometric_places
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_element_errors import MEAN_MOTION_RAD_S, measured_errors
+from tests.makers import identify
 
 TLES = Path(__file__).parents[3] / "shared" / "data" / "tles"
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)

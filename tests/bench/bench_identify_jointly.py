@@ -24,11 +24,11 @@ from rsoconsole.orbits import (
     parse_catalogue,
 )
 from rsoconsole.orbits.identification.element_errors import UNDISTURBED
-from rsoconsole.orbits.identification.single import identify
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_element_errors import MEAN_MOTION_RAD_S, measured_errors
 from tests.bench.bench_identify import TLES, seen_off_elements
+from tests.makers import identify
 
 SITE = Site(latitude_deg=45.0, longitude_deg=10.0, elevation_m=200.0)
 SLOTS = {

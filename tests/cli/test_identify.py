@@ -27,10 +27,10 @@ from rsoconsole.orbits import (
 )
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED
-from rsoconsole.orbits.identification.single import identify
 from rsoconsole.pipeline import read_observed
 from rsoconsole.records import Site
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
+from tests.makers import identify
 from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 needs_shared = [

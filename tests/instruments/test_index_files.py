@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from models.star_catalogue import read_index
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments import IndexFile, install, list_index_files, needed_scales
 from rsoconsole.instruments.solver import index_files
@@ -14,7 +15,6 @@ from rsoconsole.instruments.solver.index_files import (
     search_dirs,
     shipped_index_dir,
 )
-from rsoconsole.instruments.solver.index_fits import read_stars
 from rsoconsole.sky import separation_deg
 
 SMALLEST = "index-tycho2-belt-10.fits"
@@ -46,7 +46,7 @@ def test_shipped_files_are_whole_and_hold_the_belt():
 
 
 def test_stars_inside_an_index_file_are_where_the_catalogue_has_them():
-    ra, dec, mag = read_stars(shipped())
+    ra, dec, mag = read_index(shipped())
     # Procyon and Altair: Hipparcos positions at J1991.25, Johnson V within 0.3 mag of VT.
     for ra_deg, dec_deg, v in ((114.827242, 5.227508, 0.37), (297.694509, 8.867385, 0.76)):
         away = separation_deg(ra_deg, dec_deg, ra, dec)

@@ -25,10 +25,10 @@ from rsoconsole.orbits.identification.element_errors import (
 )
 from rsoconsole.orbits.identification.element_fit import weights_of
 from rsoconsole.orbits.identification.field_crossings import element_spread
-from rsoconsole.orbits.identification.single import identify
 from rsoconsole.pipeline import wide_errors_of
 from rsoconsole.records import FloatArray
 from rsoconsole.words import NS_PER_DAY
+from tests.makers import identify
 from tests.truth.element_rows_of_truth import HISTORY, geo_pairs, low_rows, row_by, seen_of, times
 from tests.truth.fields_of_truth import SITE
 

@@ -15,11 +15,16 @@ from rsoconsole.orbits import (
 )
 from rsoconsole.orbits.identification.assignments import best_assignments
 from rsoconsole.orbits.identification.joint_identification import seen_at_once
-from rsoconsole.orbits.identification.single import identify
+from rsoconsole.orbits.identification.single import (
+    GATE_DEG,
+    compared_with,
+    identification_alone,
+)
 from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_DAY
+from tests.makers import identify
 from tests.truth.seen_satellites import DAYTONA, SHARED, T0_UTC_NS, geostationary, instants, seen
 
 DAYS_OLD = 4.0
@@ -125,7 +130,8 @@ def test_many_alike_still_have_an_answer_and_it_is_the_best() -> None:
 def test_one_track_alone_has_the_name_that_it_had() -> None:
     (track,) = tracks(2)
     entries = catalogue(1, 2, 3)
-    assert identify_jointly([track], DAYTONA, entries) == (identify(track, DAYTONA, entries),)
+    by_itself = identification_alone(compared_with(track, DAYTONA, entries), GATE_DEG)
+    assert identify_jointly([track], DAYTONA, entries) == (by_itself,)
 
 
 def test_where_a_whole_slot_is_off_its_members_are_told_by_where_they_stand() -> None:

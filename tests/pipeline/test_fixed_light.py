@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.star_catalogue import catalogue_of as catalogue_of_stars
 from rsoconsole.config import Config
 from rsoconsole.pipeline import FrameReducer, Reduction
 from rsoconsole.pipeline.comparison import fixed_light
@@ -217,7 +218,7 @@ def catalogue_of(sky: DrawnSky, faintest_mag: float = 12.5) -> StarCatalogue:
     """All of its stars down to a magnitude; 40,000 ADU are one of 9.5 mag."""
     magnitude = 9.5 - 2.5 * np.log10(sky.flux_adu / BRIGHT_ADU)
     kept = magnitude < faintest_mag
-    return StarCatalogue.of(Stars.at_rest(sky.ra_deg[kept], sky.dec_deg[kept], magnitude[kept]))
+    return catalogue_of_stars(Stars.at_rest(sky.ra_deg[kept], sky.dec_deg[kept], magnitude[kept]))
 
 
 def known_of(sky: DrawnSky, *lights: np.ndarray, **kwargs) -> tuple[KnownStars | None, Frame]:
@@ -279,7 +280,7 @@ def test_without_the_catalogues_stars_in_the_frame_nothing_is_said():
         frame=frame, stars=find_stars(frame.pixels), solution=solved(frame, PLATES[2])
     )
     elsewhere = Stars.at_rest(np.array([10.0]), np.array([4.0]), np.array([9.0]))
-    assert KnownStars.of(field, StarCatalogue.of(elsewhere)) is None
+    assert KnownStars.of(field, catalogue_of_stars(elsewhere)) is None
 
 
 # -- Bayes' rule -------------------------------------------------------------------------------

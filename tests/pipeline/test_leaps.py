@@ -27,7 +27,6 @@ from rsoconsole.pipeline import (
 from rsoconsole.pipeline.leaps import leaps as mount_motion
 from rsoconsole.pipeline.leaps.awaited import Stare
 from rsoconsole.pipeline.leaps.leaps import LENGTH_PX, LONGEST_S, SHORTEST_S, within_field
-from rsoconsole.simulator.mount.mount_model import travel_s
 from rsoconsole.sky import (
     Limits,
     Pose,
@@ -38,6 +37,7 @@ from rsoconsole.sky import (
     site_gcrs,
 )
 from rsoconsole.words import NS_PER_S
+from tests.rigs.leap_rig import travel_s
 from tests.tiers import plain_first
 from tests.truth.leap_requests import random_leaps
 from tests.truth.limits_by_astropy import EDGE_DEG, margins

@@ -60,7 +60,7 @@ class Sky:
     """JSON lines, one a call."""
     law: CcdLaw = field(default_factory=CcdLaw)
     stars: Path | None = None
-    """As ``StarCatalogue.save`` writes them; None: those of the product."""
+    """As ``models.star_catalogue`` writes them; None: those of the product."""
     exposure_s: float = 10.0
     seed: int = 1
     scatter_s: float = 0.0
@@ -207,10 +207,10 @@ def answer(
     """
     brightest, faintest, lines = asked
     catalogue = StarCatalogue.load(sky.stars)
-    stars = catalogue.cone(
-        *centre_deg, radius_arcmin / 60.0, faintest, epoch_jyear=julian_year(t_call_utc_ns)
-    )
-    kept = np.flatnonzero(stars.magnitude >= brightest)[: max(lines, 0)]
+    now = julian_year(t_call_utc_ns)
+    stars = catalogue.cone(*centre_deg, radius_arcmin / 60.0, epoch_jyear=now)
+    is_asked = (stars.magnitude >= brightest) & (stars.magnitude <= faintest)
+    kept = np.flatnonzero(is_asked)[: max(lines, 0)]
     columns = (stars.ra_icrs_deg, stars.dec_icrs_deg, stars.magnitude)
     return _lines("S", Stars.at_rest(*(column[kept] for column in columns)), centre_deg)
 

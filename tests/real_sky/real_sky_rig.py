@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from models.star_catalogue import catalogue_of, save
 from rsoconsole.config import Config, config_to_toml
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire
@@ -89,7 +90,7 @@ def make_sky(folder: Path, t_utc_ns: int, wanted: dict[str, Any]) -> Sky:
     elements.write_text(text, encoding="ascii")
     stars = folder / "stars.npz"
     at = Satellite(sets[0]).astrometric_place(site, np.array([t_utc_ns], np.int64))
-    _stars(float(at.ra_icrs_deg[0]) + 5.0, float(at.dec_icrs_deg[0])).save(stars)
+    save(_stars(float(at.ra_icrs_deg[0]) + 5.0, float(at.dec_icrs_deg[0])), stars)
     return Sky(
         site=site,
         elements=elements,
@@ -106,8 +107,7 @@ def make_sky(folder: Path, t_utc_ns: int, wanted: dict[str, Any]) -> Sky:
 def _stars(ra_deg: float, dec_deg: float) -> StarCatalogue:
     """The catalogue's, and as many fainter ones around the belt as the real sky has."""
     known = StarCatalogue.load()
-    half_ra_deg, half_dec_deg = 12.0, 2.5
-    bright = known.box(ra_deg, dec_deg, half_ra_deg, half_dec_deg)
+    bright = known.cone(ra_deg, dec_deg, 12.0)
     pieces = [faint_stars(ra_deg + off, dec_deg, 3.0, FAINTEST_MAG) for off in range(-10, 11, 5)]
     columns = [
         np.concatenate([getattr(each, name) for each in (bright, *pieces)])
@@ -115,7 +115,7 @@ def _stars(ra_deg: float, dec_deg: float) -> StarCatalogue:
     ]
     # The pieces overlap in whole cells: a star is one row, however often it is told.
     rows = np.unique(np.stack(columns, -1), axis=0)
-    return StarCatalogue.of(Stars(*rows.T), known.dec_min_deg, known.dec_max_deg)
+    return catalogue_of(Stars(*rows.T), known.dec_min_deg, known.dec_max_deg)
 
 
 def config_of(sky: Sky, wanted: dict[str, Any], folder: Path) -> Config:

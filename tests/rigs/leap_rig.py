@@ -11,7 +11,6 @@ from rsoconsole.orbits.motion.forces import Zonal
 from rsoconsole.pipeline import Glance, Reduction, is_dark
 from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.records import CameraMode, Detection, Detections, Frame
-from rsoconsole.simulator.mount.mount_model import travel_s
 from rsoconsole.sky import (
     astrometric_places,
     line_of_sight_gcrs,
@@ -37,6 +36,14 @@ SETTINGS = {
     "orbit": {"online": False},
 }
 SIGMA_PX = 0.3
+
+
+def travel_s(distance_deg: float, rate_deg_s: float, acceleration_deg_s2: float) -> float:
+    """How long an axis takes that gathers way, keeps its rate and slows down."""
+    ramp_deg = rate_deg_s**2 / acceleration_deg_s2
+    if abs(distance_deg) < ramp_deg:
+        return 2.0 * np.sqrt(abs(distance_deg) / acceleration_deg_s2)
+    return (abs(distance_deg) + ramp_deg) / rate_deg_s
 
 
 def config_with(**sections) -> Config:

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import curve_fit
 
+from models.star_catalogue import catalogue_of
 from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator import Scene, binned, scenario_named, world_from
 from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.simulator.scene import scene as scene_module
 from rsoconsole.simulator.sky.brightness import BrightnessHistory
-from rsoconsole.sky import StarCatalogue, Stars, icrs_of_hour_angle, pixel_to_sky, tan_wcs
+from rsoconsole.sky import Stars, icrs_of_hour_angle, pixel_to_sky, tan_wcs
 
 NS = 1_000_000_000
 SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
@@ -99,7 +100,7 @@ def expose(
     )
     star_ra, star_dec = pixel_to_sky(plate, *grid_px(optics))
     order = np.argsort(star_dec) if stars else np.zeros(0, dtype=int)
-    catalogue = StarCatalogue.of(
+    catalogue = catalogue_of(
         Stars.at_rest(star_ra[order], star_dec[order], np.full(len(order), star_mag))
     )
     scene = Scene(scenario, seed, optics=binned(optics, made), catalogue=catalogue, world=made)

@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from models.world_settings import README, with_table
+from rsoconsole.config import limits_of
 from rsoconsole.errors import ConfigError
 from rsoconsole.simulator import (
     NAMELESS,
@@ -14,7 +16,7 @@ from rsoconsole.simulator import (
     world_from,
     world_to_toml,
 )
-from rsoconsole.simulator.nights.world_laws import LAWS, README, with_table
+from rsoconsole.simulator.nights.world_laws import LAWS
 from rsoconsole.simulator.world.world import settings_of_worlds
 
 TWO_HUNDRED_SEEDS = range(200)
@@ -129,19 +131,19 @@ def test_settings_of_one_group_are_named_together():
 
 
 def test_every_law_names_a_setting_that_there_is():
-    names = {setting.name for setting in settings_of_worlds()}
+    names = set(settings_of_worlds())
     assert {law.name for law in LAWS} <= names
 
 
 def test_every_setting_says_what_it_is():
-    for setting in settings_of_worlds():
+    for name, setting in settings_of_worlds().items():
         assert setting.description
-        assert setting.default
-        assert setting.limits or isinstance(value_of(World(), setting.name), bool)
+        assert setting.default is not None or setting.json_schema_extra["own"]
+        assert limits_of(setting) or isinstance(value_of(World(), name), bool)
 
 
 def test_the_documentation_is_the_code():
     text = README.read_text(encoding="utf-8")
-    assert text == with_table(text), "python -m rsoconsole.simulator.nights.world_laws writes it"
+    assert text == with_table(text), "python -m models.world_settings writes it"
     rows = re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE)
-    assert len(rows) == len(list(settings_of_worlds()))
+    assert len(rows) == len(settings_of_worlds())

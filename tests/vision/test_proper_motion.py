@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from models.star_catalogue import catalogue_of, matched, read_places
 from rsoconsole.errors import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.sky.star_background import places_now
@@ -15,7 +16,6 @@ from rsoconsole.sky import (
     separation_deg,
     wcs_from_cards,
 )
-from rsoconsole.sky.stars.build_star_catalogue import matched, read_places
 from rsoconsole.sky.stars.proper_motion import moved
 from rsoconsole.vision import PlateFit, field_radius_deg, refit
 from tests.drawn.plate_fields import SHARED, star_rows
@@ -193,7 +193,7 @@ def test_a_plate_refers_to_the_day_of_its_frame():
     real = StarCatalogue.load().cone(40.0, 2.0, 1.1)
     drift = np.full(len(real), 1000.0)
     drifting = Stars(real.ra_icrs_deg, real.dec_icrs_deg, real.magnitude, drift, -drift)
-    then = StarCatalogue.of(drifting).cone(40.0, 2.0, 1.2, epoch_jyear=julian_year(NOW_NS))
+    then = catalogue_of(drifting).cone(40.0, 2.0, 1.2, epoch_jyear=julian_year(NOW_NS))
     places = np.stack([then.ra_icrs_deg, then.dec_icrs_deg], axis=1)
     fit = refit(rows[:, :2], places, wcs, **SIZE)
     assert fit is not None

@@ -7,11 +7,7 @@ can be judged (complete? which scale? which sky?) before the solver is given the
 Source of the layout: the FITS standard 4.0 and astrometry.net's kdtree_fits_io.
 """
 
-import argparse
 import math
-import shutil
-import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -79,21 +75,6 @@ def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
     return math.degrees(math.asin(z.min())), math.degrees(math.asin(z.max()))
 
 
-def read_stars(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Every star of an index file: RA and Dec (deg, ICRS, J2000.0 for Tycho-2) and MAG_VT."""
-    header = read_header(path)
-    low, _, scale = _star_range(path, header)
-    data = header.table("kdtree_data_stars")
-    packed = np.fromfile(path, "<u4", count=data.rows * 3, offset=data.offset).reshape(-1, 3)
-    xyz = packed / scale + low
-    xyz /= np.linalg.norm(xyz, axis=1, keepdims=True)
-    magnitudes = header.table("MAG_VT")
-    # Tag-along columns keep the byte order of FITS, unlike the trees.
-    mag_vt = np.fromfile(path, ">f4", count=magnitudes.rows, offset=magnitudes.offset)
-    ra = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360.0
-    return ra, np.degrees(np.arcsin(np.clip(xyz[:, 2], -1, 1))), mag_vt.astype(np.float64)
-
-
 def _star_range(path: Path, header: IndexHeader) -> tuple[FloatArray, FloatArray, float]:
     table = header.table("kdtree_range_stars")
     values = np.fromfile(path, "<f8", count=7, offset=table.offset)
@@ -136,42 +117,3 @@ def _read_tables(stream: BinaryIO, path: Path) -> tuple[tuple[Table, ...], int]:
         tables.append(Table(cards.get("TTYPE1", ""), row_bytes, rows, offset))
         end = offset + -(-row_bytes * rows // _BLOCK) * _BLOCK
     return tuple(tables), end
-
-
-def build(source: Path, out: Path, max_dec_deg: float, scales: list[int]) -> list[Path]:
-    """Cut ``source`` to |dec| <= max_dec_deg and build one index file for each scale in ``out``."""
-    from astropy.table import Table
-
-    ra_deg, dec_deg, mag_vt = read_stars(source)
-    inside = np.abs(dec_deg) <= max_dec_deg
-    built = []
-    with tempfile.TemporaryDirectory() as work:
-        stars = Path(work) / "stars.fits"
-        Table(
-            {"RA": ra_deg[inside], "DEC": dec_deg[inside], "MAG_VT": mag_vt[inside].astype("f4")}
-        ).write(stars)
-        for scale in scales:
-            name = f"index-tycho2-belt-{scale:02d}.fits"
-            command = ["build-astrometry-index", "-i", stars.name, "-o", name, "-P", str(scale)]
-            command += ["-S", "MAG_VT", "-E", "-d", "4", "-r", "1", "-I", str(4100 + scale), "-M"]
-            # The command line is written into the file: keep it free of folders.
-            subprocess.run(command, check=True, cwd=work)
-            built.append(Path(shutil.move(Path(work) / name, out / name)))
-    return built
-
-
-def main() -> None:
-    """Command line of the release maker."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("source", type=Path, help="index-tycho2-08.littleendian.fits of Debian")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--max-dec", type=float, default=12.0)
-    parser.add_argument("--scales", type=int, nargs="+", default=[8, 9, 10])
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    for path in build(options.source, options.out, options.max_dec, options.scales):
-        print(path, path.stat().st_size)
-
-
-if __name__ == "__main__":
-    main()

@@ -8,7 +8,7 @@ tells them apart. A track's probabilities are sums over the assignments.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,6 @@ from rsoconsole.orbits.identification.single import (
     compared_with,
     identification,
     identification_alone,
-    identify,
 )
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_S, called
@@ -79,10 +78,10 @@ def identify_jointly(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[Identification, ...]:
-    """One answer for each track, in their order; with one track that of ``identify``."""
-    if len(tracks) == 1:
-        (only,) = tracks
-        return (identify(only, site, entries, gate_deg=gate_deg, errors=errors),)
+    """One answer for each track, in their order.
+
+    Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
+    """
     compared = [
         compared_with(each, site, entries, gate_deg=gate_deg, errors=errors) for each in tracks
     ]
@@ -99,14 +98,6 @@ def name_together(
         answers = _named(members, gate_deg)
         found.update(zip(group, answers, strict=True))
     return tuple(found[n] for n in range(len(compared)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Weighed:
-    """Assignments with their probabilities, the likeliest first."""
-
-    assignments: tuple[Assignment, ...]
-    probabilities: FloatArray
 
 
 def _groups(compared: Sequence[Compared]) -> list[list[int]]:
@@ -139,11 +130,11 @@ def _named(members: Sequence[Compared], gate_deg: float) -> list[Identification]
     if len(members) == 1:
         return [identification_alone(members[0], gate_deg)]
     objects = sorted({each.norad_id for one in members for each in _candidates(one)})
-    weighed = _weighed(members, objects)
+    assignments, probabilities = _weighed(members, objects)
     marginals = np.zeros((len(members), len(objects) + 1))
-    for assignment, share in zip(weighed.assignments, weighed.probabilities, strict=True):
+    for assignment, share in zip(assignments, probabilities, strict=True):
         marginals[np.arange(len(members)), list(assignment)] += share
-    best = weighed.assignments[0]
+    best = assignments[0]
     answers = []
     for t, one in enumerate(members):
         shares = dict(zip(objects, marginals[t], strict=False))
@@ -171,8 +162,11 @@ def _taken_by_others(answer: Identification) -> Identification:
     return replace(answer, verdict="unknown", reason=reason)
 
 
-def _weighed(members: Sequence[Compared], objects: Sequence[int]) -> _Weighed:
-    """All assignments worth it, by every case of shared errors."""
+def _weighed(
+    members: Sequence[Compared], objects: Sequence[int]
+) -> tuple[list[Assignment], FloatArray]:
+    """All assignments worth it, by every case of shared errors: the likeliest first, and how likely
+    they are."""
     pairs = [_pairs(one, objects) for one in members]
     unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
     rivals = seen_at_once([one.seen for one in members])
@@ -191,10 +185,7 @@ def _weighed(members: Sequence[Compared], objects: Sequence[int]) -> _Weighed:
     total = np.logaddexp.reduce([case.log_evidence(known)[0] for case in cases])
     shares = np.exp(total - np.max(total))
     order = np.argsort(-shares, kind="stable")
-    return _Weighed(
-        assignments=tuple(known[k] for k in order),
-        probabilities=shares[order] / np.sum(shares),
-    )
+    return [known[k] for k in order], shares[order] / np.sum(shares)
 
 
 def _pairs(one: Compared, objects: Sequence[int]) -> list[Pair | None]:

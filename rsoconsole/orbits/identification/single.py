@@ -123,22 +123,6 @@ class Compared:
     failed: int
 
 
-def identify(
-    seen: Sightings,
-    site: Site,
-    entries: Sequence[CatalogueEntry],
-    *,
-    gate_deg: float = GATE_DEG,
-    errors: ElementErrors = ASSUMED,
-) -> Identification:
-    """Name the object of ``seen``, one arc of one night, from any number of element sets.
-
-    Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
-    """
-    compared = compared_with(seen, site, entries, gate_deg=gate_deg, errors=errors)
-    return identification_alone(compared, gate_deg)
-
-
 def compared_with(
     seen: Sightings,
     site: Site,
@@ -147,11 +131,12 @@ def compared_with(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> Compared:
-    """``seen`` beside every object, as ``identify`` weighs them."""
+    """``seen``, one arc of one night, beside every object."""
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
     found = compare(seen, site, close, errors)
-    scored = sorted(_scored(seen, found, gate_deg), key=lambda each: each.score)
+    matches = (_match(seen, found, n, gate_deg) for n in range(len(found.entries)))
+    scored = sorted(matches, key=lambda each: each.score)
     return Compared(
         seen=seen,
         found=found,
@@ -165,8 +150,11 @@ def compared_with(
 def identification_alone(compared: Compared, gate_deg: float) -> Identification:
     """The answer for one track by itself."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
-    shares = tuple(_shared(each, total) for each in compared.scored)
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
+    shares = tuple(
+        replace(each, probability=each.probability / total if total > 0.0 else 0.0)
+        for each in compared.scored
+    )
     return identification(compared, shares, unknown, gate_deg)
 
 
@@ -204,10 +192,6 @@ def _close_by(
     order = np.argsort(np.where(has_place, away_deg, np.inf), kind="stable")
     count = max(int(np.sum(away_deg < _CLOSE_LOOK_DEG)), min(_AT_LEAST, int(np.sum(has_place))))
     return [entries[n] for n in order[:count]], int(np.sum(~has_place))
-
-
-def _scored(seen: Sightings, found: Comparison, gate_deg: float) -> list[Match]:
-    return [_match(seen, found, n, gate_deg) for n in range(len(found.entries))]
 
 
 def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match:
@@ -277,10 +261,6 @@ def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
     n = next(i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id)
     fresh = _covariance(found, n, 0.0, is_moved=False)
     return UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
-
-
-def _shared(match: Match, total: float) -> Match:
-    return replace(match, probability=match.probability / total if total > 0.0 else 0.0)
 
 
 def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:

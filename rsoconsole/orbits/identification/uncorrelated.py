@@ -17,6 +17,7 @@ from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.identification.assignments import best_assignments
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
+    grown,
     manoeuvred_probability,
     regime_of,
 )
@@ -285,7 +286,7 @@ def _by_orbit(
         (1.0 - share, (forces, forces / 4.0)),
         (
             share / 2.0 if before.is_in_belt else share,
-            (_grown(spread.along, days), _grown(spread.across, days)),
+            (float(grown(spread.along, days)), float(grown(spread.across, days))),
         ),
     ):
         growth = _on_sky(motion, sizes, range_km, n)
@@ -391,11 +392,6 @@ def _fitted(
     freedom = max(len(values) - 4, 1)
     misfit = float(np.sum((values - white @ solved) ** 2)) / freedom
     return _Offset(values=solved, covariance=np.asarray(covariance * max(misfit, 1.0)))
-
-
-def _grown(terms: tuple[float, float, float], days: float) -> float:
-    first, by_day, by_day_2 = terms
-    return float(np.sqrt(first**2 + (by_day * days) ** 2 + (by_day_2 * days * days) ** 2))
 
 
 def _on_sky(

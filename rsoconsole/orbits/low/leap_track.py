@@ -344,8 +344,7 @@ def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> fl
 
     ``place`` at the middle of the frame, or when the light seems to have been there.
     """
-    ends = streak.covariances_arcsec2
-    cov = np.stack([ends[:, 0], ends[:, 1], ends[:, 1], ends[:, 2]], -1).reshape(2, 2, 2)
+    cov = streak.covariances_arcsec2
     rate = place.rate_arcsec_s
     # Each end against where the rate puts it: the place's error and the time's are common.
     since_s = (streak.t_utc_ns - place.t_utc_ns) / NS_PER_S

@@ -119,7 +119,6 @@ def ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> Sky
     rate = cloud.weight @ (rates @ axes.T) / ARCSEC_RAD
     spread = (off * cloud.weight[:, None]).T @ off
     ends = cloud.streak.covariances_arcsec2
-    ends = np.stack([ends[:, 0], ends[:, 1], ends[:, 1], ends[:, 2]], -1).reshape(2, 2, 2)
     reach = since_s / cloud.streak.exposure_s
     noise = (0.5 - reach) ** 2 * ends[0] + (0.5 + reach) ** 2 * ends[1]
     return SkyAhead(

@@ -85,12 +85,13 @@ class StreakEnds:
 
     @property
     def covariances_arcsec2(self) -> FloatArray:
-        """(2, 3) east-east, east-north, north-north of either end."""
+        """(2, 2, 2) east and north, of either end."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         s, c = np.sin(towards), np.cos(towards)
         along, across = self.sigma_along_arcsec**2, self.sigma_across_arcsec**2
-        parts = [along * s * s + across * c * c, (along - across) * s * c]
-        return np.stack([*parts, along * c * c + across * s * s], axis=-1)
+        both = (along - across) * s * c
+        parts = [along * s * s + across * c * c, both, both, along * c * c + across * s * s]
+        return np.stack(parts, axis=-1).reshape(2, 2, 2)
 
     def shaken(self, arcsec: float) -> "StreakEnds":
         """Each end by itself less sure by so much, in any direction."""
@@ -262,7 +263,7 @@ def _sightings(site: Site, streaks: Sequence[StreakEnds]) -> Sightings:
         np.concatenate([each.t_utc_ns for each in streaks]),
         np.concatenate([each.ra_icrs_deg for each in streaks]),
         np.concatenate([each.dec_icrs_deg for each in streaks]),
-        np.concatenate([each.covariances_arcsec2 for each in streaks]),
+        np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
     )
 
 
@@ -286,8 +287,8 @@ def _whitening(
     covariance = np.zeros((size, size))
     shared = _rates(problem, unknowns).reshape(-1, 4)
     own = np.concatenate([each.covariances_arcsec2 for each in streaks])
-    for n, (ee, en, nn) in enumerate(own):
-        covariance[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] = [[ee, en], [en, nn]]
+    for n, each in enumerate(own):
+        covariance[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] = each
     for k, each in enumerate(shared):
         at = slice(4 * k, 4 * k + 4)
         covariance[at, at] += timing.scatter_s**2 * np.outer(each, each)

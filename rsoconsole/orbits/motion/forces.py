@@ -70,7 +70,6 @@ class Forces:
     """Instant to which times are counted."""
     area_to_mass_m2_kg: float = AREA_TO_MASS_M2_KG
     """Times the reflectivity; 0: sunlight does not push."""
-    mu: float = MU_EARTH_KM3_S2
     _fields: list["_Field"] = field(default_factory=list, repr=False, compare=False)
 
     def states(
@@ -111,7 +110,7 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
         (0.0, sign * span_s),
         start,
         method="DOP853",
-        first_step=min(_FIRST_STEP * sqrt(distance_km**3 / field_.mu), span_s),
+        first_step=min(_FIRST_STEP * sqrt(distance_km**3 / MU_EARTH_KM3_S2), span_s),
         t_eval=sign * unique,
         rtol=_TOLERANCE,
         atol=np.repeat([1e-7, 1e-10], 3),
@@ -146,7 +145,6 @@ class _Field:
         import erfa
 
         self.first_s, self.last_s = first_s, last_s
-        self.mu = forces.mu
         self._push_km = SUN_PRESSURE_N_M2 * AU_KM**2 * forces.area_to_mass_m2_kg / 1000.0
         epoch_s, epoch_ns = divmod(forces.epoch_utc_ns, NS_PER_S)
         first_block = math.floor((epoch_s + first_s) / _BLOCK_S)
@@ -188,11 +186,11 @@ class _Field:
         c, n = cos(angle), sin(angle)
         east, west = _dot(r, self._x_axis), _dot(r, self._y_axis)
         x, y = c * east + n * west, c * west - n * east
-        scale = 3.0 * self.mu * EARTH_RADIUS_KM**2 / (d2 * d2 * d)
+        scale = 3.0 * MU_EARTH_KM3_S2 * EARTH_RADIUS_KM**2 / (d2 * d2 * d)
         form = C22 * (x * x - y * y) + 2.0 * S22 * x * y
         along_x, along_y = 2.0 * (C22 * x + S22 * y), 2.0 * (S22 * x - C22 * y)
-        outward = self.mu / (d2 * d) * (swell + s * slope - 1.0) - scale * 5.0 * form / d2
-        axial = -self.mu / d2 * slope
+        outward = MU_EARTH_KM3_S2 / (d2 * d) * (swell + s * slope - 1.0) - scale * 5.0 * form / d2
+        axial = -MU_EARTH_KM3_S2 / d2 * slope
         first, second = scale * (c * along_x - n * along_y), scale * (n * along_x + c * along_y)
         x_axis, y_axis = self._x_axis, self._y_axis
         return (

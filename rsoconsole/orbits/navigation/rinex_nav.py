@@ -16,8 +16,7 @@ from rsoconsole.orbits.navigation.sp3 import (
     EARTH_RAD_S,
     GPS_MINUS_BDT_S,
     NavigationFile,
-    satellite,
-    utc_ns_of_gps,
+    navigation_file,
 )
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
@@ -109,8 +108,6 @@ class BroadcastOrbit:
         for number in np.unique(nearest):
             chosen = nearest == number
             message = self.messages[int(number)]
-            if not np.any(chosen):
-                continue
             r[chosen] = message.position_km(t[chosen])
             before, after = (message.position_km(t[chosen], at) for at in (-_HALF_S, _HALF_S))
             v[chosen] = (after - before) / (2.0 * _HALF_S)
@@ -143,14 +140,7 @@ def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
     first = min(each.messages[0].toe_gps_ns for each in orbits.values())
     last = max(each.messages[-1].toe_gps_ns for each in orbits.values())
     reach = round(LONGEST_AGE_S) * NS_PER_S
-    edges = utc_ns_of_gps(np.array([first - reach, last + reach]))
-    return NavigationFile(
-        kind="broadcast",
-        satellites=tuple(satellite(name, "broadcast", orbit) for name, orbit in orbits.items()),
-        first_utc_ns=int(edges[0]),
-        last_utc_ns=int(edges[1]),
-        skipped=skipped,
-    )
+    return navigation_file("broadcast", orbits, (first - reach, last + reach), skipped)
 
 
 def _messages(text: str, source: str, skipped: Counter[str]) -> Iterator[tuple[str, Ephemeris]]:

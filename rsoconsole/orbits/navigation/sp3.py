@@ -109,6 +109,23 @@ def satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatell
     return NavigationSatellite(name=name, kind=kind, position_gcrs=position_gcrs)
 
 
+def navigation_file(
+    kind: Kind,
+    orbits: Mapping[str, EarthFixedOrbit],
+    reach_gps_ns: tuple[int, int],
+    skipped: Mapping[str, int],
+) -> NavigationFile:
+    """What was read; ``reach_gps_ns``: from when to when."""
+    first, last = utc_ns_of_gps(np.array(reach_gps_ns)).tolist()
+    return NavigationFile(
+        kind=kind,
+        satellites=tuple(satellite(name, kind, orbit) for name, orbit in orbits.items()),
+        first_utc_ns=first,
+        last_utc_ns=last,
+        skipped=skipped,
+    )
+
+
 def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) -> None:
     """Raises OrbitError where the file is of other days than every one of the instants."""
     inside = [t for t in t_utc_ns if found.first_utc_ns <= t <= found.last_utc_ns]
@@ -199,21 +216,9 @@ def parse_sp3(texts: dict[str, str]) -> NavigationFile:
         raise OrbitError(
             f"{', '.join(texts)}: no satellite has {LEAST_NODES} epochs: give a whole day"
         )
-    edges = utc_ns_of_gps(
-        np.array(
-            [
-                min(each.t_gps_ns[0] for each in orbits.values()),
-                max(each.t_gps_ns[-1] for each in orbits.values()),
-            ]
-        )
-    )
-    return NavigationFile(
-        kind="sp3",
-        satellites=tuple(satellite(name, "sp3", orbit) for name, orbit in orbits.items()),
-        first_utc_ns=int(edges[0]),
-        last_utc_ns=int(edges[1]),
-        skipped=skipped,
-    )
+    first = min(int(each.t_gps_ns[0]) for each in orbits.values())
+    last = max(int(each.t_gps_ns[-1]) for each in orbits.values())
+    return navigation_file("sp3", orbits, (first, last), skipped)
 
 
 def _read(

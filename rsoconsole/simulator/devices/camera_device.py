@@ -18,10 +18,11 @@ from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
     asked_numbers,
+    connection,
+    driver_info,
     numbers,
     stamp,
     switches,
-    texts,
     turn_on,
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
@@ -142,7 +143,7 @@ class CameraDevice:
         width_px, height_px = traits.width_px * binning, traits.height_px * binning
         pixel_um = traits.pixel_um / binning
         others = [
-            switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT"),
+            connection(),
             numbers(
                 "CCD_INFO",
                 "Image Info",
@@ -158,11 +159,7 @@ class CameraDevice:
             ),
             self._read_out.frame,
             self._read_out.binning,
-            texts(
-                "DRIVER_INFO",
-                "General Info",
-                {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "2"},
-            ),
+            driver_info(name, 2),
         ]
         self.device = Device(name, [self._exposing, self._abort, self._upload, self._blob, *others])
 
@@ -326,8 +323,8 @@ class CameraDevice:
             names, self._traits, self._site, self._world, belief, exposure.exposure_s
         )
         # Joined pixels of a colour sensor have seen all colours.
-        if exposure.mode.binning > 1:
-            cards.pop("BAYERPAT", None)
+        if self._world.sensor.bayer and exposure.mode.binning == 1:
+            cards["BAYERPAT"] = "RGGB"
         return cards | exposure.mode.cards(self._traits)
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:

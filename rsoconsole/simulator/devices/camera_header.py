@@ -24,10 +24,13 @@ def header_cards(  # noqa: PLR0917 - who, with what, where, when, how long
     belief: MountInstant,
     exposure_s: float,
 ) -> dict[str, Card]:
-    """Cards in writing order; ``names``: of camera and mount; ``belief``: at the start."""
+    """Cards but those of the read-out, in writing order.
+
+    ``names``: of camera and mount; ``belief``: at the start.
+    """
     ra, dec = jnow_to_icrs(belief.ra_date_deg, belief.dec_date_deg, belief.t_utc_ns)
     pixel_um = traits.pixel_um / traits.binning
-    cards: dict[str, Card] = {
+    return {
         "INSTRUME": names[0],
         "TELESCOP": names[1],
         "ROWORDER": "TOP-DOWN",
@@ -35,10 +38,6 @@ def header_cards(  # noqa: PLR0917 - who, with what, where, when, how long
         "DATE-OBS": date_obs(world, belief.t_utc_ns),
         "PIXSIZE1": pixel_um,
         "PIXSIZE2": pixel_um,
-        "XPIXSZ": traits.pixel_um,
-        "YPIXSZ": traits.pixel_um,
-        "XBINNING": traits.binning,
-        "YBINNING": traits.binning,
         "FRAME": "Light",
         "IMAGETYP": "Light Frame",
         "FOCALLEN": traits.focal_length_mm,
@@ -52,6 +51,3 @@ def header_cards(  # noqa: PLR0917 - who, with what, where, when, how long
         "PIERSIDE": belief.pier_side.upper(),
         "EQUINOX": 2000,
     }
-    if world.sensor.bayer and traits.binning == 1:
-        cards["BAYERPAT"] = "RGGB"
-    return cards

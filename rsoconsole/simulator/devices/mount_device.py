@@ -12,6 +12,8 @@ from rsoconsole.simulator.mount.indi_vectors import (
     MountFaults,
     asked_for,
     asked_numbers,
+    connection,
+    driver_info,
     numbers,
     stamp,
     switches,
@@ -39,7 +41,6 @@ class MountDevice:
         self._model = model
         self._now_utc_ns = now_utc_ns
         now = model.instant(now_utc_ns())
-        self._connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
         self._coordinates = numbers(
             "EQUATORIAL_EOD_COORD",
             _GROUP,
@@ -94,16 +95,12 @@ class MountDevice:
                 {"TRACK_RATE_RA": 15.041067, "TRACK_RATE_DE": 0.0},
                 perm="ro",
             ),
-            texts(
-                "DRIVER_INFO",
-                "General Info",
-                {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "5"},
-            ),
+            driver_info(name, 5),
         ]
         self.device = Device(
             name,
             [
-                self._connection,
+                connection(),
                 self._coordinates,
                 self._on_set,
                 self._abort,

@@ -8,6 +8,8 @@ from indipydriver import Device
 from rsoconsole.errors import ConfigError
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
+    connection,
+    driver_info,
     lights,
     stamp,
     switches,
@@ -35,13 +37,8 @@ class WeatherDevice:
             "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
         )
         self._options = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
-        connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
-        interface = texts(
-            "DRIVER_INFO",
-            "General Info",
-            {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "128"},
-        )
-        self.device = Device(name, [connection, self._status, self._options, interface])
+        own = [self._status, self._options]
+        self.device = Device(name, [connection(), *own, driver_info(name, 128)])
 
     async def handle(self, event: Any) -> None:
         """What a client asks for comes true, until the schedule has the next word."""
@@ -74,13 +71,8 @@ class DomeDevice:
             "DOME_SHUTTER", _GROUP, ("SHUTTER_OPEN", "SHUTTER_CLOSE"), "SHUTTER_OPEN"
         )
         self._park = switches("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
-        connection = switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT")
-        interface = texts(
-            "DRIVER_INFO",
-            "General Info",
-            {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": "32"},
-        )
-        self.device = Device(name, [connection, self._shutter, self._park, interface])
+        own = [self._shutter, self._park]
+        self.device = Device(name, [connection(), *own, driver_info(name, 32)])
 
     async def handle(self, event: Any) -> None:
         """What a client asks for comes true, until the schedule has the next word."""

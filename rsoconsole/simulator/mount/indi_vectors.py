@@ -62,10 +62,21 @@ def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro")
     )
 
 
-def lights(name: str, group: str, values: Mapping[str, str], *, state: str = "Ok") -> Any:
-    """A light vector; every light and the whole are Idle, Ok, Busy or Alert."""
+def connection() -> Any:
+    """CONNECTION of a device that is connected."""
+    return switches("CONNECTION", "Main Control", ("CONNECT", "DISCONNECT"), "CONNECT")
+
+
+def driver_info(name: str, interface: int) -> Any:
+    """DRIVER_INFO; ``interface``: the sum of INDI's bits for what the device can do."""
+    values = {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": str(interface)}
+    return texts("DRIVER_INFO", "General Info", values)
+
+
+def lights(name: str, group: str, values: Mapping[str, str]) -> Any:
+    """A light vector in state Ok; every light and the whole are Idle, Ok, Busy or Alert."""
     members = [LightMember(key, key, value) for key, value in values.items()]
-    return LightVector(name, name, group, state, members)
+    return LightVector(name, name, group, "Ok", members)
 
 
 def turn_on(vector: Any, member: str | None) -> bool:

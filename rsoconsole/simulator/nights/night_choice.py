@@ -93,9 +93,7 @@ def choose_night(
     return NightPlan(
         title=", ".join(names),
         t_start_utc_ns=window.t_start_utc_ns,
-        latitude_deg=site.latitude_deg,
-        longitude_deg=site.longitude_deg,
-        elevation_m=site.elevation_m,
+        site=site,
         targets=tuple(each.element_set.norad_id for each in targets),
         names=names,
         start_hour_angle_deg=start[0],

@@ -33,9 +33,7 @@ class NightPlan:
 
     title: str
     t_start_utc_ns: int
-    latitude_deg: float
-    longitude_deg: float
-    elevation_m: float
+    site: Site
     targets: tuple[int, ...]
     """Catalogue numbers, the first one is pointed at."""
     names: tuple[str, ...]
@@ -55,15 +53,6 @@ class NightPlan:
     leaps: bool = False
     """Whether the first target is a low satellite, which the telescope follows by leaps."""
 
-    @property
-    def site(self) -> Site:
-        """Where the telescope stands."""
-        return Site(
-            latitude_deg=self.latitude_deg,
-            longitude_deg=self.longitude_deg,
-            elevation_m=self.elevation_m,
-        )
-
     def to_table(self) -> dict[str, Any]:
         """What crosses to another process as JSON; ``plan_of_table`` reads it back."""
         return asdict(self)
@@ -71,8 +60,8 @@ class NightPlan:
 
 def plan_of_table(table: dict[str, Any]) -> NightPlan:
     """The plan that ``to_table`` wrote."""
-    lists = ("targets", "names", "element_files")
-    return NightPlan(**{**table, **{name: tuple(table[name]) for name in lists}})
+    lists = {name: tuple(table[name]) for name in ("targets", "names", "element_files")}
+    return NightPlan(**{**table, **lists, "site": Site(**table["site"])})
 
 
 def regime(entry: CatalogueEntry) -> str:

@@ -3,13 +3,12 @@
 import math
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from rsoconsole.simulator.camera.rendering import frame_rng
-from rsoconsole.simulator.world.world import World, settings_of_worlds, world_from
+from rsoconsole.simulator.world.world import World, world_from
 
 _STREAM = 40
 
@@ -28,15 +27,6 @@ class Law:
     """Of all worlds in which the setting is drawn at all; in the others it is not named."""
     group: str = ""
     """Settings of one group are drawn in the same worlds."""
-
-    @property
-    def words(self) -> str:
-        """The law as the documentation tells it."""
-        values = f"{self.low:g}"
-        if self.high != self.low:
-            values = f"{self.low:g} to {self.high:g}"
-            values += ", log-uniform" if self.kind == "log-uniform" else ""
-        return values if self.share == 1.0 else f"in {self.share:.0%} of worlds {values}"
 
     def draw(self, seed: int) -> float | None:
         """Its value in the world of this seed; None where it is not named there.
@@ -116,37 +106,3 @@ def random_world(seed: int) -> World:
             section, _, key = law.name.partition(".")
             table.setdefault(section, {})[key] = value
     return world_from(table, source=f"the random world of seed {seed}")
-
-
-README = Path(__file__).parents[1] / "README.md"
-BEGIN = "<!-- settings: written by python -m rsoconsole.simulator.nights.world_laws -->"
-END = "<!-- end of settings -->"
-
-
-def settings_table() -> str:
-    """Markdown: a table for each section."""
-    laws = {law.name: law.words for law in LAWS}
-    lines: list[str] = []
-    section_before = ""
-    for setting in settings_of_worlds():
-        section, _, key = setting.name.partition(".")
-        if section != section_before:
-            words = (World.model_fields[section].annotation.__doc__ or "").strip()
-            lines += ["", f"**`[{section}]`** {words}", ""]
-            lines += ["| setting | unit | default | allowed | meaning | random |", "|---" * 6 + "|"]
-            section_before = section
-        law = laws.get(setting.name, "-")
-        cells = (f"`{key}`", setting.unit or "-", setting.default, setting.limits or "-")
-        lines.append(f"| {' | '.join(cells)} | {setting.description} | {law} |")
-    return "\n".join(lines[1:]) + "\n"
-
-
-def with_table(readme: str) -> str:
-    """The README with its table as the code has it now."""
-    head, _, rest = readme.partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    return f"{head}{BEGIN}\n\n{settings_table()}\n{END}{tail}"
-
-
-if __name__ == "__main__":
-    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")

@@ -150,6 +150,7 @@ class Scene:
         observatory's clock. ``mount_path_arcsec``: (2, k) how far east and north of the boresight
         the mount looks at equal steps of time; None: it stands.
         """
+        t_night_utc_ns = self.scenario.t_start_utc_ns
         boresight = (boresight_ra_icrs_deg, boresight_dec_icrs_deg)
         plate = plate_of(self.world, self.sensor, boresight, rotation_deg, is_flipped)
         wcs, motion = plate_in_motion(
@@ -158,16 +159,17 @@ class Scene:
             self.sensor.scale_arcsec_px,
             (self.seed, t_start_utc_ns),
             exposure_s,
-            (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS,
+            (t_start_utc_ns - t_night_utc_ns) / NS,
             mount_path_arcsec,
         )
-        t_sky_utc_ns = t_start_utc_ns + round(self._clock_offset_s(t_start_utc_ns) * NS)
+        offset_s = clock_offset_s(self.world, t_start_utc_ns, t_night_utc_ns)
+        t_sky_utc_ns = t_start_utc_ns + round(offset_s * NS)
         content = self.field_content(wcs, t_sky_utc_ns, exposure_s, t_seed_utc_ns=t_start_utc_ns)
         content = blurred(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
-        true = true_shutter(self.world, scatter_s, t_start_utc_ns, self.scenario.t_start_utc_ns)
+        true = true_shutter(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
         reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)
         sight = Sight(
@@ -209,9 +211,6 @@ class Scene:
             traffic=crossed,
         )
         return pixels, truth
-
-    def _clock_offset_s(self, t_utc_ns: int) -> float:
-        return clock_offset_s(self.world, t_utc_ns, self.scenario.t_start_utc_ns)
 
     def _with_brightness(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float

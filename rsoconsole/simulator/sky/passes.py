@@ -194,7 +194,6 @@ def satellite_truth(
     is_lit = each.streak.electrons > 0.0
     rate = each.streak.electrons / content.exposure_s
     peak, matched = _signal_to_noise(sensor, content, each.streak, electrons)
-    middle = len(x) // 2
     return SatelliteTruth(
         name=each.name,
         norad_id=each.norad_id,

@@ -6,12 +6,12 @@ writes worlds as TOML, ``random_world`` draws them.
 
 import difflib
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from rsoconsole.config import limits_of, read_toml
 from rsoconsole.errors import ConfigError
@@ -299,19 +299,6 @@ _SETTINGS = "settings such as [stars] drift_px = 12"
 WHERE = "rsoconsole/simulator/README.md lists all settings"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorldSetting:
-    """One setting as the documentation tells it."""
-
-    name: str
-    """Dotted, e.g. ``stars.drift_px``."""
-    unit: str
-    default: str
-    """In words; what holds where it is not set."""
-    limits: str
-    description: str
-
-
 def load_world(path: Path) -> World:
     """The world of a TOML file. Raises ConfigError that names every fault and its remedy."""
     table = read_toml(
@@ -335,31 +322,33 @@ def world_to_toml(world: World) -> str:
     """The settings that differ from their defaults, as TOML that ``load_world`` reads back."""
     lines: list[str] = []
     for section, settings in world.named().items():
-        lines += [f"[{section}]", *(f"{key} = {_toml(value)}" for key, value in settings.items())]
+        lines += [
+            f"[{section}]",
+            *(f"{key} = {value_to_toml(value)}" for key, value in settings.items()),
+        ]
         lines.append("")
     return "\n".join(lines)
 
 
-def settings_of_worlds() -> Iterator[WorldSetting]:
-    """Every setting there is, in order."""
+def settings_of_worlds() -> dict[str, FieldInfo]:
+    """Every setting there is, in order, by its dotted name, e.g. ``stars.drift_px``."""
+    found: dict[str, FieldInfo] = {}
     for section, section_field in World.model_fields.items():
         part = section_field.annotation
         assert isinstance(part, type)
         assert issubclass(part, BaseModel)
-        for key, info in part.model_fields.items():
-            extra = info.json_schema_extra
-            assert isinstance(extra, dict)
-            default = extra["own"] if info.default is None else _toml(info.default)
-            yield WorldSetting(
-                name=f"{section}.{key}",
-                unit=str(extra["unit"]),
-                default=str(default),
-                limits=limits_of(info),
-                description=info.description or "",
-            )
+        found |= {f"{section}.{key}": info for key, info in part.model_fields.items()}
+    return found
 
 
-def _toml(value: Any) -> str:
+def unit_of(setting: FieldInfo) -> str:
+    """Empty where it has none."""
+    extra = setting.json_schema_extra
+    assert isinstance(extra, dict)
+    return str(extra["unit"])
+
+
+def value_to_toml(value: Any) -> str:
     if isinstance(value, bool | str):
         return json.dumps(value)
     return (
@@ -370,13 +359,13 @@ def _toml(value: Any) -> str:
 def _fault_words(fault: Mapping[str, Any]) -> str:
     place = [str(part) for part in fault["loc"]]
     name = ".".join(place)
-    known = {setting.name: setting for setting in settings_of_worlds()}
+    known = settings_of_worlds()
     if fault["type"] == "extra_forbidden":
         return f"there is no {_kind(place)} {name!r}: {_nearest(place, list(known))}"
     if name not in known:
         return f"{name} is a section: write [{name}] above its settings"
-    limits = known[name].limits
-    allowed = f"allowed: {limits} {known[name].unit}".rstrip() if limits else fault["msg"]
+    limits = limits_of(known[name])
+    allowed = f"allowed: {limits} {unit_of(known[name])}".rstrip() if limits else fault["msg"]
     return f"{name} = {fault.get('input')!r} cannot be; {allowed}"
 
 

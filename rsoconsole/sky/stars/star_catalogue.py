@@ -94,28 +94,8 @@ class StarCatalogue:
         return _scaled(self.mmag, MAG_STEP)
 
     @classmethod
-    def of(
-        cls,
-        stars: Stars,
-        dec_min_deg: float = -90.0,
-        dec_max_deg: float = 90.0,
-    ) -> "StarCatalogue":
-        """These stars, given at J2000.0, to 0.3 mas, 1 mmag and 1 mas/yr."""
-        order = np.argsort(stars.dec_icrs_deg, kind="stable")
-        ra_counts = np.round(stars.ra_icrs_deg[order] % 360.0 / RA_STEP_DEG).astype(np.uint64)
-        return cls(
-            ra_counts.astype(np.uint32),
-            np.round(stars.dec_icrs_deg[order] / DEC_STEP_DEG).astype(np.int32),
-            np.round(stars.magnitude[order] / MAG_STEP).astype(np.int16),
-            np.round(stars.pm_ra_mas_yr[order]).astype(np.int16),
-            np.round(stars.pm_dec_mas_yr[order]).astype(np.int16),
-            dec_min_deg,
-            dec_max_deg,
-        )
-
-    @classmethod
     def load(cls, path: Path | None = None) -> "StarCatalogue":
-        """The shipped belt, or a file written by ``save``; read once, then kept.
+        """The shipped belt, or a file of the same form; read once, then kept.
 
         Raises SolverError when the file cannot be read.
         """
@@ -129,18 +109,6 @@ class StarCatalogue:
         """
         return _load_whole_sky()
 
-    def save(self, path: Path) -> None:
-        """Write a compact file that ``load`` reads; the declinations as steps from star to star."""
-        np.savez_compressed(
-            path,
-            ra=self.ra_counts,
-            dec_steps=np.diff(self.dec_counts, prepend=np.int32(0)),
-            mmag=self.mmag,
-            pm_ra=self.pm_ra_mas_yr,
-            pm_dec=self.pm_dec_mas_yr,
-            dec_limits_deg=np.array([self.dec_min_deg, self.dec_max_deg]),
-        )
-
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
         """False where the catalogue is cut off: an empty sky there says nothing of the sky."""
         return (
@@ -153,7 +121,6 @@ class StarCatalogue:
         ra_icrs_deg: float,
         dec_icrs_deg: float,
         radius_deg: float,
-        faintest_magnitude: float = 99.0,
         *,
         epoch_jyear: float = J2000_JYEAR,
     ) -> Stars:
@@ -164,22 +131,9 @@ class StarCatalogue:
             math.cos(math.radians(min(abs(dec_icrs_deg) + wide_deg, 89.9))), 1e-6
         )
         index = self._box(ra_icrs_deg, dec_icrs_deg, min(reach, 180.0), wide_deg)
-        index = index[_scaled(self.mmag[index], MAG_STEP) <= faintest_magnitude]
         stars = self._take(index, years)
         distance = separation_deg(ra_icrs_deg, dec_icrs_deg, stars.ra_icrs_deg, stars.dec_icrs_deg)
         return _kept(stars, np.asarray(distance) <= radius_deg)
-
-    def box(
-        self,
-        ra_icrs_deg: float,
-        dec_icrs_deg: float,
-        half_ra_deg: float,
-        half_dec_deg: float,
-        faintest_magnitude: float = 99.0,
-    ) -> Stars:
-        """Stars within these differences of right ascension and declination, at J2000.0."""
-        index = self._box(ra_icrs_deg, dec_icrs_deg, half_ra_deg, half_dec_deg)
-        return self._take(index[_scaled(self.mmag[index], MAG_STEP) <= faintest_magnitude], 0.0)
 
     def _box(
         self, ra_deg: float, dec_deg: float, half_ra_deg: float, half_dec_deg: float

@@ -58,6 +58,11 @@ def motion_between(ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg
     )
 
 
+def way_between(one: Measurement, other: Measurement) -> Motion:
+    """Displacement from one measurement to another."""
+    return motion_between(one.ra_icrs_deg, one.dec_icrs_deg, other.ra_icrs_deg, other.dec_icrs_deg)
+
+
 def streak_motion(measurement: Measurement) -> Motion | None:
     """The streak itself as a displacement, sense unknown; None where its ends are not known."""
     if measurement.ends_icrs_deg is None:
@@ -157,8 +162,5 @@ def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: floa
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0:
         return None
-    moved = motion_between(
-        first.ra_icrs_deg, first.dec_icrs_deg, second.ra_icrs_deg, second.dec_icrs_deg
-    )
-    share = exposure_s / dt_s
+    moved, share = way_between(first, second), exposure_s / dt_s
     return Motion(moved.east_arcsec * share, moved.north_arcsec * share)

@@ -22,9 +22,9 @@ from rsoconsole.tracking.filters.adaptive import Bend
 from rsoconsole.tracking.filters.agreement import (
     Motion,
     disagreement,
-    motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
+    way_between,
 )
 from rsoconsole.tracking.filters.streak_length import (
     NO_ERRORS,
@@ -208,8 +208,7 @@ def initiated(
     first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
 ) -> TrackState:
     """A track through two measurements."""
-    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
-    way = motion_between(*here, *there)
+    way = way_between(first, second)
     share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
     moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
     return estimator.initialise(
@@ -260,8 +259,7 @@ def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) 
     """What an orbit through the first of two measurements may do."""
     if settings.bend is None or settings.filter.preset != "adaptive":
         return None
-    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
-    way = motion_between(*here, *there)
+    way, here = way_between(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     return settings.bend(
         first.t_mid_utc_ns, here, (way.east_arcsec / dt_s, way.north_arcsec / dt_s)

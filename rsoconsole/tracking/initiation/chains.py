@@ -22,9 +22,9 @@ from rsoconsole.tracking.filters.agreement import (
     DIRECTION_TOLERANCE_DEG,
     SHORTEST_WITH_DIRECTION_ARCSEC,
     Motion,
-    motion_between,
     motion_in_exposure,
     streak_motion,
+    way_between,
 )
 from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
@@ -123,8 +123,7 @@ def _pairs(
             halves = _halves(first, second, exposure_s)
             if halves is None:
                 continue
-            to = (second.ra_icrs_deg, second.dec_icrs_deg)
-            way = motion_between(first.ra_icrs_deg, first.dec_icrs_deg, *to)
+            way = way_between(first, second)
             cost[row, column] = sum(each.cost for each in halves)
             bends[row, column] = [each.bend_deg for each in halves]
             sigmas[row, column] = [each.sigma_deg for each in halves]
@@ -291,8 +290,7 @@ def trials(
 def _way(chain: Chain) -> FloatArray:
     """From a chain's first to its last, arcsec east and north."""
     first, last = chain[0], chain[-1]
-    to = (last.ra_icrs_deg, last.dec_icrs_deg)
-    moved = motion_between(first.ra_icrs_deg, first.dec_icrs_deg, *to)
+    moved = way_between(first, last)
     return np.array([moved.east_arcsec, moved.north_arcsec])
 
 

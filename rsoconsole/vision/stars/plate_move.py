@@ -46,26 +46,17 @@ def refit_from(
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
     reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
-    # Stars just outside the predicted field may be inside the true one.
-    shown = in_field(
-        predicted,
-        catalogue_deg,
-        2 * len(stars) + 20,
-        width_px=width_px,
-        height_px=height_px,
-        margin_px=reach_px,
-    )
+    size_px = (width_px, height_px)
+    shown, places_px = _shown(predicted, catalogue_deg, 2 * len(stars) + 20, size_px, reach_px)
     if len(stars) < MIN_MATCHED or len(shown) < MIN_MATCHED:
         return None
-    catalogue = np.asarray(catalogue_deg, float)[shown]
-    x, y = sky_to_pixel(predicted, catalogue[:, 0], catalogue[:, 1])
-    offset = _voted_offset(stars[:150], np.stack([x, y], axis=1)[:300], reach_px)
+    offset = _voted_offset(stars[:150], places_px[:300], reach_px)
     if offset is None:
         return None
     start = moved_by_pixels(predicted, offset)
     fit = refit(
         stars,
-        catalogue,
+        np.asarray(catalogue_deg, float)[shown],
         start,
         width_px=width_px,
         height_px=height_px,
@@ -76,6 +67,18 @@ def refit_from(
     if fit.matched < 0.3 * min(len(stars), len(shown)):
         return None
     return replace(fit, catalogue_indices=shown[fit.catalogue_indices])
+
+
+def _shown(
+    plate: Wcs, catalogue_deg: FloatArray, most: int, size_px: tuple[int, int], margin_px: float
+) -> tuple[IndexArray, FloatArray]:
+    """Rows of the brightest catalogue stars on the frame or just beside it, and their pixels."""
+    width_px, height_px = size_px
+    shown = in_field(
+        plate, catalogue_deg, most, width_px=width_px, height_px=height_px, margin_px=margin_px
+    )
+    catalogue = np.asarray(catalogue_deg, float)[shown]
+    return shown, np.stack(sky_to_pixel(plate, catalogue[:, 0], catalogue[:, 1]), axis=1)
 
 
 def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
@@ -160,19 +163,11 @@ def shifted_onto(
     reach_px = search_arcsec / scale
     most_stars, most_catalogued = _ASKED[-1]
     stars = np.asarray(stars_xy_px, float)[:most_stars, :2]
-    shown = in_field(
-        predicted,
-        catalogue_deg,
-        most_catalogued,
-        width_px=width_px,
-        height_px=height_px,
-        margin_px=reach_px,
-    )
+    size_px = (width_px, height_px)
+    shown, places_px = _shown(predicted, catalogue_deg, most_catalogued, size_px, reach_px)
     if min(len(stars), len(shown)) < FEWEST_STARS:
         return None
-    catalogue = np.asarray(catalogue_deg, float)[shown]
-    x, y = sky_to_pixel(predicted, catalogue[:, 0], catalogue[:, 1])
-    off_px = stars[:, None, :] - np.stack([x, y], axis=1)[None]
+    off_px = stars[:, None, :] - places_px[None]
     share = math.pi * reach_px**2 / (width_px * height_px)
     shift = next(
         (
