@@ -33,9 +33,9 @@ from .reading.reader import SessionReader as SessionReader
 from .reading.reader import clock_notes as clock_notes
 from .upkeep.archive import Archive as Archive
 from .upkeep.archive import archive_session as archive_session
-from .upkeep.merge import Repair as Repair
 from .upkeep.merge import find_rescues as find_rescues
-from .upkeep.merge import repair_session as repair_session
+from .upkeep.repair import Repair as Repair
+from .upkeep.repair import repair_session as repair_session
 from .upkeep.store import Policy as Policy
 from .upkeep.store import SessionSummary as SessionSummary
 from .upkeep.store import Step as Step

@@ -15,6 +15,7 @@ from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Site
 from rsoconsole.sky import bodies as sun
 from rsoconsole.sky import frames, times
+from rsoconsole.words import utc_ns_to_iso
 
 TLES = Path(__file__).parents[3] / "shared" / "data" / "tles"
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
@@ -47,7 +48,7 @@ def test_three_lines_and_two_lines_mean_the_same_satellite():
     (bare,) = parse_elements(f"{LINE_1}\n{LINE_2}\n")
     assert (named.name, bare.name) == ("INTELSAT 14", "")
     assert named.norad_id == bare.norad_id == 36097
-    assert times.utc_ns_to_iso(named.epoch_utc_ns) == "2023-06-22T02:00:03.463Z"
+    assert utc_ns_to_iso(named.epoch_utc_ns) == "2023-06-22T02:00:03.463Z"
 
 
 def test_numbers_padded_with_blanks_are_read_and_propagated():
@@ -55,7 +56,7 @@ def test_numbers_padded_with_blanks_are_read_and_propagated():
     zeros = PADDED.replace("   862", " 00862")
     (filled,) = parse_elements(with_checksums(zeros))
     assert padded.norad_id == filled.norad_id == 862
-    assert times.utc_ns_to_iso(padded.epoch_utc_ns).startswith("1988-10-01T23:41:24")
+    assert utc_ns_to_iso(padded.epoch_utc_ns).startswith("1988-10-01T23:41:24")
     t = np.array([padded.epoch_utc_ns])
     assert np.array_equal(
         Satellite(padded).position_gcrs(t)[0], Satellite(filled).position_gcrs(t)[0]

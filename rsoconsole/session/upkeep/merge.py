@@ -7,23 +7,19 @@ both are as they were.
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import PART
 from rsoconsole.errors import SessionError
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.files.digest import (
     LogDigest,
-    content_fault,
     digest_log,
-    found_row,
     mark_closed,
 )
-from rsoconsole.session.files.holdings import FolderHoldings
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.database import (
     FILE_ROW,
@@ -36,10 +32,9 @@ from rsoconsole.session.log.database import (
     leave_wal,
     transaction,
 )
-from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
+from rsoconsole.session.log.schema import DATABASE
 from rsoconsole.session.log.worker import is_written
-from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
-from rsoconsole.session.upkeep.recover import Recovered, recover_session
+from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import page_faults
 from rsoconsole.session.writing.log_writer import rescue_places
@@ -193,146 +188,3 @@ def _rows(source: SessionReader, sql: str) -> Iterator[tuple[Any, ...]]:
         cursor = connection.execute(sql)
         while some := cursor.fetchmany(_AT_A_TIME):
             yield from some
-
-
-@dataclass(slots=True, kw_only=True)
-class Repair:
-    """What was done to one session."""
-
-    session: Path
-    closed: bool = False
-    """It was cut off: its end is now marked, with the digest of its log."""
-    folded: bool = False
-    """The write-ahead log went into the database."""
-    adopted: list[str] = field(default_factory=list)
-    """Files that were whole on the disk and not yet in the log."""
-    removed: list[str] = field(default_factory=list)
-    """What was half written."""
-    left: dict[str, str] = field(default_factory=dict)
-    """Files that were not adopted, and why not."""
-    merged: list[Merged] = field(default_factory=list)
-    """Rescue sessions that went back into their session, and are gone."""
-    unmerged: dict[Path, str] = field(default_factory=dict)
-    """Those that did not, and why not."""
-    recovered: Recovered | None = None
-    """Where the database was damaged: the new session with what could be saved."""
-
-    @property
-    def did_anything(self) -> bool:
-        """False where there was nothing to do."""
-        done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
-        return done or (self.recovered is not None and self.recovered.is_new)
-
-
-def repair_session(folder: Path, now_utc_ns: int) -> Repair:
-    """Set a session right; a second time there is nothing left to do.
-
-    A rescue session goes back into its session where that can be read, whichever of the two is
-    named. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
-    session, when its engine still lives, when somebody has it open, or when the disk refuses.
-    """
-    folder = Path(folder)
-    about = _readable_about(folder)
-    if is_written(about):
-        raise SessionError(f"{folder} is being written, its engine lives: end the engine first")
-    rescues = (folder,) if rescued_session(folder) is not None else rescues_of(folder)
-    if _is_damaged(folder):
-        done = Repair(session=folder, recovered=recover_session(folder, now_utc_ns))
-        done.unmerged = dict.fromkeys(rescues, "the session's database is damaged")
-        return done
-    try:
-        done = _set_right(SessionReader(folder), about, now_utc_ns)
-        _merge(rescues, done, now_utc_ns)
-        return done
-    except (sqlite3.Error, OSError) as error:
-        raise SessionError(
-            f"{folder} cannot be repaired now: {error}; close whatever shows it, "
-            "see that the disk has room and can be written, and try again"
-        ) from error
-
-
-def _merge(rescues: Sequence[Path], done: Repair, now_utc_ns: int) -> None:
-    for rescue in rescues:
-        try:
-            done.merged.append(merge_rescue(rescue, now_utc_ns))
-        except SessionError as error:
-            done.unmerged[rescue] = str(error)
-
-
-def _readable_about(folder: Path) -> dict[str, Any]:
-    """What the session says of itself; nothing where it is too damaged to say anything.
-
-    Raises SessionError where there is no session, or one that this version must not touch.
-    """
-    try:
-        return SessionReader(folder).about()
-    except OtherSchemaError:
-        raise
-    except SessionError:
-        if not (folder / DATABASE).is_file():
-            raise
-        return {}
-
-
-def _is_damaged(folder: Path) -> bool:
-    """Whether SQLite cannot read the database whole."""
-    try:
-        with closing(SessionReader(folder).connect()) as connection:
-            return bool(page_faults(connection))
-    except SessionError:
-        return True
-
-
-def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Repair:
-    folder = reader.folder
-    done = Repair(session=folder)
-    strays = _strays(reader, done)
-    is_open = about.get("is_closed") is not True
-    is_split = any((folder / name).exists() for name in (WAL, JOURNAL))
-    if strays or is_open or is_split:
-        with closing(connect_to_write(folder / DATABASE)) as connection:
-            if strays:
-                with transaction(connection):
-                    connection.executemany(INSERT_FILE, strays.values())
-                done.adopted = list(strays)
-            if is_open:
-                mark_closed(connection)
-                done.closed = True
-        # With a stray alone this folds nothing, and does no harm.
-        leave_wal(folder / DATABASE, LEAVE_WAL_S)
-        done.folded = is_split
-    _remove_parts(folder, done)
-    if done.did_anything:
-        details: dict[str, Any] = {"closed": done.closed, "folded": done.folded}
-        add_note(
-            folder,
-            "repair",
-            now_utc_ns,
-            {**details, "adopted": done.adopted, "removed": done.removed},
-        )
-    return done
-
-
-def _strays(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
-    """Rows for whole frames and pictures that the table ``files`` does not know, by their path."""
-    with closing(reader.connect()) as connection:
-        known = {tuple(row) for row in connection.execute("SELECT role, frame_id FROM files")}
-    found: dict[str, tuple[object, ...]] = {}
-    for path in sorted(FolderHoldings(reader.folder).sizes()):
-        place = role_of(path)
-        if place is None or place in known:
-            continue
-        content = (reader.folder / path).read_bytes()
-        fault = content_fault(path, content)
-        if fault is not None:
-            done.left[path] = fault
-        else:
-            found[path] = found_row(path, *place, content)
-    return found
-
-
-def _remove_parts(folder: Path, done: Repair) -> None:
-    for path in sorted(FolderHoldings(folder).sizes()):
-        if path.endswith(PART) and not path.startswith(f"{BRANCHES}/"):
-            (folder / path).unlink(missing_ok=True)
-            done.removed.append(path)
