@@ -44,6 +44,19 @@ def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
     return [line for line in lines if line]
 
 
+def named_text(path: Path, fault: type[Exception], absent: str) -> str:
+    """The text of a large file that somebody has named.
+
+    Raises ``fault`` where it cannot be read; ``absent``: the remedy where it is not there.
+    """
+    try:
+        return read_foreign(path, most_bytes=MOST_DATA_BYTES)
+    except FileNotFoundError as error:
+        raise fault(f"{path} does not exist: {absent}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise fault(f"{path} cannot be read: {error}") from error
+
+
 def json_of(text: str | bytes) -> Any:
     """What a text of JSON says. Raises ValueError, also where it is nested too deeply."""
     try:

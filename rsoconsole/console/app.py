@@ -111,7 +111,6 @@ class ConsoleApp(App[str]):
         *,
         session: Path | None = None,
         read_only: bool = False,
-        owns_engine: bool = False,
         stop_directly: StopDirectly | None = None,
         keymap: Mapping[str, str] | None = None,
         settings: ConsoleConfig | None = None,
@@ -151,7 +150,6 @@ class ConsoleApp(App[str]):
         self.live = LiveScreen(
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
-            owns_engine=owns_engine,
             ask_now=self._engine_watch.look_now,
             from_thread=self._from_thread,
             on_known=self.take_notice,

@@ -31,10 +31,9 @@ def run_console(
     """Open the seat and stay until it is left: "quit", or "stop engine" when that was asked for.
 
     ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
-    read-only, live while it grows, and no engine is asked. ``owns_engine`` proposes to stop the
-    engine on leaving, and waits for one that is only starting. ``stop_directly`` stops the mount
-    where the engine does not; it is given the session's INDI settings, or None. ``graphics``:
-    other than configured.
+    read-only, live while it grows, and no engine is asked. ``owns_engine`` waits for one that is
+    only starting. ``stop_directly`` stops the mount where the engine does not; it is given the
+    session's INDI settings, or None. ``graphics``: other than configured.
 
     Raises ControlError when there is no engine, ConfigError for a keymap that is none,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
@@ -55,7 +54,6 @@ def run_console(
         graphics,
         session=session,
         read_only=read_only,
-        owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
         seat_name=seat.name,

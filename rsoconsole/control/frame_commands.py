@@ -13,6 +13,14 @@ class Decision(Command):
         "frame", default=None, help_="The frame that it is said of; without: the newest."
     )
 
+    def words(self) -> str:
+        """What is wanted."""
+        return self.verb + self.of_frame(" frame {}")
+
+    def of_frame(self, words: str) -> str:
+        """With the frame's number, where it is given."""
+        return "" if self.frame_id is None else words.format(self.frame_id)
+
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,10 +44,6 @@ class Accept(Decision):
 
     verb = "accept"
 
-    def words(self) -> str:
-        """What is wanted."""
-        return "accept" if self.frame_id is None else f"accept frame {self.frame_id}"
-
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +51,6 @@ class Reject(Decision):
     """What the frame gave to the track was something else; without a frame: the last."""
 
     verb = "reject"
-
-    def words(self) -> str:
-        """What is wanted."""
-        return "reject" if self.frame_id is None else f"reject frame {self.frame_id}"
 
 
 @register
@@ -76,8 +76,7 @@ class MarkByHand(Decision):
 
     def words(self) -> str:
         """What is wanted."""
-        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
-        return f"mark by hand{known}"
+        return "mark by hand" + self.of_frame(" in frame {}")
 
 
 @register
@@ -92,8 +91,8 @@ class BeginMark(Decision):
 
     def words(self) -> str:
         """What is wanted."""
-        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
-        return f"begin a mark{known}" if self.is_on else f"leave off the mark{known}"
+        deed = "begin a mark" if self.is_on else "leave off the mark"
+        return deed + self.of_frame(" in frame {}")
 
 
 @register
@@ -106,8 +105,7 @@ class TakeBack(Decision):
 
     def words(self) -> str:
         """What is wanted."""
-        known = "" if self.frame_id is None else f" what was said of frame {self.frame_id}"
-        return f"take back{known}"
+        return "take back" + self.of_frame(" what was said of frame {}")
 
 
 @register

@@ -15,14 +15,13 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.errors import ExportError
 from rsoconsole.export.rows import MeasuredRow
+from rsoconsole.night import frames_of, predicted_sigma_arcsec
 from rsoconsole.pipeline import shutter_mid_utc_ns
-from rsoconsole.records import FollowedAgain, FrameTaken, Solution, TrackState
+from rsoconsole.records import FrameTaken, Solution, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import MJD_UNIX, wcs_cards, wrap_360
 from rsoconsole.tracking import sky_covariance_arcsec2
 from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
-
-_KINDS = (FrameTaken, Solution, TrackState, FollowedAgain)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -41,22 +40,16 @@ class FrameOnRecord:
 def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:
     """Every frame of a session by its number. Raises SessionError."""
     reader = SessionReader(session)
-    frames: dict[int, FrameOnRecord] = {}
-    for _, _, record in reader.records(kinds=_KINDS):
-        if isinstance(record, FrameTaken):
-            file = reader.frame_path(record.frame_id)
-            frames[record.frame_id] = FrameOnRecord(taken=record, file=file)
-            continue
-        frame = frames.get(getattr(record, "frame_id", None) or -1)
-        if frame is None:
-            continue
-        match record:
-            case Solution():
-                frame.solution = record
-            case FollowedAgain():
-                frame.predicted = None
-            case TrackState(kind="predicted", is_lead=True):
-                frame.predicted = record
+    frames = {
+        each.frame_id: FrameOnRecord(
+            taken=each.taken,
+            solution=each.solution if isinstance(each.solution, Solution) else None,
+            predicted=each.predicted,
+            file=reader.frame_path(each.frame_id),
+        )
+        for each in frames_of(record for _, _, record in reader.records())
+        if each.taken is not None
+    }
     for row in rows:
         if row.frame_id in frames and not row.is_superseded:
             frames[row.frame_id].rows.append(row)
@@ -213,12 +206,12 @@ def _streaks(frame: FrameOnRecord) -> Any:
     for place, (_, _, _, comment) in enumerate(_COLUMNS, start=1):
         hdu.header.comments[f"TTYPE{place}"] = comment
     if frame.predicted is not None:
-        x, P = frame.predicted.x, frame.predicted.P
-        sigma_ra = math.sqrt(P[0][0]) * math.cos(math.radians(x[2])) * 3600.0
+        x = frame.predicted.x
+        east_arcsec, north_arcsec = predicted_sigma_arcsec(frame.predicted)
         hdu.header["PRED_RA"] = (x[0], "[deg] where the track expected it, ICRS")
         hdu.header["PRED_DEC"] = (x[2], "[deg]")
-        hdu.header["PRED_SRA"] = (sigma_ra, "[arcsec] one sigma, times cos Dec")
-        hdu.header["PRED_SDE"] = (math.sqrt(P[2][2]) * 3600.0, "[arcsec] one sigma")
+        hdu.header["PRED_SRA"] = (east_arcsec, "[arcsec] one sigma, times cos Dec")
+        hdu.header["PRED_SDE"] = (north_arcsec, "[arcsec] one sigma")
     return hdu
 
 

@@ -108,9 +108,8 @@ class SiteCheck:
     """The site the instruments believe in against the configured one."""
 
     is_consistent: bool
-    distance_km: float | None
-    """None when the mount does not tell its site."""
     reported: Site | None
+    """None when the mount does not tell its site."""
     detail: str
 
 

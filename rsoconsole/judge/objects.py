@@ -381,22 +381,21 @@ def _is_right(found: Identified, followed: int) -> bool | None:
     return found.matches[0].norad_id == followed
 
 
+_COUNTED = (
+    *("detections", "visible_frames", "track_frames", "identified", "false_measurements"),
+    *("detected_after_lock", "tracked_after_lock", "longest_wrong", "swapped_frames"),
+)
+"""Figures that are the tally's own."""
+
+
 def _figures(number: int, tally: _Tally) -> dict[str, Any]:
     return {
         "norad": number,
         "name": tally.name,
-        "detections": tally.detections,
-        "visible_frames": tally.visible_frames,
-        "track_frames": tally.track_frames,
+        **{name: getattr(tally, name) for name in _COUNTED},
         "measured_rms_arcsec": rms(tally.measured_arcsec),
         "prediction_rms_arcsec": rms(tally.predicted_arcsec),
-        "identified": tally.identified,
-        "false_measurements": tally.false_measurements,
-        "detected_after_lock": tally.detected_after_lock,
-        "tracked_after_lock": tally.tracked_after_lock,
         "inside_3sigma": statistics.fmean(tally.inside_3sigma) if tally.inside_3sigma else None,
         "nis_mean": statistics.fmean(tally.nis) if tally.nis else None,
         "whiteness": lag_one(tally.innovations),
-        "longest_wrong": tally.longest_wrong,
-        "swapped_frames": tally.swapped_frames,
     }

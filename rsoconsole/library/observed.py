@@ -21,7 +21,7 @@ from rsoconsole.library.tracking import Track
 from rsoconsole.night import NightTrack
 from rsoconsole.notebook import Session
 from rsoconsole.orbits import sightings
-from rsoconsole.pipeline import Observed
+from rsoconsole.pipeline import Observed, sightings_of
 from rsoconsole.records import Measurement, Site
 
 Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
@@ -101,20 +101,9 @@ def _only(groups: list[Group], track: int) -> Group:
 
 
 def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
-    return Observed(
-        name=name,
-        site=site,
-        limits=None,
-        seen=_sightings(
-            site,
-            np.array([m.t_mid_utc_ns for m in taken], np.int64),
-            np.array([m.ra_icrs_deg for m in taken]),
-            np.array([m.dec_icrs_deg for m in taken]),
-            np.array([m.cov_sky_arcsec2 for m in taken]),
-        ),
-        number=number_,
-        track_id=number_,
-    )
+    with raised_as(InputError):
+        seen = sightings_of(site, taken)
+    return Observed(name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_)
 
 
 def _of_table(value: Any, ask: Asked) -> Observed:
@@ -126,16 +115,8 @@ def _of_table(value: Any, ask: Asked) -> Observed:
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
     site = needed_site(ask.site, rows.site, ask.config)
-    return Observed(
-        name="the table",
-        site=site,
-        limits=None,
-        seen=_sightings(
-            site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
-        ),
-    )
-
-
-def _sightings(site: Site, t: Any, ra: Any, dec: Any, cov: Any) -> Any:
     with raised_as(InputError):
-        return sightings(site, t, ra, dec, cov)
+        seen = sightings(
+            site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
+        )
+    return Observed(name="the table", site=site, limits=None, seen=seen)

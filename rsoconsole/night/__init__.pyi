@@ -13,6 +13,7 @@ from .frame import FrameTrack as FrameTrack
 from .frame import NightFrame as NightFrame
 from .frame import facts_of as facts_of
 from .frame import is_of_streak as is_of_streak
+from .frame import outline_px as outline_px
 from .frame import predicted_sigma_arcsec as predicted_sigma_arcsec
 from .frame import span_text as span_text
 from .frames import FOLDED as FOLDED

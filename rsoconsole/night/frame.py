@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from rsoconsole.reasons import CLOUD, Cause, Reason
 from rsoconsole.records import (
     Closeup,
@@ -104,6 +106,7 @@ UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 ELSEWHERE = "not pointed at it"
 """Why a frame that looked somewhere else shows nothing of the track."""
 SAME_PLACE_PX = 1.0
+OUTLINE_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -360,6 +363,25 @@ def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
     cos_dec = math.cos(math.radians(track.x[2]))
     east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
     return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0
+
+
+def outline_px(
+    track: TrackState, solution: Solution, points: int
+) -> tuple[tuple[float, float], ...]:
+    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
+    from rsoconsole.sky import sky_to_pixel
+
+    ra, _, dec, _ = track.x
+    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
+    cross = track.P[0][2] * cos_dec
+    east_north = np.array([[track.P[0][0] * cos_dec**2, cross], [cross, track.P[2][2]]])
+    values, axes = np.linalg.eigh(east_north)
+    turns = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
+    circle = np.stack([np.cos(turns), np.sin(turns)])
+    east, north = axes @ (OUTLINE_SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
+    found = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=1)
+    return tuple((float(a), float(b)) for a, b in found[np.isfinite(found).all(axis=1)])
 
 
 def is_put_down_to_cloud(miss: Miss) -> bool:

@@ -59,11 +59,6 @@ class NightTrack:
         return one_line(identity(self.identified))
 
     @property
-    def has_led(self) -> bool:
-        """Whether the telescope ever followed it."""
-        return any(state.is_lead for state in self.states)
-
-    @property
     def quality(self) -> Quality:
         """How well its updates met what was predicted."""
         return quality_of(updates_of(self.states))

@@ -75,6 +75,7 @@ from .frame.reduce import FrameReducer as FrameReducer
 from .frame.reduce import Glance as Glance
 from .frame.reduce import Reduction as Reduction
 from .frame.reduce import open_reducer as open_reducer
+from .frame.reduce import timed as timed
 from .frame.refine_mark import refined_mark as refined_mark
 from .leaps.awaited import Awaited as Awaited
 from .leaps.awaited import Came as Came
@@ -121,6 +122,7 @@ from .orbits.orbits import Orbits as Orbits
 from .orbits.sightings_of import Observed as Observed
 from .orbits.sightings_of import longest_arc as longest_arc
 from .orbits.sightings_of import read_observed as read_observed
+from .orbits.sightings_of import sightings_of as sightings_of
 from .orbits.uncorrelated_tracks import FEWEST_TRACKS as FEWEST_TRACKS
 from .orbits.uncorrelated_tracks import Past as Past
 from .orbits.uncorrelated_tracks import keep as keep

@@ -834,18 +834,17 @@ def test_a_seat_that_only_looks_sends_nothing_but_stop(wire: FakeWire) -> None:
 
 
 @pytest.mark.parametrize(
-    ("owns_engine", "keys", "sent", "ending"),
+    ("keys", "sent", "ending"),
     [
-        (False, ["q", "enter"], [], "quit"),
-        (True, ["q", "enter"], [], "quit"),
-        (True, ["q", "l"], [], "quit"),
-        (False, ["q", "s"], ["shutdown"], "stop engine"),
-        (True, ["q", "escape"], [], None),
-        (False, ["ctrl+c", "down", "down", "enter"], [], None),
+        (["q", "enter"], [], "quit"),
+        (["q", "l"], [], "quit"),
+        (["q", "s"], ["shutdown"], "stop engine"),
+        (["q", "escape"], [], None),
+        (["ctrl+c", "down", "down", "enter"], [], None),
     ],
 )
 def test_leaving_asks_what_becomes_of_the_engine(
-    wire: FakeWire, owns_engine: bool, keys: list[str], sent: list[str], ending: str | None
+    wire: FakeWire, keys: list[str], sent: list[str], ending: str | None
 ) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
@@ -856,7 +855,7 @@ def test_leaving_asks_what_becomes_of_the_engine(
         if ending is not None:
             await until(pilot, lambda: app.return_value is not None)
 
-    assert play(wire, scene, owns_engine=owns_engine) == ending
+    assert play(wire, scene) == ending
 
 
 def test_the_palette_knows_every_action_and_quits_nothing_unasked(wire: FakeWire) -> None:
@@ -914,7 +913,7 @@ def test_an_engine_that_only_starts_is_waited_for(wire: FakeWire) -> None:
         wire.is_gone = False
         await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
 
-    play(wire, scene, owns_engine=True)
+    play(wire, scene)
 
 
 def test_an_engine_that_never_comes_is_called_gone(
@@ -926,7 +925,7 @@ def test_an_engine_that_never_comes_is_called_gone(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: "ENGINE GONE" in pane(app, "top"))
 
-    play(wire, scene, owns_engine=True)
+    play(wire, scene)
 
 
 def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(

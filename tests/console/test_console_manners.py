@@ -218,7 +218,7 @@ def test_leaving_says_what_moves_and_proposes_what_is_safe(
         assert app.focused.id == focused
         assert says in shown(app)
 
-    play(wire, scene, owns_engine=True)
+    play(wire, scene)
 
 
 @pytest.mark.parametrize(

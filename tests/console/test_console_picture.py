@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.console.picture.marks import Mark, Window, marks_of, outline_px, overlay
+from rsoconsole.console.picture.marks import OUTLINE_POINTS, Mark, Window, marks_of, overlay
 from rsoconsole.console.picture.picture import (
     GREYS,
     STRETCHES,
@@ -17,7 +17,7 @@ from rsoconsole.console.picture.picture import (
     light_of,
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
-from rsoconsole.night import NightFrame
+from rsoconsole.night import NightFrame, outline_px
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky import pixel_to_sky, separation_deg
@@ -171,7 +171,7 @@ def test_noise_alone_is_not_drawn_up():
 @pytest.mark.parametrize(("east", "north"), [(60.0, 20.0), (10.0, 200.0)])
 def test_the_outline_is_where_three_sigma_lie_on_the_sky(east, north):
     plate, dec = solution(dec=-40.0), -40.01
-    points = outline_px(track(150.02, dec, east, north), plate)
+    points = outline_px(track(150.02, dec, east, north), plate, OUTLINE_POINTS)
     away = []
     for x, y in points:
         ra, d = (float(v) for v in pixel_to_sky(plate.wcs, x, y))

@@ -37,7 +37,6 @@ REPORT = MountReport(
 )
 HERE = SiteCheck(
     is_consistent=True,
-    distance_km=0.1,
     reported=Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0),
     detail="the mount stands at the configured site",
 )
@@ -112,7 +111,6 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
             with_(
                 site=SiteCheck(
                     is_consistent=False,
-                    distance_km=42.4,
                     reported=HERE.reported,
                     detail="42 km off",
                 )
@@ -175,7 +173,7 @@ def test_a_mount_that_says_nothing_fails_what_only_it_can_tell() -> None:
 
 
 def test_what_a_mount_need_not_tell_is_not_asked_of_it() -> None:
-    quiet = SiteCheck(is_consistent=True, distance_km=None, reported=None, detail="not told")
+    quiet = SiteCheck(is_consistent=True, reported=None, detail="not told")
     checks = arming_checks(with_(site=quiet, mount_utc_offset_s=None), CONFIG)
     assert all(check.ok for check in checks)
     assert "does not tell" in next(check.detail for check in checks if check.name == "time")

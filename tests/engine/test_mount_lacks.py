@@ -28,7 +28,7 @@ BARE = MountAbilities(
     has_site=False,
     has_time=False,
 )
-UNTOLD = SiteCheck(is_consistent=True, distance_km=None, reported=None, detail="not told")
+UNTOLD = SiteCheck(is_consistent=True, reported=None, detail="not told")
 Serve = Callable[[set[str]], int]
 
 

@@ -22,15 +22,15 @@ night = rso.open_session("night")
 reveal_type(plate)  # is rsoconsole.library.plate.PlateWCS
 reveal_type(plate.matched)  # is int
 reveal_type(rso.solve(["a.fits", pixels]))  # is list[rsoconsole.library.plate.PlateWCS]
-reveal_type(tracks)  # is rsoconsole.library.tracks.Tracks
+reveal_type(tracks)  # is rsoconsole.library.tracking.Tracks
 reveal_type(tracks[1].nis_mean)  # is float | None
 reveal_type(found)  # is rsoconsole.library.known_orbit.Orbit
 reveal_type(found.e)  # is float
 reveal_type(found.tle(norad_id=36097))  # is str
-reveal_type(name)  # is rsoconsole.library.identification.Identification
+reveal_type(name)  # is rsoconsole.library.identifying.Identification
 reveal_type(name.norad_id)  # is int | None
-reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identification.Identification]
-reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identification.Identification]
+reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identifying.Identification]
+reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identifying.Identification]
 reveal_type(night)  # is rsoconsole.notebook.session.Session
 reveal_type(night.tracks[2].orbit)  # is rsoconsole.records.steps.OrbitEstimate | None
 reveal_type(rso.__version__)  # is str

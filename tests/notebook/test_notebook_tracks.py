@@ -44,7 +44,8 @@ def test_every_track_has_its_orbit_its_name_and_its_end(folder: Path):
     assert tracks[5].name is None  # two of the catalogue may be it
     assert tracks[5].object_words == "ASTRA 19.2E SPARE?"
     assert tracks[6].object_words == "-"
-    assert [number for number, each in tracks.items() if each.has_led] == [2]
+    led = [n for n, each in tracks.items() if any(state.is_lead for state in each.states)]
+    assert led == [2]
     assert tracks[2].quality.residual_rms_arcsec == pytest.approx(1.0)
     assert tracks[4].quality.nis_mean == pytest.approx(1.4)
     assert list(tracks[3].missed) == [FRAMES - 1, FRAMES]

@@ -1,5 +1,6 @@
 """The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -177,25 +178,17 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
         paths = everywhere([each.session for each in questions])
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
-            answers = list(
-                share_out(
-                    answer,
-                    whole,
-                    pool,
-                    failed=no_answer,
-                    paths=paths,
-                    on_done=on_done,
-                )
+            found_of = share_out(
+                answer, whole, pool, failed=no_answer, paths=paths, on_done=on_done
             )
+            answers = list(found_of)
     for question, found in zip(questions, answers, strict=True):
         shown = str(question.session)
         if found.error is not None:
             failures += 1
             output.report_fault(json_, found.error, session=shown)
-        elif json_:
-            output.emit_json(found, session=shown)
         else:
-            output.say(*answer_lines(shown, found))
+            output.answer(json_, found, partial(answer_lines, shown), session=shown)
     output.exit_where(failures)
 
 

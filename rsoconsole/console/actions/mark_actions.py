@@ -223,13 +223,10 @@ class MarkActions:
 
     def see_recorded(self, before: NightView) -> None:
         """What came of a mark that was made here, when it is on record."""
-        seat = self._seat
-        if not seat.seat_name or before.folder != seat.night.folder or not before.is_read:
-            return
-        own = Sender.console(seat.seat_name).words
-        for line in seat.log_lines_after(before.seq):
+        own = Sender.console(self._seat.seat_name).words
+        for line in self._seat.log_lines_since(before):
             if line.marked_by == own:
-                seat.say(f"your {line.words}", "good", MARK_SAID_S)
+                self._seat.say(f"your {line.words}", "good", MARK_SAID_S)
 
     def marked_lately(self) -> tuple[int | None, bool]:
         """The frame marked last, while it is recalled; whether its details come first, once."""
@@ -356,9 +353,7 @@ class CommandOutcomes:
     def see_refusals(self, before: NightView) -> None:
         """What was accepted here and refused later is said once, where it was asked for."""
         seat = self._seat
-        if not seat.seat_name or before.folder != seat.night.folder or not before.is_read:
-            return
-        for line in seat.log_lines_after(before.seq):
+        for line in seat.log_lines_since(before):
             refused = self._refused_here(line)
             if refused in self._refused_at_once:
                 self._refused_at_once.remove(refused)

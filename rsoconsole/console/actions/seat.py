@@ -66,7 +66,6 @@ class Seat(Screen[None]):
         *,
         from_thread: Callable[..., None],
         read_only: bool = False,
-        owns_engine: bool = False,
         ask_now: Callable[[], None] = _nothing,
         on_known: Callable[[NightView, EngineView], None] = _nothing,
         seat_name: str = "",
@@ -79,7 +78,6 @@ class Seat(Screen[None]):
         self.stop_news: StopNews | None = None
         self.orders = orders
         self.read_only = read_only
-        self.owns_engine = owns_engine
         self.ask_now = ask_now
         self.on_known = on_known
         self._from_thread = from_thread
@@ -119,6 +117,11 @@ class Seat(Screen[None]):
     def log_lines_after(self, seq: int) -> list[LogLine]:
         """What has been recorded since, of the last lines."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
+
+    def log_lines_since(self, before: NightView) -> list[LogLine]:
+        """The same since a view of this night; none where it was another, or nobody acts here."""
+        is_of_night = before.is_read and before.folder == self.night.folder
+        return self.log_lines_after(before.seq) if self.seat_name and is_of_night else []
 
     def now_s(self) -> float:
         """Seconds of a clock that nobody sets."""

@@ -13,7 +13,7 @@ from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from rsoconsole.console.commands.command import BOTH, Place
 from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, DirectStop, Outcome, StopNews, Stopping, Wire
-from rsoconsole.errors import ConfigError, ControlError
+from rsoconsole.errors import ConfigError, ControlError, raised_as
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 STOPS = ("stop", "stop_by_letter")
@@ -46,10 +46,8 @@ def load_keymap(path: Path) -> dict[str, str]:
         return {}
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
-    try:
+    with raised_as(ConfigError, f"{path}: "):
         table = toml_of(text)
-    except ValueError as error:
-        raise ConfigError(f"{path}: {error}") from error
     unknown = [name for name in table if name not in BY_NAME]
     if unknown:
         raise ConfigError(

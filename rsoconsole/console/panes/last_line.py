@@ -55,18 +55,15 @@ STEP_HELP = (
     "how many squares an arrow goes: 1, 4, 16, 64 (on the main screen these keys set the step by"
     " which arrows move the mount)"
 )
+_CHANGE = (Key("↑↓", "Choose"), Key("←→", "Change"))
+_PUT_AWAY = (
+    *(Key("u", "Undo"), Key("w", "Save"), Key("o", "Load")),
+    Key("esc", "Close", is_weighty=True),
+)
 _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
-    "review tune": (
-        Key("↑↓", "Choose"),
-        Key("←→", "Change"),
-        Key("A", "All frames"),
-        Key("u", "Undo"),
-        Key("w", "Save"),
-        Key("o", "Load"),
-        Key("esc", "Close", is_weighty=True),
-    ),
+    "review tune": (*_CHANGE, Key("A", "All frames"), *_PUT_AWAY),
     "review tracks": (
         Key("↑↓", "Choose", is_weighty=True),
         Key("1", "Its plots", command="track_plots"),
@@ -86,16 +83,7 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("O", "Signs", words="the signs of the streaks, hidden meanwhile"),
         Key("esc", "Leave off", is_weighty=True),
     ),
-    "tune": (
-        Key("↑↓", "Choose"),
-        Key("←→", "Change"),
-        Key("enter", "Apply"),
-        Key("f", "For frames"),
-        Key("u", "Undo"),
-        Key("w", "Save"),
-        Key("o", "Load"),
-        Key("esc", "Close", is_weighty=True),
-    ),
+    "tune": (*_CHANGE, Key("enter", "Apply"), Key("f", "For frames"), *_PUT_AWAY),
     "tracks": (
         Key("↑↓", "Choose", is_weighty=True),
         Key("enter", "Make it the lead", is_weighty=True),

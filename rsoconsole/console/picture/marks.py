@@ -4,16 +4,13 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
-from rsoconsole.night import FrameTrack, NightFrame, is_of_streak
+from rsoconsole.night import FrameTrack, NightFrame, is_of_streak, outline_px
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import short, short_name_of
 
 OUTLINE_POINTS = 72
-SIGMAS = 3.0
 SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate is pointed at: the rest is noise."""
 
@@ -191,10 +188,6 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
     )
 
 
-def _predicted_mark(detail: NightFrame) -> Mark | None:
-    return None if detail.predicted is None else _mark_at(detail.predicted, detail, "predicted")
-
-
 def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | None:
     """A state's place with three sigma about it; None where the frame has no plate."""
     if not isinstance(detail.solution, Solution):
@@ -203,27 +196,8 @@ def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | No
     x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
     if not (math.isfinite(x_px) and math.isfinite(y_px)):
         return None
-    outline = outline_px(track, detail.solution)
+    outline = outline_px(track, detail.solution, OUTLINE_POINTS)
     return Mark(x_px=x_px, y_px=y_px, kind=kind, outline_px=outline)
-
-
-def outline_px(track: TrackState, solution: Solution) -> tuple[tuple[float, float], ...]:
-    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
-    ra, _, dec, _ = track.x
-    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
-    east_north = np.array(
-        [
-            [track.P[0][0] * cos_dec**2, track.P[0][2] * cos_dec],
-            [track.P[0][2] * cos_dec, track.P[2][2]],
-        ]
-    )
-    values, axes = np.linalg.eigh(east_north)
-    turns = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS, endpoint=False)
-    circle = np.stack([np.cos(turns), np.sin(turns)])
-    east, north = axes @ (SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
-    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
-    points = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=1)
-    return tuple((float(a), float(b)) for a, b in points[np.isfinite(points).all(axis=1)])
 
 
 def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:

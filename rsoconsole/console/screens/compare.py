@@ -1,7 +1,7 @@
 """Two moments of a night side by side, and what lies between them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from textual.app import ComposeResult
@@ -85,17 +85,13 @@ def _sky(a: Moment, b: Moment) -> list[Compared]:
     rates = [_rates(m) for m in (a, b)]
     sigmas = [_three_sigma(m) for m in (a, b)]
     grown = "" if None in sigmas else f"×{(sigmas[1] or 0) / max(sigmas[0] or 0, 1e-9):.2g}"
+    three_sigma = replace(_numbers("3σ", sigmas, angle), difference=grown)
     return [
         *_direction("pointing", points),
         *_direction("track", tracks),
         _numbers("rate α", [r and r[0] for r in rates], lambda v: f"{v:+.3f}″/s"),
         _numbers("rate δ", [r and r[1] for r in rates], lambda v: f"{v:+.3f}″/s"),
-        Compared(
-            label="3σ",
-            a=ABSENT if sigmas[0] is None else angle(sigmas[0]),
-            b=ABSENT if sigmas[1] is None else angle(sigmas[1]),
-            difference=grown,
-        ),
+        three_sigma,
     ]
 
 

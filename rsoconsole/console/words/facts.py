@@ -98,11 +98,8 @@ def fact_lines(
         }
         return _blocks(titled, width, rows)
     if rows >= GROUPS_ROWS and width >= WIDE_COLUMNS:
-        margins = _margin_items(outlook)
-        if margins:
-            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
         groups = [
-            [*place, *margins],
+            [*place, *_margin_items(outlook, "to the limits: ")],
             [*motion, *schedule, *mount, *plate],
             ahead or _margin_items(outlook),
             cycle,
@@ -112,9 +109,7 @@ def fact_lines(
     worst = [item for item in health if item[1]]
     if rows >= 3 and width >= WIDE_COLUMNS:
         # The cycle's stages are for the larger screens: what the mount may not do weighs more.
-        margins = _margin_items(outlook)[:2]
-        if margins:
-            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
+        margins = _margin_items(outlook, "to the limits: ")[:2]
         coming = [*worst, *ahead[:2], *margins] if ahead or margins else [*worst, *cycle]
         groups = [place, [*motion, *(plate if is_mounts else ()), *schedule[:1]], coming]
         return [line for group in groups for line in packed(group, width, 1)]
@@ -277,17 +272,13 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     return [*items, (moon, ""), (f"Sun {outlook.sun_altitude_deg:+.0f}°", "")]
 
 
-def _margin_items(outlook: "Outlook | None") -> list[Item]:
-    """How far each limit is from where the telescope looks."""
-    if outlook is None:
-        return []
-    return [
-        (
-            f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}",
-            "warn" if margin < NEAR_DEG else "",
-        )
-        for name, margin in outlook.margins_deg
-    ]
+def _margin_items(outlook: "Outlook | None", before: str = "") -> list[Item]:
+    """How far each limit is from where the telescope looks; ``before``: the first one's words."""
+    items: list[Item] = []
+    for name, margin in () if outlook is None else outlook.margins_deg:
+        words = f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}"
+        items.append((words if items else before + words, "warn" if margin < NEAR_DEG else ""))
+    return items
 
 
 def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:

@@ -16,7 +16,7 @@ from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.errors import SessionError, said_as
 from rsoconsole.instruments import frame_from_bytes
-from rsoconsole.pipeline import Cycle, Reduction, open_reducer
+from rsoconsole.pipeline import Cycle, Reduction, open_reducer, timed
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session import compress_frame
 from rsoconsole.tracking import Following
@@ -170,17 +170,17 @@ class _Bench:
             self.notes.append(f"not solved: {solution.reason}")
 
     def _record(self, frame: Frame, times: Times) -> None:
-        with _timed(times, "compress"):
+        with timed(times, "compress"):
             content = compress_frame(frame)
         self.compressed_bytes = len(content)
-        with _timed(times, "read back"):
+        with timed(times, "read back"):
             frame_from_bytes(content, 1, "bench.fits")
         try:
             if free_bytes(self._scratch) < SPARE_BYTES:
                 self.notes.append("the disk is nearly full: writing was not measured")
                 return
             path = self._scratch / "frame.fits"
-            with _timed(times, "disk"):
+            with timed(times, "disk"):
                 write_durably(path, content)
             path.unlink()
         except OSError as error:
@@ -208,13 +208,6 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
                 largest_ms=max(times_ms),
                 repeats=len(times_ms),
             )
-
-
-@contextmanager
-def _timed(times: Times, stage: str) -> Iterator[None]:
-    began_s = time.perf_counter()
-    yield
-    times[stage] = (time.perf_counter() - began_s) * 1e3
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0

@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
-from rsoconsole.engine.doctor import checks as doctor_calibration
-from rsoconsole.engine.doctor import checks as doctor_machine
-from rsoconsole.engine.doctor import checks as doctor_shutter
-from rsoconsole.engine.doctor import doctor_indi, doctor_system
+from rsoconsole.engine.doctor import checks, doctor_indi, doctor_system
 from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
@@ -45,12 +42,12 @@ _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
 
 def run_checks(config: Config) -> Iterator[Check]:
     """Every check, one after another, as each is done."""
-    checks: tuple[tuple[str, Callable[[Config], Check]], ...] = (
+    by_name: tuple[tuple[str, Callable[[Config], Check]], ...] = (
         ("system", lambda _: check_system()),
         ("python", check_libraries),
         ("network", check_network),
         ("camera", check_camera),
-        ("calibration", doctor_calibration.check_calibration),
+        ("calibration", checks.check_calibration),
         ("index files", check_index_files),
         ("catalogue", check_catalogue),
         ("site", check_site),
@@ -59,16 +56,16 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("mount site", check_mount_site),
         ("mount driver", check_mount_driver),
         ("clock", lambda _: check_clock()),
-        ("shutter", doctor_shutter.check_shutter),
-        ("time source", lambda _: doctor_machine.check_time_source()),
-        ("temperature", lambda _: doctor_machine.check_temperature()),
-        ("power", lambda _: doctor_machine.check_power()),
+        ("shutter", checks.check_shutter),
+        ("time source", lambda _: checks.check_time_source()),
+        ("temperature", lambda _: checks.check_temperature()),
+        ("power", lambda _: checks.check_power()),
         ("disk", check_disk),
-        ("recording medium", doctor_machine.check_medium),
+        ("recording medium", checks.check_medium),
         ("sessions folder", check_sessions_folder),
         ("terminal", lambda _: check_terminal()),
     )
-    for name, check in checks:
+    for name, check in by_name:
         try:
             found = check(config)
         except Exception as error:  # the doctor's own fault must not hide the other checks
@@ -307,11 +304,9 @@ def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.i
     """The system's clock is synchronised: a second is 15 arcsec of sky."""
     clock = clock or doctor_system.read_clock()
     if clock.is_synchronised is None:
-        return Check(
-            check="clock",
-            ok=None,
-            detail="this system does not tell whether its clock is synchronised",
-            remedy="compare it with a time server or a GPS receiver",
+        return unsure(
+            "this system does not tell whether its clock is synchronised",
+            "compare it with a time server or a GPS receiver",
         )
     parts = ["synchronised" if clock.is_synchronised else "not synchronised"]
     if clock.offset_s is not None:
@@ -323,7 +318,7 @@ def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.i
         remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
     elif abs(clock.offset_s or 0.0) > most_offset_s:
         remedy = "wait until it has settled"
-    return Check(check="clock", ok=not remedy, detail=", ".join(parts), remedy=remedy)
+    return Check(ok=not remedy, detail=", ".join(parts), remedy=remedy)
 
 
 def check_disk(config: Config) -> Check:
@@ -334,10 +329,10 @@ def check_disk(config: Config) -> Check:
     room = disk_words(free_bytes, outlook.dark_s, outlook.bytes_a_night)
     detail = f"{room}: room for {outlook.nights:.1f} nights"
     if outlook.warning is None:
-        return Check(check="disk", ok=True, detail=detail)
+        return well(detail)
     is_enough = outlook.nights >= 1.0
     soon = f"; soon: {DISK_REMEDY}" if is_enough else ""
-    return Check(check="disk", ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
+    return Check(ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
 
 
 def check_sessions_folder(config: Config) -> Check:

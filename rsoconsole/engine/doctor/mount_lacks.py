@@ -38,31 +38,28 @@ class Lack:
 
 def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
     """All that is missing, the unsafe first."""
-    found = []
-    if not abilities.can_abort:
-        follows = "STOP cannot end a slew: cut its power"
-        found.append(Lack(name="abort", what="no ABORT", follows=follows, needs_override=True))
-    if not abilities.can_set_tracking:
-        then = "it parks there" if abilities.can_park else "stay at its power switch"
-        follows = f"tracking cannot be ended at a limit: {then}"
-        is_unsafe = not abilities.can_park
-        found.append(
-            Lack(
-                name="tracking",
-                what="no tracking switch",
-                follows=follows,
-                needs_override=is_unsafe,
-            )
-        )
-    if not abilities.can_park:
-        found.append(Lack(name="park", what="no park position", follows="dawn only stops it"))
-    if not abilities.has_pier_side and mount.type == "german":
-        follows = "it is computed from the hour angle"
-        found.append(Lack(name="pier side", what="no side of the pier", follows=follows))
-    if not abilities.has_site:
-        follows = "compare it with yours by hand"
-        found.append(Lack(name="site", what="no site", follows=follows))
-    if not abilities.has_time:
-        follows = "compare its clock by hand"
-        found.append(Lack(name="time", what="no time", follows=follows))
-    return tuple(found)
+    then = "it parks there" if abilities.can_park else "stay at its power switch"
+    known: tuple[tuple[bool, LackName, str, str], ...] = (
+        (abilities.can_abort, "abort", "no ABORT", "STOP cannot end a slew: cut its power"),
+        (
+            abilities.can_set_tracking,
+            "tracking",
+            "no tracking switch",
+            f"tracking cannot be ended at a limit: {then}",
+        ),
+        (abilities.can_park, "park", "no park position", "dawn only stops it"),
+        (
+            abilities.has_pier_side or mount.type != "german",
+            "pier side",
+            "no side of the pier",
+            "it is computed from the hour angle",
+        ),
+        (abilities.has_site, "site", "no site", "compare it with yours by hand"),
+        (abilities.has_time, "time", "no time", "compare its clock by hand"),
+    )
+    unsafe = {"abort"} if abilities.can_park else {"abort", "tracking"}
+    return tuple(
+        Lack(name=name, what=what, follows=follows, needs_override=name in unsafe)
+        for is_there, name, what, follows in known
+        if not is_there
+    )

@@ -152,16 +152,14 @@ def disk_outlook(
     )
 
 
-def bytes_until_dawn(
-    config: Config, now_utc_ns: int, bytes_a_frame: float | None = None
-) -> tuple[float, float]:
+def bytes_until_dawn(config: Config, now_utc_ns: int) -> tuple[float, float]:
     """(disk that what is left of this night, or the whole coming one, takes; its seconds)."""
     span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
     if span is None:
         dark_s = NIGHT_WITHOUT_DARK_S
     else:
         dark_s = (span[1] - max(span[0], now_utc_ns)) / NS_PER_S
-    return session_bytes(config, dark_s, bytes_a_frame), dark_s
+    return session_bytes(config, dark_s), dark_s
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:

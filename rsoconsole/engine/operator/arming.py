@@ -87,9 +87,8 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
         utc_offset_s, _ = _ask(mount.utc_offset_s)
         abilities, fault = _ask(mount.abilities)
         mount_fault = mount_fault or fault
-    sky, _ = (
-        (None, "") if instruments.safety_monitor is None else _ask(instruments.safety_monitor.look)
-    )
+    monitor = instruments.safety_monitor
+    sky = None if monitor is None else _ask(monitor.look)[0]
     free_bytes, disk_fault = _ask(lambda: doctor_system.free_bytes(session_folder))
     write_fault, _ = _ask(lambda: doctor_system.write_fault(session_folder))
     clock, _ = _ask(doctor_system.read_clock)
@@ -112,20 +111,21 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
 
 def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]:
     """Every check but "pointing", which needs a frame. Pure."""
-    return (
-        _clock(facts, config),
-        _of_doctor("site", _site(facts)),
-        _of_doctor("time", _time(facts)),
-        _of_doctor("sun", _sun(facts, config)),
-        _of_doctor("unparked", _unparked(facts, config)),
-        _of_doctor("abort", _ability("abort", "STOP can end a slew", facts, config)),
-        _of_doctor("tracking", _ability("tracking", "it can be ended at a limit", facts, config)),
-        _of_doctor("weather", _weather(facts, config)),
-        _of_doctor("dome", _dome(facts, config)),
-        _disk(facts, config),
-        _of_doctor("network", facts.network),
-        _of_doctor("index", facts.index),
-    )
+    found = {
+        "clock": _clock(facts, config),
+        "site": _site(facts),
+        "time": _time(facts),
+        "sun": _sun(facts, config),
+        "unparked": _unparked(facts, config),
+        "abort": _ability("abort", "STOP can end a slew", facts, config),
+        "tracking": _ability("tracking", "it can be ended at a limit", facts, config),
+        "weather": _weather(facts, config),
+        "dome": _dome(facts, config),
+        "disk": _disk(facts, config),
+        "network": facts.network,
+        "index": facts.index,
+    }
+    return tuple(_of_doctor(name, each) for name, each in found.items())
 
 
 def pointing_check(
@@ -189,11 +189,11 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
     return f"not armed. {listed}. If you answer for it: {options}"
 
 
-def _clock(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _clock(facts: ArmingFacts, config: Config) -> Check:
     """The machine's clock; with it what is known of the shutter, if anything was measured."""
-    found = _of_doctor("clock", doctor.check_clock(facts.clock, CLOCK_OFFSET_S))
+    found = doctor.check_clock(facts.clock, CLOCK_OFFSET_S)
     if facts.is_simulated:
-        found = ArmingCheck(name="clock", ok=True, detail="the simulated observatory's own")
+        found = well("the simulated observatory's own")
     if not config.exposure.calibrated:
         return found
     shutter = shutter_words(config.exposure, day_of(facts.now_utc_ns))
@@ -227,9 +227,7 @@ def _time(facts: ArmingFacts) -> Check:
 def _sun(facts: ArmingFacts, config: Config) -> Check:
     fault = sun_fault(config, facts.now_utc_ns)
     when = darkness_words(config, facts.now_utc_ns)
-    if fault:
-        return bad(fault, when)
-    return well(when)
+    return bad(fault, when) if fault else well(when)
 
 
 def _unparked(facts: ArmingFacts, config: Config) -> Check:
@@ -281,19 +279,17 @@ def _dome(facts: ArmingFacts, config: Config) -> Check:
     return well(f"{config.indi.dome} is open")
 
 
-def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
+def _disk(facts: ArmingFacts, config: Config) -> Check:
     if facts.disk_fault or facts.free_bytes is None:
-        return ArmingCheck(
-            name="disk",
-            ok=False,
-            detail=f"the session cannot be written: {facts.disk_fault or 'its disk is unknown'}",
-            remedy="give yourself the right to write there, or set session.root",
+        return bad(
+            f"the session cannot be written: {facts.disk_fault or 'its disk is unknown'}",
+            "give yourself the right to write there, or set session.root",
         )
     need_bytes, dark_s = bytes_until_dawn(config, facts.now_utc_ns)
     detail = disk_words(facts.free_bytes, dark_s, need_bytes)
     if facts.free_bytes >= need_bytes:
-        return ArmingCheck(name="disk", ok=True, detail=detail)
-    return ArmingCheck(name="disk", ok=False, detail=detail, remedy=DISK_REMEDY)
+        return well(detail)
+    return bad(detail, DISK_REMEDY)
 
 
 def _of_doctor(name: str, found: Check) -> ArmingCheck:

@@ -307,23 +307,17 @@ def decision_of(
             return on_track(command, _frame(command, folds), following, by, config)
         case TakeBack():
             return _take_back(command, folds, by)
-    made = _on_streaks(command, by, folds, following, config)
-    return with_tracks_of(made, folds.shown(made.frame_id).decision)
-
-
-def _on_streaks(
-    command: Decision, by: str, folds: Frames, following: Following, config: Config
-) -> Ruling:
-    match command:
         case Choose():
-            return _choose(_frame(command, folds), command, by, config)
+            made = _choose(_frame(command, folds), command, by, config)
         case Accept():
-            return _accept(_frame(command, folds), folds, by, config)
+            made = _accept(_frame(command, folds), folds, by, config)
         case Reject():
-            return _reject(command, folds, following, by)
+            made = _reject(command, folds, following, by)
         case MarkByHand():
-            return marked_decision(_frame(command, folds), command, by, config)
-    raise TypeError(f"{command.verb} is no word on a frame")
+            made = marked_decision(_frame(command, folds), command, by, config)
+        case _:
+            raise TypeError(f"{command.verb} is no word on a frame")
+    return with_tracks_of(made, folds.shown(made.frame_id).decision)
 
 
 def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:

@@ -164,24 +164,20 @@ def with_figures(
 def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """What a word on a frame came to that nobody followed."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
-    ruled: RuledKind = "first of a track"
-    if decision.taken is None:
-        ruled = "rejected" if decision.refused else "taken back"
-    elif any(each.kind == "initial" for each in states):
-        ruled = "second of a track"
-    elif any(each.kind == "updated" for each in states):
-        ruled = "taken by hand" if decision.taken.source == "operator" else "taken"
-    return CommandResult(kind="ruled", ruled=ruled, frame_id=decision.frame_id)
+    result = result_of(decision, ())
+    kinds = {each.kind for each in states}
+    if decision.taken is None or ("updated" in kinds and "initial" not in kinds):
+        return result
+    return replace(result, ruled="second of a track" if "initial" in kinds else "first of a track")
 
 
 def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """What a decision came to."""
-    if decision.taken is None:
-        back: RuledKind = "rejected" if decision.refused else "taken back"
-        return CommandResult(kind="ruled", ruled=back, frame_id=decision.frame_id)
+    taken, left_alone = decision.taken, 0
+    ruled: RuledKind = "rejected" if decision.refused else "taken back"
+    if taken is not None:
+        ruled = "taken by hand" if taken.source == "operator" else "taken"
+        left_alone = sum(isinstance(record, NotFollowed) for record in records)
     return CommandResult(
-        kind="ruled",
-        ruled="taken by hand" if decision.taken.source == "operator" else "taken",
-        frame_id=decision.frame_id,
-        left_alone=sum(isinstance(record, NotFollowed) for record in records),
+        kind="ruled", ruled=ruled, frame_id=decision.frame_id, left_alone=left_alone
     )

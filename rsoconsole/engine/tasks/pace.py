@@ -17,50 +17,24 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 
-TUNABLE = {
-    "detector.tau",
-    "detector.centroid",
-    "detector.map_mode",
-    "filter.preset",
-    "filter.sigma_arcsec",
-    "filter.q_arcsec2_s3",
-    "filter.q_multiplier",
-    "filter.q_ra_multiplier",
-    "filter.q_ra_rate_multiplier",
-    "filter.q_dec_multiplier",
-    "filter.q_dec_rate_multiplier",
-    "filter.r_multiplier",
-    "filter.r_ra_multiplier",
-    "filter.r_dec_multiplier",
-    "filter.max_3sigma_arcmin",
-    "filter.gate_nis",
-    "filter.max_coast_s",
-    "search.follow",
-    "search.recentre",
-    "search.pattern",
-    "orbit.guide",
-    "orbit.prior",
-    "orbit.wait_min",
-    "mount.meridian",
-    "mount.after_stop",
-    "aim.policy",
-    "aim.lead_s",
-    "aim.along_arcmin",
-    "aim.across_arcmin",
-    "exposure.exposure_s",
-    "exposure.cadence_s",
-    "leap.enabled",
-    "leap.stare_exposure_s",
-    "leap.least_rate_arcsec_s",
-    "leap.most_misses",
-    "leap.at_close",
-    "leap.learns_settle",
-    "leap.binning",
-    "leap.subframe",
-    "leap.pass_norad",
-    "leap.late_sigma_s",
-    "leap.waits",
+_BY_SECTION = {
+    "detector": ("tau", "centroid", "map_mode"),
+    "filter": (
+        *("preset", "sigma_arcsec", "q_arcsec2_s3", "q_multiplier", "q_ra_multiplier"),
+        *("q_ra_rate_multiplier", "q_dec_multiplier", "q_dec_rate_multiplier", "r_multiplier"),
+        *("r_ra_multiplier", "r_dec_multiplier", "max_3sigma_arcmin", "gate_nis", "max_coast_s"),
+    ),
+    "search": ("follow", "recentre", "pattern"),
+    "orbit": ("guide", "prior", "wait_min"),
+    "mount": ("meridian", "after_stop"),
+    "aim": ("policy", "lead_s", "along_arcmin", "across_arcmin"),
+    "exposure": ("exposure_s", "cadence_s"),
+    "leap": (
+        *("enabled", "stare_exposure_s", "least_rate_arcsec_s", "most_misses", "at_close"),
+        *("learns_settle", "binning", "subframe", "pass_norad", "late_sigma_s", "waits"),
+    ),
 }
+TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key in keys}
 """What may change while the loop runs."""
 
 

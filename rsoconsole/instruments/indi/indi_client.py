@@ -253,9 +253,9 @@ class IndiClient(ABC):
                 return without_stamp(grave[-1])
         return without_stamp(said[-1])
 
-    def reason_since(self, after: int, default: str = "no reason given") -> str:
+    def reason_since(self, after: int) -> str:
         """Why the driver did not do what it was told then, in its own words where it has any."""
-        return self.words_since(after, _LATE_WORD_S) or default
+        return self.words_since(after, _LATE_WORD_S) or "no reason given"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
         """Ask for new numbers; returns the number of the last update before."""

@@ -233,12 +233,8 @@ class IndiMount:
         """Compare the mount's site with the configured one."""
         answer = self.process.request("site", self._order_s)["site"]
         if answer is None:
-            return SiteCheck(
-                is_consistent=True,
-                distance_km=None,
-                reported=None,
-                detail="the mount does not tell its site",
-            )
+            detail = "the mount does not tell its site"
+            return SiteCheck(is_consistent=True, reported=None, detail=detail)
         reported = Site(**answer)
         distance_km = _KM_PER_DEG * separation_deg(
             site.longitude_deg, site.latitude_deg, reported.longitude_deg, reported.latitude_deg
@@ -249,9 +245,7 @@ class IndiMount:
             if is_consistent
             else f"the mount believes to stand {distance_km:.0f} km from the configured site"
         )
-        return SiteCheck(
-            is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
-        )
+        return SiteCheck(is_consistent=is_consistent, reported=reported, detail=detail)
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion; never raises, never waits, starts no process."""

@@ -84,13 +84,11 @@ class PlateSolver:
         self,
         index_dirs: Sequence[Path] = (),
         *,
-        catalogue: StarCatalogue | None = None,
         start_s: float = WaitsConfig().process_s,
     ) -> None:
         """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
 
-        ``catalogue`` holds the stars plates are fitted to where it covers the field; None: the
-        shipped belt. Elsewhere the rest of the shipped stars is read when first needed.
+        Outside the belt of shipped stars the rest of them is read when first needed.
         ``start_s``: how long its process is waited for. Raises SolverError when there is no usable
         index file at all.
         """
@@ -98,7 +96,7 @@ class PlateSolver:
         if not any(file.is_healthy for file in self._files):
             faults = "; ".join(f"{f.path.name} {f.fault}" for f in self._files)
             raise SolverError(f"no usable index files ({faults or 'none found'}): {_INSTALL}")
-        self._catalogue = StarCatalogue.load() if catalogue is None else catalogue
+        self._catalogue = StarCatalogue.load()
         self._index_stars: FloatArray | None = None
         """RA, Dec of the last field where the catalogue did not suffice."""
         self._request_ids = itertools.count(1)

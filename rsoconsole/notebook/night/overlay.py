@@ -4,20 +4,16 @@ In pixels of the whole frame, whatever size the picture is shown at.
 """
 
 import math
-from collections.abc import Iterable
 
-import numpy as np
-
-from rsoconsole.night import NightFrame, is_of_streak
+from rsoconsole.night import NightFrame, is_of_streak, outline_px
 from rsoconsole.notebook.night.svg import AMBER, GREEN, RED, text
-from rsoconsole.records import Detection, Measurement, NotSolved, Solution, TrackState
+from rsoconsole.records import Detection, Measurement, NotSolved, Solution
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import counted, parts_of, short_name_of
 
 _MARGIN = 0.012
 """Of the frame's width: room between a streak and its box."""
 _POINTS = 48
-_SIGMAS = 3.0
 
 
 def overlay_svg(frame: NightFrame) -> str:
@@ -99,25 +95,10 @@ def _expected(frame: NightFrame, frame_width: int) -> str:
         return ""
     r = _MARGIN * frame_width
     style = f'fill="none" stroke="{GREEN}" stroke-width="1.2" vector-effect="non-scaling-stroke"'
-    outline = " ".join(f"{a:.0f},{b:.0f}" for a, b in _outline_px(track, solution))
+    outline = " ".join(f"{a:.0f},{b:.0f}" for a, b in outline_px(track, solution, _POINTS))
     return (
         f'<path d="M{x - r:.0f} {y:.0f}H{x + r:.0f}M{x:.0f} {y - r:.0f}V{y + r:.0f}" {style}>'
         "<title>expected here</title></path>"
         f'<polygon points="{outline}" {style} stroke-dasharray="2 2">'
         "<title>expected within 3 σ</title></polygon>"
     )
-
-
-def _outline_px(track: TrackState, solution: Solution) -> Iterable[tuple[float, float]]:
-    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
-    ra, _, dec, _ = track.x
-    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
-    cross = track.P[0][2] * cos_dec
-    sky = np.array([[track.P[0][0] * cos_dec**2, cross], [cross, track.P[2][2]]])
-    values, axes = np.linalg.eigh(sky)
-    turns = np.linspace(0.0, 2.0 * np.pi, _POINTS, endpoint=False)
-    circle = np.stack([np.cos(turns), np.sin(turns)])
-    east, north = axes @ (_SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
-    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
-    pairs = zip(np.asarray(x, float), np.asarray(y, float), strict=True)
-    return [(float(a), float(b)) for a, b in pairs if math.isfinite(a) and math.isfinite(b)]

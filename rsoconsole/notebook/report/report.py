@@ -104,12 +104,7 @@ def field_facts(records: Iterable[Record]) -> FieldFacts:
     return FieldFacts(
         pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
         unseen=tuple(
-            UnseenFacts(
-                looks=count,
-                of_looks=looks,
-                lit=lit,
-                last=member,
-            )
+            UnseenFacts(looks=count, of_looks=looks, lit=lit, last=member)
             for _, (count, lit, member) in sorted(
                 unseen.items(), key=lambda item: (-item[1][0], item[0])
             )
@@ -119,11 +114,7 @@ def field_facts(records: Iterable[Record]) -> FieldFacts:
 
 def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
     if before is not None and before.nearest_arcsec <= now.separation_arcsec:
-        return PairFacts(
-            last=now,
-            nearest_arcsec=before.nearest_arcsec,
-            nearest_utc_ns=before.nearest_utc_ns,
-        )
+        return replace(before, last=now)
     return PairFacts(last=now, nearest_arcsec=now.separation_arcsec, nearest_utc_ns=now.t_utc_ns)
 
 

@@ -13,7 +13,7 @@ from rsoconsole.night import NightFrame
 from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_track
 from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
 from rsoconsole.notebook.night.night import DrawnNight
-from rsoconsole.records import FrameTaken, Solution
+from rsoconsole.records import Solution
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import clock
@@ -106,26 +106,19 @@ def shown_frames(
     """The chosen frames of a night with their marks. Raises SessionError."""
     frames = {frame.frame_id: frame for frame in night.frames}
     missed = [number for number, frame in frames.items() if frame.missed is not None]
-    reader = SessionReader(session)
-    sizes: dict[int, tuple[int, int]] = {}
-    plates: dict[int, Solution] = {}
-    for _, _, record in reader.records(kinds=(FrameTaken, Solution)):
-        if isinstance(record, FrameTaken):
-            sizes[record.frame_id] = (record.width_px, record.height_px)
-        elif isinstance(record, Solution):
-            plates[record.frame_id] = record
     taken = {row.frame_id: row for row in rows if row.is_taken and not row.is_superseded}
     shown = []
     for picture in pictures(session, chosen_frames(list(frames), missed)):
-        number = picture.frame_id
-        frame, size, row = frames[number], sizes[number], taken.get(number)
+        frame, row = frames[picture.frame_id], taken.get(picture.frame_id)
+        assert frame.taken is not None
+        size = frame.taken.width_px, frame.taken.height_px
         shown.append(
             ShownFrame(
                 picture=picture,
                 caption=_caption(frame, row),
                 is_missed=frame.missed is not None,
                 taken=None if row is None else _per_cent(row.x_px, row.y_px, size),
-                predicted=_predicted(frame, plates.get(number), size),
+                predicted=_predicted(frame, size),
             )
         )
     return shown
@@ -138,10 +131,9 @@ def _caption(frame: NightFrame, row: MeasuredRow | None) -> str:
     return words if row is None else f"{words} · {row.confidence:.2f}"
 
 
-def _predicted(
-    frame: NightFrame, plate: Solution | None, size: tuple[int, int]
-) -> tuple[float, float] | None:
-    if frame.predicted is None or plate is None:
+def _predicted(frame: NightFrame, size: tuple[int, int]) -> tuple[float, float] | None:
+    plate = frame.solution
+    if frame.predicted is None or not isinstance(plate, Solution):
         return None
     x_px, y_px = sky_to_pixel(plate.wcs, frame.predicted.x[0], frame.predicted.x[2])
     return _per_cent(float(x_px), float(y_px), size)

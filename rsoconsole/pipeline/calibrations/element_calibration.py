@@ -9,7 +9,7 @@ from typing import Any
 
 from rsoconsole.config import CatalogueConfig, MeasuredErrors
 from rsoconsole.errors import OrbitError
-from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
+from rsoconsole.foreign_text import json_of, named_text
 from rsoconsole.orbits import (
     ERROR_REGIMES,
     SURE_NAMED,
@@ -83,12 +83,7 @@ def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
 
     Raises OrbitError where it is no such file.
     """
-    try:
-        text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
-    except FileNotFoundError as error:
-        raise OrbitError(f"{path} does not exist: name {_SHAPE}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrbitError(f"{path} cannot be read: {error}") from error
+    text = named_text(path, OrbitError, f"name {_SHAPE}")
     sessions: dict[str, None] = {}
     tracks = 0
     rows: list[ElementRow] = []

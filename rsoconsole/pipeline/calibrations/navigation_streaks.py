@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Config
+from rsoconsole.night import frames_of
 from rsoconsole.orbits import NavigationSatellite
 from rsoconsole.pipeline.frame.measurement import shutter_time
 from rsoconsole.records import (
@@ -89,26 +90,21 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
     config = reader.config()
     about = reader.about()
     offset = about.get("clock_offset_s")
-    taken: dict[int, FrameTaken] = {}
     streaks: dict[str, Streak] = {}
-    found: dict[str, Detection] = {}
-    for _, _, record in reader.records(kinds=(FrameTaken, Detections, Measurement)):
-        if isinstance(record, FrameTaken):
-            taken[record.frame_id] = record
-        elif isinstance(record, Detections):
-            for number, detection in enumerate(record.detections):
-                found[measurement_id_of(record.frame_id, number)] = detection
-        elif isinstance(record, Measurement) and record.frame_id in taken:
-            frame = taken[record.frame_id]
-            if _is_whole(record, frame):
-                east, both, north = record.cov_sky_arcsec2
-                streaks[record.measurement_id] = Streak(
-                    measurement=record,
-                    taken=frame,
+    kinds = (FrameTaken, Detections, Measurement)
+    for frame in frames_of(record for _, _, record in reader.records(kinds=kinds)):
+        taken = frame.taken
+        found = {measurement_id_of(frame.frame_id, n): each for n, each in enumerate(frame.found)}
+        for each in frame.measurements:
+            if taken is not None and _is_whole(each, taken):
+                east, both, north = each.cov_sky_arcsec2
+                streaks[each.measurement_id] = Streak(
+                    measurement=each,
+                    taken=taken,
                     session=session,
                     covariance=np.array([[east, both], [both, north]]),
-                    time_sigma_s=shutter_time(frame, config.exposure).sigma_s,
-                    light=_light_along(record, found.get(record.measurement_id)),
+                    time_sigma_s=shutter_time(taken, config.exposure).sigma_s,
+                    light=_light_along(each, found.get(each.measurement_id)),
                 )
     return NightStreaks(
         folder=Path(folder),

@@ -43,7 +43,7 @@ fewer above the magnitude of completeness in the widest field."""
 
 
 def catalogue_stars(
-    frame: Frame, solution: Solution, catalogue: StarCatalogue | None, most: int
+    frame: Frame, solution: Solution, most: int, catalogue: StarCatalogue | None = None
 ) -> tuple[FloatArray, FloatArray] | None:
     """Places in pixels (n, 2) and magnitudes of a frame's brightest catalogue stars.
 
@@ -79,9 +79,9 @@ class KnownStars:
     complete_adu: float
 
     @classmethod
-    def of(cls, here: SolvedField, catalogue: StarCatalogue | None) -> "KnownStars | None":
+    def of(cls, here: SolvedField, catalogue: StarCatalogue | None = None) -> "KnownStars | None":
         """None where the field is too wide, or too few of its stars are in the catalogue."""
-        known = catalogue_stars(here.frame, here.solution, catalogue, _MOST_STARS)
+        known = catalogue_stars(here.frame, here.solution, _MOST_STARS, catalogue)
         if known is None:
             return None
         places, magnitude = known
@@ -135,9 +135,7 @@ _NOTHING = Word()
 class FixedLight:
     """Knows the last solved frame, whose pixels it holds until the next one."""
 
-    def __init__(self, catalogue: StarCatalogue | None = None) -> None:
-        """``catalogue``: None for the shipped stars."""
-        self._catalogue = catalogue
+    def __init__(self) -> None:
         self._before: SolvedField | None = None
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
@@ -154,7 +152,7 @@ class FixedLight:
         )
         before, self._before = self._before, here
         asked = _worth_a_look(analysis)
-        return _after(here, analysis, lambda: words_of(here, before, asked, self._catalogue))
+        return _after(here, analysis, lambda: words_of(here, before, asked))
 
 
 class RecordedComparison:
@@ -208,14 +206,11 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
 
 
 def words_of(
-    here: SolvedField,
-    before: SolvedField | None,
-    streaks: list[Detection],
-    catalogue: StarCatalogue | None = None,
+    here: SolvedField, before: SolvedField | None, streaks: list[Detection]
 ) -> dict[Detection, Word]:
     """What earlier frame and catalogue say of a frame's streaks; nothing of those left out. Pure.
 
-    Without streaks nothing is looked up. ``catalogue``: None for the shipped stars.
+    Without streaks nothing is looked up.
     """
     if not streaks or here.stars.trail is not None:
         return {}
@@ -224,16 +219,16 @@ def words_of(
     if back is not None:
         words = {each: word for each in streaks if (word := back.word(each)) is not None}
     left = [each for each in streaks if each not in words]
-    known = _known_stars(here, catalogue) if left else None
+    known = _known_stars(here) if left else None
     if known is not None:
         words |= {each: word for each in left if (word := known.word(each)) is not None}
     return words
 
 
-def _known_stars(here: SolvedField, catalogue: StarCatalogue | None) -> KnownStars | None:
+def _known_stars(here: SolvedField) -> KnownStars | None:
     """None, too, where the catalogue cannot be read: what the frame before says stands."""
     try:
-        return KnownStars.of(here, catalogue)
+        return KnownStars.of(here)
     except RsoconsoleError as error:
         log.warning(
             "frame %d: its streaks are held against no star: %s", here.frame.frame_id, error

@@ -23,7 +23,6 @@ from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.plate import Part, PlateFinder, middle_of
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
-from rsoconsole.sky import StarCatalogue
 from rsoconsole.vision import (
     FEWEST_MATCHED,
     ConfidenceCurve,
@@ -53,9 +52,7 @@ _BRIGHTEST, _MOST_STARS = slice(80), 600
 class ZeroPoint:
     """Compares the stars of solved frames with the catalogue's magnitudes."""
 
-    def __init__(self, catalogue: StarCatalogue | None = None) -> None:
-        """``catalogue``: None for the shipped stars, read when they are first needed."""
-        self._catalogue = catalogue
+    def __init__(self) -> None:
         self._is_broken = False
 
     def of(
@@ -73,7 +70,7 @@ class ZeroPoint:
         assert isinstance(solution, Solution)
         assert frame.exposure_s is not None
         try:
-            known = catalogue_stars(frame, solution, self._catalogue, _MOST_STARS)
+            known = catalogue_stars(frame, solution, _MOST_STARS)
         except RsoconsoleError as error:
             log.warning("no zero points: %s", error)
             self._is_broken = True
@@ -196,7 +193,7 @@ class FrameReducer:
         whose frame cannot be solved makes no measurement: the mount's word never poses as one.
         """
         stage_ms: dict[str, float] = {}
-        with _timed(stage_ms, "detect"):
+        with timed(stage_ms, "detect"):
             even, noted = self._calibration.prepare(frame)
             analysis = self._detector.analyse(even)
         found = analysis.detections
@@ -205,11 +202,11 @@ class FrameReducer:
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None
         if found.detections or frame.pointing_ra_icrs_deg is not None:
-            with _timed(stage_ms, "solve"):
+            with timed(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
         if isinstance(solution, Solution):
-            with _timed(stage_ms, "compare"):
+            with timed(stage_ms, "compare"):
                 found = self._comparison.compared(even, analysis, solution)
             measurements = measured(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
@@ -257,7 +254,8 @@ def plain_absence(
 
 
 @contextmanager
-def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+def timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+    """What is done within takes so long."""
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rsoconsole.element_sources import ElementStore, is_store
 from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
+from rsoconsole.foreign_text import named_text
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.session import SessionReader
 from rsoconsole.words import NAME_ELEMENTS, NS_PER_DAY
@@ -103,10 +103,4 @@ def _of_folder(folder: Path) -> tuple[CatalogueEntry, ...]:
 
 
 def _of_file(path: Path) -> tuple[CatalogueEntry, ...]:
-    try:
-        text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
-    except FileNotFoundError as error:
-        raise OrbitError(f"{path} does not exist: {NAME_ELEMENTS}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrbitError(f"{path} cannot be read: {error}") from error
-    return parse_catalogue(text, str(path))
+    return parse_catalogue(named_text(path, OrbitError, NAME_ELEMENTS), str(path))

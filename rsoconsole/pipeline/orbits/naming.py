@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from rsoconsole.config import Config
@@ -184,14 +184,4 @@ def _with_past(name: Identified, past: LedgerName | None) -> Identified:
 
 
 def _match(match: Match) -> CatalogueMatch:
-    return CatalogueMatch(
-        norad_id=match.norad_id,
-        name=match.name,
-        separation_arcsec=match.separation_arcsec,
-        along_track_s=match.along_track_s,
-        cross_track_arcsec=match.cross_track_arcsec,
-        rate_difference_percent=match.rate_difference_percent,
-        tle_age_days=match.tle_age_days,
-        score=match.score,
-        probability=match.probability,
-    )
+    return CatalogueMatch(**{f.name: getattr(match, f.name) for f in fields(CatalogueMatch)})

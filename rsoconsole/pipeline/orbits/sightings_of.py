@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
+from rsoconsole.errors import OrbitError, SessionError, raised_as
+from rsoconsole.foreign_text import json_of, named_text
 from rsoconsole.orbits import Sightings, sightings, together
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
@@ -218,14 +218,9 @@ def _tracks(reader: SessionReader) -> tuple[list[Track], Exposures]:
 
 
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
+    text = named_text(path, OrbitError, "name a session's folder or a file of observations")
     try:
-        read = json_of(read_foreign(path, most_bytes=MOST_DATA_BYTES))
-    except FileNotFoundError as error:
-        raise OrbitError(
-            f"{path} does not exist: name a session's folder or a file of observations"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrbitError(f"{path} cannot be read: {error}") from error
+        read = json_of(text)
     except ValueError as error:
         raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
     if not isinstance(read, dict):
@@ -259,12 +254,10 @@ def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, 
     """Time, RA, Dec and the sigmas east and north, arcsec."""
     if not isinstance(row, list) or not 3 <= len(row) <= 5:
         raise OrbitError(f"{where}: [time, RA, Dec] in degrees is needed, then sigmas in arcsec")
-    try:
+    with raised_as(OrbitError, f"{where}: ", (TypeError, ValueError)):
         t_utc_ns = iso_to_utc_ns(row[0])
         ra, dec = _number(row[1], 360.0), _number(row[2], 90.0)
         sigmas = [_number(each, 3600.0) for each in row[3:]] or [sigma_arcsec]
-    except (TypeError, ValueError) as error:
-        raise OrbitError(f"{where}: {error}") from error
     if min(sigmas) <= 0.0:
         raise OrbitError(f"{where}: a sigma must be above 0")
     return t_utc_ns, ra % 360.0, dec, sigmas[0], sigmas[-1]

@@ -162,7 +162,6 @@ def replay(
     config: Config,
     *,
     changes: Mapping[str, float | str] | None = None,
-    reduce_again: ReduceAgain | None = None,
 ) -> Iterator[ReplayedFrame]:
     """Every frame that the session folded, in order, each as soon as its records are complete.
 
@@ -170,12 +169,12 @@ def replay(
     beginning; recorded changes are made as they come. ``changes``: settings by dotted name that
     hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
     out candidates by their recorded confidence, a tried header latency moves all instants;
-    everything else that made the measurements is taken as it was, unless ``reduce_again`` makes
-    them again. Where the telescope looked is never another than recorded.
+    everything else that made the measurements is taken as it was. Where the telescope looked is
+    never another than recorded.
 
     Raises ConfigError for a setting that there is not, or a value that it cannot have.
     """
-    walk = Walk.begin(config, changes, reduce_again)
+    walk = Walk.begin(config, changes)
     for record in records:
         yield from _folded(walk.receive(record))
     yield from _folded(walk.close())

@@ -14,6 +14,7 @@ from pathlib import Path
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments import PlateSolver, header_start, read_frame
+from rsoconsole.night import NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
@@ -141,29 +142,21 @@ def recorded_frame(
     are made to either. Raises SessionError where the session has no such frame, or where its
     configuration is needed and not one that this version knows.
     """
-    taken: FrameTaken | None = None
-    detections: Detections | None = None
-    solution: Solution | NotSolved | None = None
-    measurements: list[Measurement] = []
-    seq_of_frame = 0
     kinds = (FrameTaken, Detections, Solution, NotSolved, Measurement)
-    for seq, _, record in reader.records(kinds=kinds, frame_id=frame_id):
-        match record:
-            case FrameTaken():
-                taken, seq_of_frame = record, seq
-            case Detections():
-                detections, seq_of_frame = record, seq
-            case Solution() | NotSolved():
-                solution = record
-            case Measurement():
-                measurements.append(record)
-    if taken is None:
+    log = list(reader.records(kinds=kinds, frame_id=frame_id))
+    frame = NightFrames().take_all(record for _, _, record in log).of(frame_id)
+    if frame.taken is None:
         raise SessionError(f"{reader.folder} holds no frame {frame_id}")
+    seq_of_frame = max(seq for seq, _, record in log if isinstance(record, FrameTaken | Detections))
     path = reader.frame_path(frame_id)
     sha256 = reader.about().get("model_sha256")
     return RecordedFrame(
-        taken=taken,
-        seen=Seen(detections=detections, solution=solution, measurements=tuple(measurements)),
+        taken=frame.taken,
+        seen=Seen(
+            detections=frame.detections,
+            solution=frame.solution,
+            measurements=frame.measurements,
+        ),
         config=_in_force(reader, config or reader.config(), seq_of_frame),
         path=path,
         not_kept_because="" if path else reader.not_kept_because(frame_id) or UNWRITTEN,

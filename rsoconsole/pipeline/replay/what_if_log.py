@@ -70,7 +70,7 @@ class RerunCounts:
 
 
 class Rerun:
-    """Calls itself for each frame of a replay (``replay``'s ``reduce_again``)."""
+    """Calls itself for each frame of a replay (``Walk``'s ``reduce_again``)."""
 
     def __init__(
         self,

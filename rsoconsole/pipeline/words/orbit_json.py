@@ -1,5 +1,6 @@
 """What the verbs orbit and identify print as JSON: an interface others script against."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,13 @@ _ELEMENTS = ("a_km", "e", "i_deg", "raan_deg", "argp_deg", "m_deg")
 _UNKNOWN = (
     *("prior", "epoch_utc", "r_gcrs_km", "v_gcrs_km_s", "covariance", *_ELEMENTS),
     *("period_s", "sigma_a_km", "sigmas", "rms_arcsec", "outliers", "rivals"),
+)
+_OF_CANDIDATE = ("norad_id", "name", "probability", "separation_arcsec")
+_OF_MATCH = (
+    *("norad_id", "name", "separation_arcsec", "cross_track_arcsec", "along_track_s"),
+    *("along_track_arcsec", "rate_difference_percent", "rate_direction_deg", "tle_age_days"),
+    *("score", "probability", "is_within_gate", "regime"),
+    *("sigma_along_arcsec", "sigma_cross_arcsec"),
 )
 
 
@@ -91,15 +99,7 @@ def named_track_report(number: int, found: Identification, seen: Sightings) -> d
         "object_name": None if best is None else best.name,
         "probability": None if best is None else best.probability,
         "separation_arcsec": None if best is None else best.separation_arcsec,
-        "candidates": [
-            {
-                "norad_id": each.norad_id,
-                "name": each.name,
-                "probability": each.probability,
-                "separation_arcsec": each.separation_arcsec,
-            }
-            for each in candidates
-        ],
+        "candidates": [_values(each, _OF_CANDIDATE) for each in candidates],
         "not_catalogued": found.not_catalogued,
         "named_with": found.named_with,
         "directions": len(seen),
@@ -188,21 +188,9 @@ def _part_report(part: Part) -> dict[str, Any]:
 
 
 def _match_report(match: Match) -> dict[str, Any]:
-    return {
-        "norad_id": match.norad_id,
-        "name": match.name,
-        "separation_arcsec": match.separation_arcsec,
-        "cross_track_arcsec": match.cross_track_arcsec,
-        "along_track_s": match.along_track_s,
-        "along_track_arcsec": match.along_track_arcsec,
-        "rate_difference_percent": match.rate_difference_percent,
-        "rate_direction_deg": match.rate_direction_deg,
-        "tle_age_days": match.tle_age_days,
-        "tle_epoch_utc": utc_ns_to_iso(match.tle_epoch_utc_ns),
-        "score": match.score,
-        "probability": match.probability,
-        "is_within_gate": match.is_within_gate,
-        "regime": match.regime,
-        "sigma_along_arcsec": match.sigma_along_arcsec,
-        "sigma_cross_arcsec": match.sigma_cross_arcsec,
-    }
+    return {**_values(match, _OF_MATCH), "tle_epoch_utc": utc_ns_to_iso(match.tle_epoch_utc_ns)}
+
+
+def _values(record: object, names: Sequence[str]) -> dict[str, Any]:
+    """What a record has under these names, each its own key."""
+    return {name: getattr(record, name) for name in names}

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsoconsole.instruments import EXTENSION_KEY
+from rsoconsole.night import predicted_sigma_arcsec
 from rsoconsole.pipeline.batch.batch_pool import Processed
 from rsoconsole.pipeline.frame.hints import WrongHint
 from rsoconsole.pipeline.frame.reduce import Reduction
@@ -24,11 +25,17 @@ from rsoconsole.sky import wcs_cards
 from rsoconsole.tracking import Following
 from rsoconsole.words import text, utc_ns_to_iso
 
+_OF_DETECTION = (
+    *("confidence", "snr", "kind", "class_probability", "train", "modulation_period_px"),
+    *("modulation_period_s", "modulation_depth"),
+    *("angle_deg", "sigma_angle_deg", "sigma_across_px"),
+)
+"""Keys that are the detection's own."""
+
 
 def detection_report(detection: Detection) -> dict[str, Any]:
     """One candidate streak."""
     return {
-        "confidence": detection.confidence,
         "x": detection.x_px,
         "y": detection.y_px,
         "x_a": detection.x_a_px,
@@ -38,18 +45,9 @@ def detection_report(detection: Detection) -> dict[str, Any]:
         "box": list(detection.box_px),
         "length": detection.length_px,
         "width": detection.width_px,
-        "snr": detection.snr,
         "clipped": detection.is_clipped,
-        "kind": detection.kind,
         "class": detection.object_class,
-        "class_probability": detection.class_probability,
-        "train": detection.train,
-        "modulation_period_px": detection.modulation_period_px,
-        "modulation_period_s": detection.modulation_period_s,
-        "modulation_depth": detection.modulation_depth,
-        "angle_deg": detection.angle_deg,
-        "sigma_angle_deg": detection.sigma_angle_deg,
-        "sigma_across_px": detection.sigma_across_px,
+        **{name: getattr(detection, name) for name in _OF_DETECTION},
     }
 
 
@@ -145,13 +143,13 @@ def measurement_report(measurement: Measurement) -> dict[str, Any]:
 
 def prediction_report(track: TrackState) -> dict[str, Any]:
     """Where the filter expected the object in this frame."""
-    cos_dec = math.cos(math.radians(track.x[2]))
+    east_arcsec, north_arcsec = predicted_sigma_arcsec(track)
     return {
         "t_utc": utc_ns_to_iso(track.t_utc_ns),
         "ra": track.x[0] % 360.0,
         "dec": track.x[2],
-        "sigma_ra_arcsec": math.sqrt(track.P[0][0]) * cos_dec * 3600.0,
-        "sigma_dec_arcsec": math.sqrt(track.P[2][2]) * 3600.0,
+        "sigma_ra_arcsec": east_arcsec,
+        "sigma_dec_arcsec": north_arcsec,
     }
 
 

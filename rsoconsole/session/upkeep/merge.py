@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.errors import SessionError
+from rsoconsole.errors import SessionError, raised_as
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.files.digest import (
     LogDigest,
@@ -105,23 +105,19 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
             if page_faults(connection):
                 raise SessionError(f"the database of {reader.folder} is damaged")
     _expect_sound_digest(target)
-    try:
+    with raised_as(SessionError, f"{session} does not take it: ", (sqlite3.Error, OSError)):
         records, files = _insert(source, session / DATABASE)
         leave_wal(session / DATABASE, LEAVE_WAL_S)
         _expect_all(source, SessionReader(session))
         details: dict[str, Any] = {"rescue": str(rescue), "records": records, "files": files}
         add_note(session, "merge", now_utc_ns, details)
-    except (sqlite3.Error, OSError) as error:
-        raise SessionError(f"{session} does not take it: {error}") from error
     remove_folder(rescue)
     return Merged(rescue=rescue, session=session, records=records, files=files)
 
 
 def _target(session: Path) -> SessionReader:
-    try:
+    with raised_as(SessionError, "its session is gone or cannot be read: ", SessionError):
         return SessionReader(session)
-    except SessionError as error:
-        raise SessionError(f"its session is gone or cannot be read: {error}") from error
 
 
 def _expect_sound_digest(target: SessionReader) -> None:

@@ -184,7 +184,6 @@ class LogWriter:
         path: Path,
         faults: Faults,
         connect: Callable[[Path], sqlite3.Connection],
-        commit_s: float = COMMIT_S,
         *,
         rescue: Rescue | None = None,
     ) -> None:
@@ -202,7 +201,6 @@ class LogWriter:
         """What was committed last: some of it may be lost with the log."""
         self._faults = faults
         self._connect = connect
-        self._commit_s = commit_s
         self._waiting: deque[_Entry] = deque()
         self._unwritten: deque[Statement] = deque()
         self._lock = threading.Lock()
@@ -279,7 +277,7 @@ class LogWriter:
 
     def _run(self) -> None:
         while True:
-            self._wake.wait(self._commit_s)
+            self._wake.wait(COMMIT_S)
             self._wake.clear()
             with self._lock:
                 is_last_round = self._is_closing
