@@ -31,7 +31,7 @@ from rsoconsole.instruments import read_frame
 from rsoconsole.night import NightFrame
 from rsoconsole.pipeline import HELD, Reprocessed, Reprocessor, recorded_frame
 from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
-from rsoconsole.pipeline.replay import reprocess
+from rsoconsole.pipeline.replays import reprocess
 from rsoconsole.session import SessionReader
 from rsoconsole.vision import Network
 from tests.console.test_graphics import kitty_pictures

@@ -25,7 +25,7 @@ from rsoconsole.engine import TUNABLE
 from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import what_if
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session import decode, encode
 from tests.rigs.engine_rig import rig

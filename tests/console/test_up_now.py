@@ -161,7 +161,7 @@ def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypa
     def broken(*_: object) -> None:
         raise ZeroDivisionError("no such night")
 
-    monkeypatch.setattr("rsoconsole.pipeline.outlook.passes.up_now", broken)
+    monkeypatch.setattr("rsoconsole.pipeline.visibility.passes.up_now", broken)
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})

@@ -9,7 +9,7 @@ from rsoconsole.engine.aim.states import ClockSet, LimitMet, Marked
 from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, NS
-from rsoconsole.pipeline.replay.refold import Walk
+from rsoconsole.pipeline.replays.refold import Walk
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session import decode, encode
 from rsoconsole.words import text

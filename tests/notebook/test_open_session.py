@@ -18,7 +18,7 @@ from rsoconsole.notebook.card import card_text, strip_svg
 from rsoconsole.notebook.figures.figures import NightPlots
 from rsoconsole.notebook.session import open_session
 from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.session.log import schema

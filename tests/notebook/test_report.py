@@ -17,7 +17,7 @@ from rsoconsole.notebook import render_report
 from rsoconsole.notebook.night.night import read_night
 from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.reasons import Cause, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session import SessionReader

@@ -15,7 +15,7 @@ from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TracksTaken
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
 from rsoconsole.session import decode, encode

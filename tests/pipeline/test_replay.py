@@ -10,7 +10,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded, frames_of
 from rsoconsole.pipeline import ReplayedFrame, replay
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
     Detection,

@@ -13,7 +13,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError, FrameError, ModelError, SessionError, SolverError
 from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline import RecordedFrame, Reprocessor, compare, read_pixels, recorded_frame
-from rsoconsole.pipeline.replay import reprocess
+from rsoconsole.pipeline.replays import reprocess
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
 from rsoconsole.session import SessionReader, compress_frame

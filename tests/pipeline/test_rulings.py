@@ -12,7 +12,7 @@ from rsoconsole.night import Night, as_recorded
 from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,

@@ -9,7 +9,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import Reduction, replay
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, TrackState
 from rsoconsole.session import decode, encode
 from rsoconsole.tracking import Following, follow

@@ -9,7 +9,7 @@ from rsoconsole.night import as_recorded
 from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.replay.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Miss,

@@ -24,8 +24,8 @@ from rsoconsole.pipeline import (
     save_branch,
     what_if_session,
 )
-from rsoconsole.pipeline.replay import branches as branches_module
-from rsoconsole.pipeline.replay.what_if_log import figures_of, rewritten_log
+from rsoconsole.pipeline.replays import branches as branches_module
+from rsoconsole.pipeline.replays.what_if_log import figures_of, rewritten_log
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -293,7 +293,7 @@ def test_the_operators_word_has_its_frames_followed_again_in_the_retold_night(se
 def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list[tuple[int, Any]]:
     """The log to two frames after one, and the operator's refusal of that one."""
     from rsoconsole.pipeline.cycle.decisions import on_record_again
-    from rsoconsole.pipeline.replay.refold import Walk
+    from rsoconsole.pipeline.replays.refold import Walk
 
     until = next(
         n for n, (_, record) in enumerate(log) if getattr(record, "frame_id", 0) == frame_id + 3

@@ -24,8 +24,8 @@ from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionEr
 from rsoconsole.night import TrackFigures
 from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, share_out
 from rsoconsole.pipeline.frame.reduce import open_reducer
-from rsoconsole.pipeline.replay.branches import check_name, save_branch
-from rsoconsole.pipeline.replay.what_if_log import RerunCounts, what_if_session
+from rsoconsole.pipeline.replays.branches import check_name, save_branch
+from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
 from rsoconsole.session import DATABASE, BatchRecording, SessionReader, put_in_place
 from rsoconsole.vision import Network

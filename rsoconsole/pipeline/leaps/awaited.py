@@ -22,7 +22,7 @@ from rsoconsole.orbits import (
     StreakEnds,
 )
 from rsoconsole.pipeline.leaps.leaps import Leap, NoLeap, Telescope, next_leap
-from rsoconsole.pipeline.outlook.passes import night_passes
+from rsoconsole.pipeline.visibility.passes import night_passes
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     LIT_SHARE,

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig
 from rsoconsole.orbits import KnownOrbit, predict
-from rsoconsole.pipeline.outlook.passes import margin_deg
+from rsoconsole.pipeline.visibility.passes import margin_deg
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, astrometric_places, icrs_to_altaz, lit_fraction
 from rsoconsole.words import NS_PER_S

@@ -16,7 +16,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline.frame.measurement import usual_sigma_s
-from rsoconsole.pipeline.replay.refold import replay
+from rsoconsole.pipeline.replays.refold import replay
 from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry, Proposal
 from rsoconsole.pipeline.tuning.propose_likelihood import Arc, arcs_of
 from rsoconsole.records import TrackState

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.pipeline.replay.refold import ReplayedFrame
-from rsoconsole.pipeline.replay.what_if_log import once_each
+from rsoconsole.pipeline.replays.refold import ReplayedFrame
+from rsoconsole.pipeline.replays.what_if_log import once_each
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking.filters import lqe
 

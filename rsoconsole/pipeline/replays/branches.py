@@ -17,7 +17,7 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError, raised_as
-from rsoconsole.pipeline.replay.what_if_log import WhatIf, rewritten_log
+from rsoconsole.pipeline.replays.what_if_log import WhatIf, rewritten_log
 from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, put_in_place
 
 BRANCHES = "branches"

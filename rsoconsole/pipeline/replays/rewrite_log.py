@@ -13,7 +13,7 @@ from rsoconsole.config import Config
 from rsoconsole.night import FOLDED, is_from_outside
 from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike
 from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.replay.refold import LookedAt, Part, ReplayedFrame, Walk
+from rsoconsole.pipeline.replays.refold import LookedAt, Part, ReplayedFrame, Walk
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     BesideRecord,

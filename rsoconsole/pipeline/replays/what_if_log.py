@@ -16,8 +16,8 @@ from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
 from rsoconsole.pipeline.frame.measurement import measured, numbered_like
 from rsoconsole.pipeline.frame.plate import Part
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
-from rsoconsole.pipeline.replay.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk, replay
-from rsoconsole.pipeline.replay.rewrite_log import LogRewriter
+from rsoconsole.pipeline.replays.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk, replay
+from rsoconsole.pipeline.replays.rewrite_log import LogRewriter
 from rsoconsole.records import Frame, FrameTaken, NotSolved, Record, Solution
 from rsoconsole.session import SessionReader
 from rsoconsole.vision import ConfidenceCurve, Network, StarList

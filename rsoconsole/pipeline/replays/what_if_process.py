@@ -35,7 +35,7 @@ MOST_KEPT = 60_000
 """Records that are kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
 """Added to its niceness: it stands behind an engine that observes on the same computer."""
-_MODULE = "rsoconsole.pipeline.replay.what_if_process"
+_MODULE = "rsoconsole.pipeline.replays.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +179,7 @@ class WhatIfProcess:
 
 def main(socket_fd: int) -> None:
     """Answer one question after the other until the parent's end of the socket closes."""
-    from rsoconsole.pipeline.replay.what_if_log import what_if
+    from rsoconsole.pipeline.replays.what_if_log import what_if
     from rsoconsole.tracking.filters import estimator
 
     os.nice(STEP_BACK)

@@ -20,7 +20,7 @@ from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Plate
-from rsoconsole.pipeline.replay.what_if_log import RecordedPlate, as_recorded
+from rsoconsole.pipeline.replays.what_if_log import RecordedPlate, as_recorded
 from rsoconsole.records import (
     Detection,
     Detections,
