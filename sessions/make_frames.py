@@ -16,8 +16,7 @@ from astropy.io import fits
 
 from rsoconsole.cli.demo.demo import config_in, demo_config
 from rsoconsole.cli.demo.demo_night import Night, run_night
-from rsoconsole.simulator.nights import scenario_named
-from rsoconsole.simulator.world import world_from
+from rsoconsole.simulator import scenario_named, world_from
 
 FRAMES = Path(__file__).parent / "frames"
 SCENARIO, SEED = "intelsat-14", 119

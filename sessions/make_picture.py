@@ -33,7 +33,7 @@ async def taken(frames: int, session: Path) -> str:
     from rsoconsole.cli.demo.demo_night import Night, NightProcess
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.control import ControlClient, Shutdown
-    from rsoconsole.simulator.nights import scenario_named
+    from rsoconsole.simulator import scenario_named
 
     scenario = scenario_named("intelsat-14")
     config = demo_config(scenario.site, preset="tuned", keep_frames="none")

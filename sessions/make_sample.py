@@ -35,12 +35,11 @@ from rsoconsole.control import (
     Sender,
     Set,
 )
-from rsoconsole.engine.loop import Engine
-from rsoconsole.pipeline.frame import Reduction
-from rsoconsole.session.files import add_note
-from rsoconsole.session.reading import SessionReader
-from rsoconsole.simulator.nights import elements_path, scenario_named
-from rsoconsole.simulator.world import world_from
+from rsoconsole.engine import Engine
+from rsoconsole.pipeline import Reduction
+from rsoconsole.session import SessionReader
+from rsoconsole.session.files.upkeep_log import add_note
+from rsoconsole.simulator import elements_path, scenario_named, world_from
 
 SAMPLE = Path(__file__).parent / "intelsat-14"
 SCENARIO = "intelsat-14"
