@@ -145,7 +145,7 @@ class PlainMount:
         self.lease = (lease_s, track_until_utc_ns)
 
     def check_site(self, site: Site) -> SiteCheck:
-        return SiteCheck(is_consistent=True, distance_km=0.0, reported=site, detail="agrees")
+        return SiteCheck(is_consistent=True, reported=site, detail="agrees")
 
     def utc_offset_s(self) -> float | None:
         return 0.0

@@ -250,7 +250,7 @@ def test_what_a_cut_log_has_left_is_repaired_once_and_stays_the_same(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # It was written by this very process, which lives.
-    monkeypatch.setattr("rsoconsole.session.upkeep.merge.is_written", lambda _about: False)
+    monkeypatch.setattr("rsoconsole.session.upkeep.repair.is_written", lambda _about: False)
     half = len(written.wal) // 2
     folder = written.with_wal(tmp_path / "cut", written.wal[:half] + b"garbage")
     assert repair_session(folder, NOW_UTC_NS).folded

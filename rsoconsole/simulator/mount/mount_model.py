@@ -68,7 +68,6 @@ class MountUnrest:
 
 
 SIDEREAL_DEG_S = 360.98564736629 / 86400.0
-MAX_RATE_DEG_S, ACCELERATION_DEG_S2 = 4.0, 2.0
 _KEPT_MOTIONS = 64
 _PATH_STEPS = 401
 
@@ -79,6 +78,8 @@ PierSide = Literal["east", "west"]
 class MountTraits:
     """How this mount moves and how wrong it points; about 0.1 deg in all."""
 
+    max_rate_deg_s: float = 4.0
+    acceleration_deg_s2: float = 2.0
     settle_amplitude_arcsec: float = 20.0
     settle_tau_s: float = 0.35
     """After 1.5 s some 0.3 arcsec of the swing are left."""
@@ -125,33 +126,30 @@ class _Motion:
     random_north_deg: float = 0.0
     swing_deg: float = 0.0
 
-    @property
-    def duration_s(self) -> float:
-        """How long the slower axis takes."""
-        return max(travel_s(self.travel_primary_deg), travel_s(self.travel_secondary_deg))
 
-
-def travel_s(distance_deg: float) -> float:
+def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: float) -> float:
     """How long an axis takes for a distance with a trapezoidal rate."""
     distance = abs(distance_deg)
-    if distance < MAX_RATE_DEG_S**2 / ACCELERATION_DEG_S2:
-        return 2.0 * sqrt(distance / ACCELERATION_DEG_S2)
-    return distance / MAX_RATE_DEG_S + MAX_RATE_DEG_S / ACCELERATION_DEG_S2
+    if distance < max_rate_deg_s**2 / acceleration_deg_s2:
+        return 2.0 * sqrt(distance / acceleration_deg_s2)
+    return distance / max_rate_deg_s + max_rate_deg_s / acceleration_deg_s2
 
 
-def travelled_deg(distance_deg: float, elapsed_s: float) -> float:
+def travelled_deg(
+    distance_deg: float, elapsed_s: float, max_rate_deg_s: float, acceleration_deg_s2: float
+) -> float:
     """How far along a signed distance an axis is after ``elapsed_s``."""
-    total_s = travel_s(distance_deg)
+    total_s = travel_s(distance_deg, max_rate_deg_s, acceleration_deg_s2)
     if elapsed_s >= total_s:
         return distance_deg
-    ramp_s = min(MAX_RATE_DEG_S / ACCELERATION_DEG_S2, total_s / 2.0)
+    ramp_s = min(max_rate_deg_s / acceleration_deg_s2, total_s / 2.0)
     left_s = total_s - elapsed_s
     if elapsed_s < ramp_s:
-        done = ACCELERATION_DEG_S2 * elapsed_s**2 / 2.0
+        done = acceleration_deg_s2 * elapsed_s**2 / 2.0
     elif left_s < ramp_s:
-        done = abs(distance_deg) - ACCELERATION_DEG_S2 * left_s**2 / 2.0
+        done = abs(distance_deg) - acceleration_deg_s2 * left_s**2 / 2.0
     else:
-        done = ACCELERATION_DEG_S2 * ramp_s * (elapsed_s - ramp_s / 2.0)
+        done = acceleration_deg_s2 * ramp_s * (elapsed_s - ramp_s / 2.0)
     return done if distance_deg >= 0 else -done
 
 
@@ -218,7 +216,8 @@ class MountModel:
 
     def abort(self, t_utc_ns: int) -> None:
         """End a slew here and now; tracking stays as it was."""
-        if self.instant(t_utc_ns).is_slewing:
+        now = self.instant(t_utc_ns)
+        if now.is_slewing:
             self._rest(t_utc_ns, is_tracking=self._motion_at(t_utc_ns).is_tracking)
 
     def set_tracking(self, is_on: bool, t_utc_ns: int) -> None:
@@ -234,8 +233,10 @@ class MountModel:
     def instant(self, t_utc_ns: int) -> MountInstant:
         """What the mount believes at an instant not before the kept past."""
         motion = self._motion_at(t_utc_ns)
-        ra_deg, dec_deg, side = _direction(*self._axes_at(motion, t_utc_ns))
-        is_slewing = self._since_arrival_s(motion, t_utc_ns) < 0.0
+        elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
+        primary_deg, secondary_deg = self._axes_at(motion, elapsed_s)
+        ra_deg, dec_deg, side = _direction(primary_deg, secondary_deg)
+        is_slewing = elapsed_s < self._duration_s(motion)
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
         return MountInstant(
             t_utc_ns=t_utc_ns,
@@ -257,7 +258,7 @@ class MountModel:
         )
         east_deg += motion.random_east_deg
         north_deg += motion.random_north_deg
-        since_arrival_s = self._since_arrival_s(motion, t_utc_ns)
+        since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
         if motion.swing_deg and since_arrival_s >= 0:
             swing_deg = motion.swing_deg * exp(-since_arrival_s / self.traits.settle_tau_s)
             east_deg += swing_deg * cos(2 * pi * 1.3 * since_arrival_s)
@@ -271,7 +272,7 @@ class MountModel:
     def unrest_deg(self, t_utc_ns: int) -> tuple[float, float]:
         """East and north of where it would look if it kept still once it has arrived."""
         motion = self._motion_at(t_utc_ns)
-        since_arrival_s = self._since_arrival_s(motion, t_utc_ns)
+        since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
         sign = 1.0 if abs(motion.secondary_deg) <= 90.0 else -1.0
         way_deg = (motion.travel_primary_deg, sign * motion.travel_secondary_deg)
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
@@ -284,7 +285,7 @@ class MountModel:
 
     def _go(self, ra_date_deg: float, dec_date_deg: float, side: PierSide, t_utc_ns: int) -> float:
         motion = self._motion_at(t_utc_ns)
-        primary_deg, secondary_deg = self._axes_at(motion, t_utc_ns)
+        primary_deg, secondary_deg = self._axes_at(motion, (t_utc_ns - motion.t0_utc_ns) / NS)
         to_primary_deg, to_secondary_deg = self._axes(ra_date_deg, dec_date_deg, side)
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
         # The polar axis turns with the counterweight low, never through the upper half.
@@ -304,11 +305,11 @@ class MountModel:
             swing_deg=self.traits.settle_amplitude_arcsec / 3600.0 * min(1.0, distance_deg),
         )
         self._add(motion)
-        return motion.duration_s
+        return self._duration_s(motion)
 
     def _rest(self, t_utc_ns: int, *, is_tracking: bool) -> None:
         motion = self._motion_at(t_utc_ns)
-        primary_deg, secondary_deg = self._axes_at(motion, t_utc_ns)
+        primary_deg, secondary_deg = self._axes_at(motion, (t_utc_ns - motion.t0_utc_ns) / NS)
         self._add(
             _Motion(
                 t_utc_ns,
@@ -331,16 +332,24 @@ class MountModel:
                 return motion
         return self._motions[0]
 
-    def _since_arrival_s(self, motion: _Motion, t_utc_ns: int) -> float:
-        """Negative while it slews."""
-        return (t_utc_ns - motion.t0_utc_ns) / NS - motion.duration_s
+    def _duration_s(self, motion: _Motion) -> float:
+        rate, acceleration = self.traits.max_rate_deg_s, self.traits.acceleration_deg_s2
+        return max(
+            travel_s(motion.travel_primary_deg, rate, acceleration),
+            travel_s(motion.travel_secondary_deg, rate, acceleration),
+        )
 
-    def _axes_at(self, motion: _Motion, t_utc_ns: int) -> tuple[float, float]:
-        elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
-        primary_deg = motion.primary_deg + travelled_deg(motion.travel_primary_deg, elapsed_s)
-        secondary_deg = motion.secondary_deg + travelled_deg(motion.travel_secondary_deg, elapsed_s)
+    def _axes_at(self, motion: _Motion, elapsed_s: float) -> tuple[float, float]:
+        rate, acceleration = self.traits.max_rate_deg_s, self.traits.acceleration_deg_s2
+        primary_deg = motion.primary_deg + travelled_deg(
+            motion.travel_primary_deg, elapsed_s, rate, acceleration
+        )
+        secondary_deg = motion.secondary_deg + travelled_deg(
+            motion.travel_secondary_deg, elapsed_s, rate, acceleration
+        )
+        standing_s = max(0.0, elapsed_s - self._duration_s(motion))
         if not motion.tracks_on_arrival:
-            primary_deg += SIDEREAL_DEG_S * max(0.0, elapsed_s - motion.duration_s)
+            primary_deg += SIDEREAL_DEG_S * standing_s
         return primary_deg, secondary_deg
 
     def _axes(self, ra_deg: float, dec_deg: float, side: PierSide) -> tuple[float, float]:
