@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName, PairMotion, UnseenMember
-from rsoconsole.words.angles import plus_minus
+from rsoconsole.words.angles import angle, plus_minus
 from rsoconsole.words.times import NS_PER_S, Clock, age, clock, span
 
 
@@ -90,11 +90,8 @@ def identity(found: Identified | None) -> str:
 
 
 def off_words(match: CatalogueMatch) -> str:
-    """How far beside its elements what was seen is: 3.1″, 12″, 2′, 1.7°."""
-    off = match.separation_arcsec
-    if off < 100.0:
-        return f"{off:.{0 if off >= 10.0 else 1}f}″"
-    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"
+    """How far beside its elements what was seen is: 0.45″, 3.1″, 4.2′."""
+    return angle(match.separation_arcsec, "cell")
 
 
 def match_words(match: CatalogueMatch) -> list[str]:

@@ -1,6 +1,7 @@
 """The short words for machine and instruments: each follows what was read."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +15,7 @@ from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.engine.service import machine_watch as health
 from rsoconsole.engine.service.machine_watch import HealthMeter, MachineState
 from rsoconsole.instruments import ClockFault, MountReport
+from rsoconsole.instruments.motion import Motion
 from tests.makers import NS, T0_UTC_NS
 
 
@@ -37,8 +39,8 @@ class StandingClock:
     is_steady = True
 
 
-def report(age_s: float = 1.0, **other: bool) -> MountReport:
-    values = {"is_slewing": False, "is_tracking": True, "is_parked": False} | other
+def report(age_s: float = 1.0, **other: Any) -> MountReport:
+    values: dict[str, Any] = {"is_slewing": False, "is_tracking": True, "is_parked": False} | other
     return MountReport(
         t_utc_ns=T0_UTC_NS - round(age_s * NS),
         ra_icrs_deg=10.0,
@@ -68,7 +70,9 @@ def seen(**machine: object) -> MachineState:
     ("of", "said"),
     [
         (None, (False, "has not been heard of")),
-        (report(), (True, "tracking")),
+        (report(), (True, "tracks")),
+        (report(motion=Motion(kind="stands")), (True, "stands")),
+        (report(motion=Motion(kind="moves")), (True, "moves")),
         (report(is_slewing=True), (True, "slewing")),
         (report(is_parked=True, is_tracking=False), (True, "parked")),
         (report(is_tracking=False), (True, "stands")),

@@ -377,7 +377,7 @@ def _process_words(found: dict[str, Any]) -> str:
     else:
         words.append(direction(measurement["ra"], measurement["dec"], "bare"))
         words.append(
-            f'±{measurement["sigma_ra_arcsec"]:.1f}" ±{measurement["sigma_dec_arcsec"]:.1f}"'
+            f"±{measurement['sigma_ra_arcsec']:.1f}″ ±{measurement['sigma_dec_arcsec']:.1f}″"
         )
         words.append(f"confidence {measurement['confidence']:.2f}")
     if found["nis"] is not None:

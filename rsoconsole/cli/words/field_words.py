@@ -40,14 +40,14 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
     for each in report["movers"]:
         head = (
             f"  mover {each['mover']}: in {len(each['places'])} frames,"
-            f' {each["rate_arcsec_s"]:.2f}"/s towards {each["position_angle_deg"]:.1f} deg'
+            f" {each['rate_arcsec_s']:.2f}″/s towards {each['position_angle_deg']:.1f} deg"
         )
         yield f"{head}; {_identified_as(each)}"
         yield from _matches(each)
         for place in each["places"]:
             clock = place["t_utc"][11:23]
             where = direction(place["ra"], place["dec"], "bare")
-            yield f'    {clock}  {where}  ±{place["sigma_arcsec"]:.1f}"  {place["frame"]}'
+            yield f"    {clock}  {where}  ±{place['sigma_arcsec']:.1f}″  {place['frame']}"
 
 
 def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
@@ -93,7 +93,7 @@ def _unseen_lines(each: dict[str, Any]) -> Iterator[str]:
         f"    {_called(each)}: {each['unseen_because']}; {chance(each['chance'])} to have crossed"
     )
     yield (
-        f'      {each["rate_arcsec_s"]:.1f}"/s, {each["range_km"]:,.0f} km, sought'
+        f"      {each['rate_arcsec_s']:.1f}″/s, {each['range_km']:,.0f} km, sought"
         f" ±{each['gate_along_s']:.0f} s along and ±{each['gate_across_arcmin']:.1f}' across;"
         f" elements {age(each['tle_age_days'])}"
     )

@@ -85,7 +85,7 @@ def _wrapped(text: str) -> list[str]:
 def _data_words(report: dict[str, Any]) -> str:
     words = [f"{report['observations']} directions over {span(report['arc_s'], 'line')}"]
     if report["rms_arcsec"] is not None:
-        words.append(f'rms {report["rms_arcsec"]:.2f}"')
+        words.append(f"rms {report['rms_arcsec']:.2f}″")
     if report["outliers"]:
         words.append(f"{report['outliers']} left out as outliers")
     if report["prior"] not in (None, "none"):

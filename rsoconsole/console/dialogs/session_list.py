@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.dialogs.up_list import ListDialog
+from rsoconsole.console.dialogs.list_dialog import ListDialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.control import one_line

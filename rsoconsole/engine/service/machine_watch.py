@@ -186,7 +186,9 @@ class HealthMeter:
         if silent_s > SILENT_S:
             return Health(name="mount", ok=False, text=f"silent for {silent_s:.0f} s")
         word = "parked" if report.is_parked else "slewing" if report.is_slewing else ""
-        word = word or ("tracking" if report.is_tracking else "stands")
+        claimed = "tracks" if report.is_tracking else "stands"
+        measured = report.motion.kind
+        word = word or (claimed if measured == "unknown" else measured)
         return Health(name="mount", ok=True, text=word)
 
     def _read_clock(self) -> Health:

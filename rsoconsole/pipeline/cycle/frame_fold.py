@@ -188,7 +188,7 @@ class Rivals:
 
 def _fared(scores: Sequence[Score]) -> str:
     width = fmean(each.width_arcsec for each in scores)
-    return f'±{width:.1f}", NIS {fmean(each.nis for each in scores):.1f}'
+    return f"±{width:.1f}″, NIS {fmean(each.nis for each in scores):.1f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -187,7 +187,6 @@ def _row(track: TrackNow) -> str:
         name = f"{name[: NAME_COLUMNS - 1]}…"
     state = state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
-    age = "-" if track.age_s is None else span(track.age_s)
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
     age = "-" if track.age_s is None else span(track.age_s)
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]

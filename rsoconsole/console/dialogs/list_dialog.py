@@ -1,0 +1,118 @@
+"""A list with a field over it: what is typed leaves some of its rows, and one of them is chosen."""
+
+import threading
+from typing import ClassVar, Generic, TypeVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.widgets import Input
+
+from rsoconsole.console.dialogs.dialogs import Dialog, Result, Send
+from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.panes.panes import LinesPane
+from rsoconsole.console.words.words import first_shown
+
+Row = TypeVar("Row")
+
+
+class ListDialog(Dialog[Result], Generic[Result, Row]):
+    """Looks for its rows on a thread: a slow disk or a large catalogue keeps nobody."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "choose(-1)", show=False),
+        Binding("down", "choose(1)", show=False),
+        Binding("pageup", "choose(-10)", show=False),
+        Binding("pagedown", "choose(10)", show=False),
+    ]
+    DEFAULT_CSS = """
+    ListDialog > Vertical {
+        width: 100; max-width: 100%; height: 80%; min-height: 10; max-height: 100%;
+        background: $surface; border: solid $primary; padding: 0 1;
+    }
+    ListDialog LinesPane { height: 1fr; }
+    """
+    LISTED: ClassVar[str]
+    KEYS: ClassVar[str]
+    TO_TYPE: ClassVar[str]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._at = 0
+
+    def compose(self) -> ComposeResult:
+        """A field to type in, and the list."""
+        with Vertical() as box:
+            box.border_title = self.LISTED
+            box.border_subtitle = self.KEYS
+            yield Input(placeholder=self.TO_TYPE, id="wanted", compact=True)
+            yield LinesPane(id="rows")
+
+    def on_mount(self) -> None:
+        """Begin to look."""
+        self.query_one(Input).focus()
+        self.show()
+        name, arguments = f"console {self.LISTED}", (self.poster(),)
+        threading.Thread(target=self.look, args=arguments, name=name, daemon=True).start()
+
+    def look(self, send: Send) -> None:
+        """Find the rows (on the thread)."""
+        raise NotImplementedError
+
+    @property
+    def shown(self) -> list[Row]:
+        """Those that what was typed leaves."""
+        raise NotImplementedError
+
+    def result_of(self, row: Row) -> Result:
+        """What choosing that one gives."""
+        raise NotImplementedError
+
+    def lines(self, width: int, height: int) -> list[Line]:
+        """As much of the list as there is room for, or why there is none."""
+        raise NotImplementedError
+
+    def show(self) -> None:
+        """Draw the list."""
+        self.query_one("#rows", LinesPane).show(self.lines)
+
+    def take_typed(self, typed: str) -> None:
+        """Enter, where no row is left."""
+        _ = typed
+        self.app.bell()
+
+    def take_click(self, number: int) -> None:
+        """The mouse, on that row or where it would be: it only chooses."""
+        self.choose(number)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Other ones are left."""
+        event.stop()
+        self._at = 0
+        self.show()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take the chosen one."""
+        event.stop()
+        shown = self.shown
+        if shown:
+            self.dismiss(self.result_of(shown[min(self._at, len(shown) - 1)]))
+        else:
+            self.take_typed(event.value)
+
+    def on_click(self, event: events.Click) -> None:
+        """By the mouse."""
+        rows = self.query_one("#rows", LinesPane)
+        if event.widget is rows and event.y:
+            room = max(rows.size.height - 1, 1)
+            self.take_click(first_shown(self._at, len(self.shown), room) + event.y - 1)
+
+    def action_choose(self, by: int) -> None:
+        """One further up or down."""
+        self.choose(self._at + by)
+
+    def choose(self, number: int) -> None:
+        """That row, or the last one before it."""
+        self._at = min(max(number, 0), max(len(self.shown) - 1, 0))
+        self.show()
