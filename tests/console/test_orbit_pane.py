@@ -130,7 +130,7 @@ def test_name_elements_and_places_ahead_are_told_at_every_agreed_size(size) -> N
         "98%",
         "3.1″ off",
         "then SES 10 (42432)",
-        "12′ off",
+        "12.0′ off",
         "a 42165±9 km",
         "e .00030±.00002",
         "i .052±.003°",
