@@ -93,7 +93,7 @@ def test_a_name_that_is_no_news_is_told_once() -> None:
         (
             identified_of(9),
             "good",
-            "identified: INTELSAT 14 (36097), 3.1″ off; then SES 10 at 12′",
+            "identified: INTELSAT 14 (36097), 3.1″ off; then SES 10 at 12.0′",
         ),
         (
             identified_of(9, matches=(replace(BEST, name=""),)),
