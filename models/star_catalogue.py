@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import SolverError
+from rsoconsole.base import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import (
     DEC_STEP_DEG,

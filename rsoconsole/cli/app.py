@@ -11,6 +11,7 @@ import platformdirs
 import typer
 
 from rsoconsole import __version__
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.cli.demo import demo
 from rsoconsole.cli.recorded import (
     calibrate_elements,
@@ -38,7 +39,6 @@ from rsoconsole.cli.words.usage import (
 )
 from rsoconsole.config import APP, environment_warnings
 from rsoconsole.control import one_line
-from rsoconsole.errors import RsoconsoleError
 
 log = logging.getLogger(APP)
 COMPLETE = f"_{APP.upper()}_COMPLETE"

@@ -7,7 +7,7 @@ from typer.main import get_command
 from rsoconsole.cli.app import app
 from rsoconsole.cli.words.manual import manual_page
 
-PAGE = Path(__file__).resolve().parents[1] / "guide" / "rsoconsole.1"
+PAGE = Path(__file__).resolve().parent / "guide" / "rsoconsole.1"
 
 
 def text() -> str:

@@ -16,6 +16,7 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Comment, Item, Key, Table, Whitespace
 
+from rsoconsole.base import ConfigError, plain_fault, read_foreign, said_as, toml_of, write_durably
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import (
     Config,
@@ -26,10 +27,6 @@ from rsoconsole.config.settings import (
     sections_of,
     walk,
 )
-from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ConfigError, said_as
-from rsoconsole.fault_text import plain_fault
-from rsoconsole.foreign_text import read_foreign, toml_of
 
 Origin = Literal["default", "file", "environment", "command line"]
 _MAY_BE_SECRET = (

@@ -13,8 +13,8 @@ from pydantic import (
     model_validator,
 )
 
+from rsoconsole.base import INDI_PORT
 from rsoconsole.config.source_names import home_path
-from rsoconsole.indi_port import INDI_PORT
 from rsoconsole.records import Site
 
 TimeSource = Literal["header", "gps"]

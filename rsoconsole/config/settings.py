@@ -21,6 +21,7 @@ from pydantic import (
     ValidationError,
 )
 
+from rsoconsole.base import ConfigError, nearest, plain_fault, read_foreign, said_as, toml_of
 from rsoconsole.config.alerts import AlertsConfig
 from rsoconsole.config.night import (
     AimConfig,
@@ -44,9 +45,6 @@ from rsoconsole.config.observatory import (
     SiteConfig,
     WaitsConfig,
 )
-from rsoconsole.errors import ConfigError, said_as
-from rsoconsole.fault_text import nearest, plain_fault
-from rsoconsole.foreign_text import read_foreign, toml_of
 
 PREFIX, BETWEEN = "RSOCONSOLE_", "__"
 OTHERS = (

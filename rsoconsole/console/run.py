@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsoconsole.base import ControlError, RsoconsoleError
 from rsoconsole.config import Config, Graphics, default_config_path, load_config, state_dir
 from rsoconsole.control import AskStatus, ControlClient, Sender, default_socket_path, engine_pid
-from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session import SessionReader
 
 if TYPE_CHECKING:

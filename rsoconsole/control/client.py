@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from rsoconsole.base import ControlError
 from rsoconsole.control.command import Command
 from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.record_lock import (
@@ -19,7 +20,6 @@ from rsoconsole.control.record_lock import (
 )
 from rsoconsole.control.status import Status, read_status
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_outcome, receive_line
-from rsoconsole.errors import ControlError
 
 STILL_STOPS = "'rsoconsole stop' works without it"
 

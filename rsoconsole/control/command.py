@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field
 from typing import Any, ClassVar, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from rsoconsole.fault_text import NOT_FINITE
+from rsoconsole.base import NOT_FINITE
 
 LARGEST_WHOLE = 2**53
 """Above it a whole number is not kept exactly by everything that reads JSON."""

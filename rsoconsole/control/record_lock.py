@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from rsoconsole.base import ControlError
 from rsoconsole.config import IndiConfig, runtime_dir, state_dir
-from rsoconsole.errors import ControlError
 
 _FLOCK = "hhqqi"
 """struct flock of 64-bit Linux: type, whence, start, length, process."""

@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from rsoconsole.base import ControlError
 from rsoconsole.control.commands import Stop
 from rsoconsole.control.record_lock import EngineLock, RecordLock, address_of, remove_socket
 from rsoconsole.control.wire import (
@@ -28,7 +29,6 @@ from rsoconsole.control.wire import (
     is_same_user,
     read_request,
 )
-from rsoconsole.errors import ControlError
 
 KEEP_S = 0.5
 """How often socket and locks are looked after."""

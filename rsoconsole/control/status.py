@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control.fields import as_json, read_record
-from rsoconsole.reasons import StopOutcome
-from rsoconsole.records import PairMotion, UnseenMember
+from rsoconsole.records import PairMotion, StopOutcome, UnseenMember
 from rsoconsole.words import measured_text, ordered_text
 
 SCHEMA = 1

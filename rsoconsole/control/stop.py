@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import AskStatus, Stop
-from rsoconsole.errors import RsoconsoleError
-from rsoconsole.reasons import StopOutcome
+from rsoconsole.records import StopOutcome
 from rsoconsole.words import (
     CUT_POWER,
     STOP_PATHS,

@@ -13,10 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from rsoconsole.base import ControlError, json_of
 from rsoconsole.control.command import Command, command_of, takes_anything
-from rsoconsole.errors import ControlError
-from rsoconsole.foreign_text import json_of
-from rsoconsole.reasons import CommandResult
+from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "

@@ -1,3 +1,6 @@
+from .alerts.services import call as call
+from .alerts.services import send_within as send_within
+from .alerts.services import services_of as services_of
 from .doctor.bench import STAGES as STAGES
 from .doctor.bench import judge as judge
 from .doctor.bench import measure as measure

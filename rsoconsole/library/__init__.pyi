@@ -1,3 +1,12 @@
+from .formats.api import ExportOptions as ExportOptions
+from .formats.api import export as export
+from .formats.api import render as render
+from .formats.api import save_text as save_text
+from .formats.api import write_file as write_file
+from .formats.observed import ReadAs as ReadAs
+from .formats.observed import read_observations as read_observations
+from .formats.solved_fits import parse_numbers as parse_numbers
+from .formats.target import Target as Target
 from .frames import detect as detect
 from .frames import solve as solve
 from .identifying import Identification as Identification
@@ -5,6 +14,12 @@ from .identifying import identify as identify
 from .known_orbit import Orbit as Orbit
 from .known_orbit import orbit as orbit
 from .measuring import measure as measure
+from .notebook.figures.figures import write_figures as write_figures
+from .notebook.live import live_panel as live_panel
+from .notebook.panel.panel import LivePanel as LivePanel
+from .notebook.report.report import render_report as render_report
+from .notebook.session import Session as Session
+from .notebook.session import open_session as open_session
 from .plate import PlateWCS as PlateWCS
 from .tracking import Track as Track
 from .tracking import Tracks as Tracks

@@ -20,9 +20,9 @@ from typing import (
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import FrameError, InputError, NotSolvedError
+from rsoconsole.base import FrameError, InputError, NotSolvedError
 from rsoconsole.instruments import frame_from_array, frame_from_bytes, read_frames
-from rsoconsole.library.given import (
+from rsoconsole.library._given import (
     ConfigLike,
     Instant,
     Number,

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, Unpack, ov
 
 import numpy as np
 
+from rsoconsole.base import InputError, OrbitError
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.errors import InputError, OrbitError
-from rsoconsole.library.given import ConfigLike, Number, Place, config_of, number
+from rsoconsole.library._given import ConfigLike, Number, Place, config_of, number
+from rsoconsole.library._observations import TableLike
+from rsoconsole.library._observed import Asked, Observations, groups_of
 from rsoconsole.library.known_orbit import Orbit
-from rsoconsole.library.observations import TableLike
-from rsoconsole.library.observed import Asked, Observations, groups_of
+from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track, Tracks
 from rsoconsole.night import NightTrack
-from rsoconsole.notebook import Session
 from rsoconsole.orbits import CatalogueEntry, Sightings, identify_jointly, parse_catalogue
 from rsoconsole.orbits import Identification as Found
 from rsoconsole.pipeline import (

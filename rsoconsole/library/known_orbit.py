@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rsoconsole.errors import InputError, OrbitError
-from rsoconsole.library.given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
-from rsoconsole.library.observed import Asked, Observations, groups_of
+from rsoconsole.base import InputError, OrbitError
+from rsoconsole.library._given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
+from rsoconsole.library._observed import Asked, Observations, groups_of
 from rsoconsole.orbits import ANALYST_NUMBERS, PriorName, Sightings, omm, period_s, predict
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (

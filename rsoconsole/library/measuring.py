@@ -4,9 +4,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from rsoconsole.errors import FrameError
-from rsoconsole.library.frames import Frames, frame_facts, opened
-from rsoconsole.library.given import (
+from rsoconsole.base import FrameError
+from rsoconsole.library._given import (
     ConfigLike,
     Instant,
     Number,
@@ -17,7 +16,8 @@ from rsoconsole.library.given import (
     site_of,
     table_of,
 )
-from rsoconsole.library.observations import META, sigmas_of
+from rsoconsole.library._observations import META, sigmas_of
+from rsoconsole.library.frames import Frames, frame_facts, opened
 from rsoconsole.pipeline import Reduction, open_reducer, taken_record
 from rsoconsole.records import Column, Frame, Measurement, NotSolved, Record, Solution
 from rsoconsole.session import encode

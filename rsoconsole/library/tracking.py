@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rsoconsole.base import InputError, SessionError
 from rsoconsole.config import Config, SiteConfig
-from rsoconsole.errors import InputError, SessionError
-from rsoconsole.library.given import (
+from rsoconsole.library._given import (
     ConfigLike,
     Number,
     Place,
@@ -17,8 +17,7 @@ from rsoconsole.library.given import (
     number,
     table_of,
 )
-from rsoconsole.library.measuring import SIGMAS
-from rsoconsole.library.observations import (
+from rsoconsole.library._observations import (
     META,
     Directions,
     TableLike,
@@ -29,6 +28,7 @@ from rsoconsole.library.observations import (
     plain_column,
     sigmas_of,
 )
+from rsoconsole.library.measuring import SIGMAS
 from rsoconsole.night import NightTrack, frames_of, tracks_of
 from rsoconsole.pipeline import Orbits, Shown, StarHistory, fold, shutter_mid_utc_ns
 from rsoconsole.records import (

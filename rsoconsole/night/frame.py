@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rsoconsole.reasons import CLOUD, Cause, Reason
 from rsoconsole.records import (
+    CLOUD,
+    Cause,
     Closeup,
     Detection,
     Detections,
@@ -20,6 +21,7 @@ from rsoconsole.records import (
     NotFollowed,
     NotSolved,
     OrbitEstimate,
+    Reason,
     Record,
     Ruling,
     Solution,

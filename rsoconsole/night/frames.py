@@ -7,8 +7,8 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.control import BeginMark
 from rsoconsole.night.frame import FrameFold, FrameTrack, NightFrame
-from rsoconsole.reasons import FROM_OUTSIDE
 from rsoconsole.records import (
+    FROM_OUTSIDE,
     Closeup,
     CycleTiming,
     Detections,

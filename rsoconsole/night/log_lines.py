@@ -20,12 +20,16 @@ from rsoconsole.control import (
     counted,
     one_line,
 )
-from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed
 from rsoconsole.records import (
+    DONE,
+    Cause,
+    CauseKind,
+    CommandResult,
     Detections,
     Event,
     Identified,
     Miss,
+    Missed,
     NotFollowed,
     NotSolved,
     OperatorAction,

@@ -8,7 +8,6 @@ from typing import Any
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.night.quality import Quality, quality_of, updates_of
-from rsoconsole.reasons import Reason
 from rsoconsole.records import (
     SUPERSEDED,
     TABLES,
@@ -17,6 +16,7 @@ from rsoconsole.records import (
     Identified,
     Measurement,
     OrbitEstimate,
+    Reason,
     Table,
     TrackState,
     member,

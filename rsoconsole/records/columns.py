@@ -2,8 +2,9 @@
 
 Declared once: the SQL of the views (``session/log/schema.py``), the notebook's tables, and the
 documentation (``python -m rsoconsole.records.columns sessions/README.md``; a test holds it to this)
-are made of it. Exported tables declare theirs in the same language (``export/rows.py``), and carry
-every other number, text or truth that a measurement gets here.
+are made of it. Exported tables declare theirs in the same language
+(``library/formats/rows.py``), and carry every other number, text or truth that a measurement gets
+here.
 
 A field of a record and its line here are all that a new column takes.
 

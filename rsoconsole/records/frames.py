@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.reasons import BelowTau, NotAStreak
+from rsoconsole.records.reasons import BelowTau, NotAStreak
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from rsoconsole.reasons import Cause, CommandResult, Missed, NotTaken, SlewRefusal
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import (
     CameraMode,
@@ -23,6 +22,7 @@ from rsoconsole.records.frames import (
     middle_utc_ns,
 )
 from rsoconsole.records.leaps import LeapDone, LowPass
+from rsoconsole.records.reasons import Cause, CommandResult, Missed, NotTaken, SlewRefusal
 
 Source = Literal["network", "operator"]
 LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]

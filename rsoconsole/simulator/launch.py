@@ -11,8 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Self
 
-from rsoconsole.errors import InstrumentError
-from rsoconsole.waits import LongWait
+from rsoconsole.base import InstrumentError, LongWait
 
 HOST = "127.0.0.1"
 MOUNT_NAME = "Telescope Simulator"

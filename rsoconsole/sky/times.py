@@ -18,10 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
-from rsoconsole.words import (
-    NS_PER_DAY,
-    NS_PER_S,
-)
+from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 IntArray = npt.NDArray[np.int64]
 TimeLike = int | IntArray

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.records import FloatArray, Wcs
 
 ARCSEC_PER_DEG = 3600.0

@@ -8,9 +8,32 @@ from outside.
 
 from dataclasses import replace
 
-from rsoconsole.reasons import Cause, NotTaken
-from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, StateChange, TrackState
+from rsoconsole.records import (
+    Cause,
+    FoldRecord,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotTaken,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.tracking import blended, further_tracks, track_words
+from rsoconsole.tracking._one_track import (
+    follow_chosen,
+    initiated_again,
+    predicted_track,
+    shared_track,
+    stepped_track,
+)
+from rsoconsole.tracking._takeover import (
+    INDISTINGUISHABLE,
+    Step,
+    all_updated_with,
+    cause_of,
+    nis_of,
+    refusals,
+)
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
     CROSSED,
@@ -27,21 +50,6 @@ from rsoconsole.tracking.association.pattern import Pattern, Place
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
 from rsoconsole.tracking.joint import Weighed, assigned
-from rsoconsole.tracking.one_track import (
-    follow_chosen,
-    initiated_again,
-    predicted_track,
-    shared_track,
-    stepped_track,
-)
-from rsoconsole.tracking.takeover import (
-    INDISTINGUISHABLE,
-    Step,
-    all_updated_with,
-    cause_of,
-    nis_of,
-    refusals,
-)
 
 
 def follow(

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsoconsole.reasons import TrackLost
-from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
+from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackLost, TrackState
+from rsoconsole.tracking._takeover import Step, is_neighbour
 from rsoconsole.tracking.association.following import (
     MAY_BE_FOLLOWED,
     Following,
@@ -32,7 +32,6 @@ from rsoconsole.tracking.filters.agreement import (
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import first_state
-from rsoconsole.tracking.takeover import Step, is_neighbour
 
 UNSEEN_EACH = 2
 """Frames that nothing hides and that do not show a track, for each after its first: those of

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rsoconsole.reasons import NotTaken
-from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.records import FloatArray, Measurement, NotTaken, TrackState
+from rsoconsole.tracking._takeover import nis_of
 from rsoconsole.tracking.association.neighbours import NEAREST_ARCSEC, BoolArray
 from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
@@ -32,7 +32,6 @@ from rsoconsole.tracking.filters.agreement import way_between
 from rsoconsole.tracking.filters.bank_update import inverted
 from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.filters.sky_path import Plane
-from rsoconsole.tracking.takeover import nis_of
 
 DETECTED = 0.9
 """Chance that what is in the field is detected."""

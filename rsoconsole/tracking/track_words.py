@@ -6,8 +6,8 @@ begin no other track; it is forgotten once it has left the field, or may have.
 
 from dataclasses import replace
 
-from rsoconsole.reasons import NotTaken
-from rsoconsole.records import FoldRecord, Miss, NotFollowed, TrackState
+from rsoconsole.records import FoldRecord, Miss, NotFollowed, NotTaken, TrackState
+from rsoconsole.tracking._takeover import Step
 from rsoconsole.tracking.association.following import (
     Following,
     FollowSettings,
@@ -16,7 +16,6 @@ from rsoconsole.tracking.association.following import (
     not_followed,
     of_track,
 )
-from rsoconsole.tracking.takeover import Step
 
 MOST_DROPPED = 12
 """Dropped tracks whose streaks are known: those dropped last."""

@@ -2,7 +2,7 @@
 
 from typing import assert_never
 
-from rsoconsole.reasons import (
+from rsoconsole.records import (
     BelowTau,
     Cause,
     CommandResult,

@@ -15,14 +15,9 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
-from rsoconsole.alerting import AlertProcess, services_of
-from rsoconsole.alerting.child import Limiter
-from rsoconsole.alerting.news import Alert, News
-from rsoconsole.alerting.process import _log_file
-from rsoconsole.alerting.services import Sender, Sent, Service, send
-from rsoconsole.alerting.spool import MOST, OLDEST_NS, Spool
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
-from rsoconsole.cli.telescope.prometheus import metrics
+from rsoconsole.cli.telescope._prometheus import metrics
 from rsoconsole.config import (
     AlertsConfig,
     Config,
@@ -43,9 +38,24 @@ from rsoconsole.control import (
     default_socket_path,
     status_json,
 )
-from rsoconsole.errors import ConfigError
-from rsoconsole.reasons import Cause, HiddenBy, Missed, TrackLost
-from rsoconsole.records import CatalogueMatch, Event, Identified, Miss, Record, StateChange
+from rsoconsole.engine import services_of
+from rsoconsole.engine.alerts._news import Alert, News
+from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool
+from rsoconsole.engine.alerts.child import Limiter
+from rsoconsole.engine.alerts.process import AlertProcess, _log_file
+from rsoconsole.engine.alerts.services import Sender, Sent, Service, send
+from rsoconsole.records import (
+    CatalogueMatch,
+    Cause,
+    Event,
+    HiddenBy,
+    Identified,
+    Miss,
+    Missed,
+    Record,
+    StateChange,
+    TrackLost,
+)
 from rsoconsole.session import SessionReader, SessionWriter
 from tests.children.bad_server import BadServer, bad_server, drip
 from tests.children.bad_server import send as answer
@@ -299,12 +309,12 @@ def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Pa
 
 LEAK = """
 import io, json, logging, sys, threading
-from rsoconsole.alerting import child
+from rsoconsole.engine.alerts import child
 child.own_words_alone(sys.stderr)
 logging.getLogger("urllib3.connectionpool").warning("Retrying: /bot%s/sendMessage", "T0KEN")
 logging.getLogger("apprise").error("T0KEN")
 logging.getLogger("requests").exception("T0KEN")
-logging.getLogger("rsoconsole.alerting.services").warning("tgram 1: no network")
+logging.getLogger("rsoconsole.engine.alerts.services").warning("tgram 1: no network")
 def breaks():
     raise OSError("https://x/T0KEN")
 thread = threading.Thread(target=breaks, name="tgram 1")
@@ -583,7 +593,7 @@ def test_addresses_in_a_file_are_for_its_owner_alone(tmp_path: Path) -> None:
 def test_apprise_is_not_loaded_by_the_program_nor_by_a_child_with_nothing_to_send() -> None:
     code = (
         "import sys, rsoconsole.cli.app, rsoconsole.engine.service.service;"
-        "import rsoconsole.alerting.child;"
+        "import rsoconsole.engine.alerts.child;"
         "sys.exit('apprise' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -619,10 +629,10 @@ def test_alerts_test_logs_nothing_that_a_library_says(
 ) -> None:
     def send_(url: str, title: str, body: str) -> Sent:
         logging.getLogger("urllib3.connectionpool").warning("Retrying: %s", url)
-        logging.getLogger("rsoconsole.alerting.services").warning("own words")
+        logging.getLogger("rsoconsole.engine.alerts.services").warning("own words")
         return Sent(True, "sent")
 
-    monkeypatch.setattr("rsoconsole.alerting.services.send", send_)
+    monkeypatch.setattr("rsoconsole.engine.alerts.services.send", send_)
     path = tmp_path / "config.toml"
     path.write_text('[alerts]\nservices = ["tgram://T0KEN/1"]\n')
     done = CliRunner().invoke(app, ["alerts", "test", "--config", str(path)])
@@ -634,10 +644,10 @@ def test_alerts_test_logs_nothing_that_a_library_says(
 def test_a_service_that_never_answers_is_given_up(
     server: BadServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rsoconsole.alerting import call, send_within
+    from rsoconsole.engine import call, send_within
 
     monkeypatch.setattr(
-        "rsoconsole.alerting.services.send", lambda *_: time.sleep(5.0) or Sent(True, "")
+        "rsoconsole.engine.alerts.services.send", lambda *_: time.sleep(5.0) or Sent(True, "")
     )
     assert "no answer" in send_within("json://x", "t", "b", limit_s=0.2).detail
     server.default = drip(3.0)

@@ -20,8 +20,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.indi.client_choice import LIBRARIES
 from rsoconsole.instruments.indi.wire_stop import stop_mount

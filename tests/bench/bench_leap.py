@@ -15,7 +15,7 @@ import statistics
 import sys
 import time
 
-from rsoconsole.cli.demo.demo_targets import plan_targets
+from rsoconsole.cli.demo._demo_targets import plan_targets
 from rsoconsole.config import Config, OpticsConfig
 from rsoconsole.pipeline import open_reducer
 from rsoconsole.records import CycleTiming, Event, Frame, SlewCommand

@@ -28,10 +28,10 @@ from typing import IO, Any
 
 import numpy as np
 
+from rsoconsole.base import RsoconsoleError
+from rsoconsole.cli.judge.summary import HIDDEN_SNR
 from rsoconsole.config import Config
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import IndiWire, read_frame
-from rsoconsole.judge.summary import HIDDEN_SNR
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
 from rsoconsole.session import SessionReader

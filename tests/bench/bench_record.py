@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.base import write_durably
 from rsoconsole.config import Config
-from rsoconsole.durable_files import write_durably
 from rsoconsole.session import SessionReader, SessionWriter, encode, summarise, verify_session
 from rsoconsole.session.files.digest import digest_log, sha256_of
 from rsoconsole.session.log.database import connect_to_write

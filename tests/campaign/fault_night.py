@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from rsoconsole.base import ControlError, SessionError
 from rsoconsole.control import ControlClient, Outcome, Sender, command_of
-from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import OperatorAction
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import start_observatory

@@ -21,8 +21,7 @@ import cv2
 
 from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
-from rsoconsole.reasons import BelowTau
-from rsoconsole.records import Detection
+from rsoconsole.records import BelowTau, Detection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read

@@ -15,9 +15,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
 from rsoconsole.cli.demo.demo import demo_config
 from rsoconsole.cli.demo.demo_night import Night, run_night
-from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
 from rsoconsole.cli.words.options import site_of
 
 _BESIDE_DEG = 0.01

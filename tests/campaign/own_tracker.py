@@ -2,8 +2,7 @@
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
-from rsoconsole.reasons import Missed
-from rsoconsole.records import FrameTaken
+from rsoconsole.records import FrameTaken, Missed
 from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from rsoconsole.tracking.filters import lqe
 from tests.campaign.slots import EXPOSURE_S, SITE, Night

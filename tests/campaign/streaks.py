@@ -16,8 +16,7 @@ from typing import Any, TypeAlias
 
 from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
-from rsoconsole.reasons import BelowTau
-from rsoconsole.records import Detection, Rejection
+from rsoconsole.records import BelowTau, Detection, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.families import FAMILIES, draw

@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Event, Frame, Miss
+from rsoconsole.records import Event, Frame, Miss, Missed
 from rsoconsole.session import SessionWriter, compress_frame
 from rsoconsole.session.files.kept_frames import encode_preview
 

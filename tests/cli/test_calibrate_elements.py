@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import ConfigError, RsoconsoleError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_to_toml, load_config
-from rsoconsole.errors import ConfigError, RsoconsoleError
 from rsoconsole.orbits import ASSUMED, ElementSet
 from rsoconsole.pipeline import errors_of
 from rsoconsole.session import (

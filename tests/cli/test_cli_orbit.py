@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.app import app, main
 from rsoconsole.cli.words.orbit_words import orbit_lines
 from rsoconsole.config import Config
-from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.orbits import ElementSet, Satellite
 from rsoconsole.pipeline import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState

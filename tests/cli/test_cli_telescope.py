@@ -17,13 +17,13 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from rsoconsole.base import ControlError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo.demo import demo_config
 from rsoconsole.cli.demo.demo_night import Night, control_socket, run_night
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
 from rsoconsole.control.stop import LATE_S
-from rsoconsole.errors import ControlError
 from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.session import SessionWriter

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import ControlError, SessionError
 from rsoconsole.control import AskStatus, ControlClient, Sender
-from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Event, SlewCommand
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import scenario_named

@@ -47,7 +47,7 @@ def run(night: Path, name: str) -> None:
     out = "tried" if name == "what-if" else str(night.parents[1] / "out")
     found = CliRunner().invoke(app, [verb, str(night), *options, out], catch_exceptions=True)
     if found.exception is not None and not isinstance(found.exception, SystemExit):
-        assert type(found.exception).__module__ == "rsoconsole.errors", repr(found.exception)
+        assert type(found.exception).__module__ == "rsoconsole.base.errors", repr(found.exception)
 
 
 @pytest.mark.parametrize("t", [FAR, 1.5e300, "yesterday", b"\xff", -1, 2**63 - 1])

@@ -6,7 +6,7 @@ import statistics
 
 import pytest
 
-from rsoconsole.judge.objects import VISIBLE_SNR
+from rsoconsole.cli.judge._objects import VISIBLE_SNR
 from tests.cli.test_demo import night, night_here
 from tests.nights.target_night import (
     INDEX,

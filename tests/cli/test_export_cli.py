@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.errors import ExportError, SessionError
-from rsoconsole.export import ExportOptions, Target, export, read_night
-from rsoconsole.export.iod_reader import parse_iod
+from rsoconsole.base import ExportError, SessionError
+from rsoconsole.library import ExportOptions, Target, export
+from rsoconsole.library.formats._iod_reader import parse_iod
+from rsoconsole.library.formats.night import read_night
 from rsoconsole.session import SessionWriter
 from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night

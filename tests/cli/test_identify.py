@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sgp4.api import Satrec
 from sgp4.exporter import export_omm
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
     CatalogueEntry,
     ElementSet,

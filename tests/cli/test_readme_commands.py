@@ -11,9 +11,9 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.words.usage import UsageError
-from rsoconsole.errors import RsoconsoleError
 from tests.nights.samples import SAMPLE
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -15,10 +15,10 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope import service
 from rsoconsole.engine.machine.machine import notify
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session import SessionReader, verify_session
 from rsoconsole.simulator import start_observatory
 

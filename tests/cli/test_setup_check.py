@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole import setup_check
+from rsoconsole.base import setup_check
+from rsoconsole.base.setup_check import APT_LINE, Machine, faults, is_compiled
 from rsoconsole.engine.doctor import doctor
-from rsoconsole.setup_check import APT_LINE, Machine, faults, is_compiled
 
 ROOT = Path(__file__).resolve().parents[2]
 PI = Machine(
@@ -92,14 +92,14 @@ def test_a_missing_compiler_is_a_fault(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.skipif(not (ROOT / "README.md").exists(), reason="no checkout: no README here")
 def test_the_line_to_paste_is_the_readmes_and_stands_before_the_first_command() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    first = "python3 rsoconsole/setup_check.py && python3 -m venv"
+    first = "python3 rsoconsole/base/setup_check.py && python3 -m venv"
     assert 0 < readme.index(f"```bash\n{APT_LINE}\n```") < readme.index(first)
 
 
 @pytest.mark.skipif(not (ROOT / "README.md").exists(), reason="no checkout: no script here")
 def test_the_check_runs_without_anything_installed() -> None:
     done = subprocess.run(
-        [sys.executable, "-I", "-S", ROOT / "rsoconsole" / "setup_check.py"],
+        [sys.executable, "-I", "-S", ROOT / "rsoconsole" / "base/setup_check.py"],
         capture_output=True,
         text=True,
         check=False,

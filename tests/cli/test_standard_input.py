@@ -15,8 +15,8 @@ import pytest
 from astropy.io import fits
 from typer.testing import CliRunner
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.cli.app import app
-from rsoconsole.errors import RsoconsoleError
 from tests.rigs.in_process import run_here
 
 ROOT = Path(__file__).resolve().parents[2]

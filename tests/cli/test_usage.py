@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
+from rsoconsole.base import nearest, plain_fault
 from rsoconsole.cli.app import main
 from rsoconsole.cli.words.usage import folded
-from rsoconsole.fault_text import nearest, plain_fault
 
 
 def said(capsys, monkeypatch, *words: str) -> tuple[int, str, str]:

@@ -9,20 +9,29 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ArmDialog, MessageDialog
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.words import alert_text
 from rsoconsole.control import ON_RECORD, Outcome, Seek, mount_words, read_status
 from rsoconsole.engine.tasks.watch import Watch
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.instruments.ports import unheard
 from rsoconsole.night import LogLine, line_of
 from rsoconsole.night.log_lines import append_line
-from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
-from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
+from rsoconsole.records import (
+    CommandResult,
+    Event,
+    HiddenBy,
+    Miss,
+    Missed,
+    NotSolved,
+    OperatorAction,
+    ParameterChange,
+    done,
+)
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night

@@ -15,6 +15,7 @@ from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.widgets import Button, Input
 
+from rsoconsole.base import ControlError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
 from rsoconsole.console import run_console
 from rsoconsole.console.actions import seat
@@ -41,18 +42,23 @@ from rsoconsole.control import (
     StopNews,
 )
 from rsoconsole.control.wire import read_outcome
-from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.night import LogLine, Night, NightView, line_of
 from rsoconsole.night.log_lines import append_line
-from rsoconsole.reasons import ACCEPTED, DONE, Cause, CommandResult, Missed, NotTaken, done
 from rsoconsole.records import (
+    ACCEPTED,
+    DONE,
+    Cause,
+    CommandResult,
     Event,
     Miss,
+    Missed,
     NotFollowed,
+    NotTaken,
     OperatorAction,
     Site,
     SlewCommand,
     StateChange,
+    done,
 )
 from rsoconsole.session import SessionReader, SessionWriter
 from tests.makers import NS, geo_measurement

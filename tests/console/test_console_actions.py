@@ -9,6 +9,7 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Button, Input, Static
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
@@ -18,7 +19,6 @@ from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
 from rsoconsole.console.screens.night_screen import DrawnFrom
 from rsoconsole.control import Command, Hold, MarkByHand, Outcome
-from rsoconsole.errors import ConfigError
 from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session import SessionWriter
 from tests.makers import NS

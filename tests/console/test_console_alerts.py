@@ -10,8 +10,7 @@ from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
 from rsoconsole.night import NightView, line_of
-from rsoconsole.reasons import Cause, Missed, TrackLost
-from rsoconsole.records import Event, StateChange
+from rsoconsole.records import Cause, Event, Missed, StateChange, TrackLost
 from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, play, until

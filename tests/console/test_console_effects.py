@@ -15,7 +15,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.control import Command, Later, Outcome, Request, Sender
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import separation_deg

@@ -10,8 +10,18 @@ from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plo
 from rsoconsole.console.timeline.lines import Place, place_words, timeline_lines
 from rsoconsole.console.timeline.night_line import FrameMark, Timeline
 from rsoconsole.night import Night
-from rsoconsole.reasons import BelowTau, Cause, HiddenBy, Missed, NotAStreak
-from rsoconsole.records import Detections, FrameTaken, Miss, Rejection, StateChange
+from rsoconsole.records import (
+    BelowTau,
+    Cause,
+    Detections,
+    FrameTaken,
+    HiddenBy,
+    Miss,
+    Missed,
+    NotAStreak,
+    Rejection,
+    StateChange,
+)
 from tests.makers import T0_UTC_NS, straight_detection
 from tests.nights.made_up_night import taken
 

@@ -15,10 +15,9 @@ from rsoconsole.console.dialogs.dialogs import ArmDialog, Dialog, Tick
 from rsoconsole.console.drawing.plain import COLOURS
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.night.engine_seen import EngineView, alerts_between
-from rsoconsole.console.screens.reading import ReadingDialog
+from rsoconsole.console.screens._reading import ReadingDialog
 from rsoconsole.control import Arm, Command, Hold, MarkByHand, Outcome, Seek, Shutdown
-from rsoconsole.reasons import CommandResult
-from rsoconsole.records import Event, OperatorAction
+from rsoconsole.records import CommandResult, Event, OperatorAction
 from rsoconsole.session import SessionReader, SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night

@@ -10,13 +10,12 @@ from textual.widgets import Static
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.candidates import CandidatesDialog, candidate_lines, fate
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.frame.sheet_marks import faint_ends
+from rsoconsole.console.frame._sheet_marks import faint_ends
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import MarkByHand, Outcome
 from rsoconsole.night import NightFrame
-from rsoconsole.reasons import CommandResult
-from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
+from rsoconsole.records import CommandResult, Detections, OperatorAction, Ruling, mark_id_of
 from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement, straight_detection
 from tests.nights import made_up_night as night

@@ -18,8 +18,7 @@ from rsoconsole.console.picture.picture import (
 )
 from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
 from rsoconsole.night import NightFrame, outline_px
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Closeup, Detections, Rejection, Solution, TrackState, Wcs
+from rsoconsole.records import Closeup, Detections, NotAStreak, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky import pixel_to_sky, separation_deg
 from tests.makers import straight_detection
 

@@ -13,8 +13,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
 from rsoconsole.control import Outcome
-from rsoconsole.reasons import Cause, Missed, TrackLost
-from rsoconsole.records import StateChange
+from rsoconsole.records import Cause, Missed, StateChange, TrackLost
 from tests.nights import eight_tracks, orbit_night
 from tests.nights import made_up_night as night
 from tests.rigs.screen_text import expect_as_agreed, screen_text

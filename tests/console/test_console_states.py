@@ -24,11 +24,11 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
+from rsoconsole.base import RsoconsoleError, SessionError
 from rsoconsole.console import run_console
 from rsoconsole.console.app import ConsoleApp, action_of, is_utf8
 from rsoconsole.console.commands.commands import COMMANDS, commands_in
 from rsoconsole.control import ControlServer, Outcome, Request
-from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Event
 from rsoconsole.session import SessionWriter
 from rsoconsole.simulator import start_observatory

@@ -38,8 +38,18 @@ from rsoconsole.night import (
 )
 from rsoconsole.night.log_lines import append_line
 from rsoconsole.night.night_view import Pointing
-from rsoconsole.reasons import Cause, HiddenBy, Missed
-from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
+from rsoconsole.records import (
+    Cause,
+    Detections,
+    Event,
+    FollowedAgain,
+    HiddenBy,
+    Miss,
+    Missed,
+    Solution,
+    StateChange,
+    Topic,
+)
 from rsoconsole.session import SessionReader
 from rsoconsole.words import span
 from tests.makers import NS

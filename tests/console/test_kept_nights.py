@@ -4,8 +4,7 @@ from pathlib import Path
 
 from rsoconsole.night import Night
 from rsoconsole.night.night_view import CHUNK, in_chunks
-from rsoconsole.reasons import DONE
-from rsoconsole.records import CycleTiming, FollowedAgain, OperatorAction, Ruling
+from rsoconsole.records import DONE, CycleTiming, FollowedAgain, OperatorAction, Ruling
 from rsoconsole.session import SessionReader
 from tests.nights import eventful_night
 

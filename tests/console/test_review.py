@@ -15,9 +15,9 @@ from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
-from rsoconsole.console.screens.compare import CompareDialog
+from rsoconsole.console.screens._compare import CompareDialog
+from rsoconsole.console.screens._review_log import ReviewLogPane
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.screens.review_log import ReviewLogPane
 from rsoconsole.console.timeline.lines import strip_place
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from tests.nights import eventful_night, made_up_night

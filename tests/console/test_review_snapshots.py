@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
-from rsoconsole.console.screens.compare import CompareDialog
+from rsoconsole.console.screens._compare import CompareDialog
 from rsoconsole.console.screens.review import ReviewScreen
 from tests.console.test_console_snapshots import SIZES
 from tests.nights import eventful_night

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.console import run_review
-from rsoconsole.errors import SessionError
 from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import EVERY_S, Terminal
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.console.drawing.pane_layout import sheet_boxes
-from rsoconsole.console.frame.sheet_marks import box_points
+from rsoconsole.console.frame._sheet_marks import box_points
 from rsoconsole.console.picture.marks import Mark, Window, overlay
 from rsoconsole.console.picture.picture import FLOOR, STRETCHES
 from rsoconsole.console.picture.sheet_pixels import (

@@ -21,9 +21,9 @@ from rich.style import Style
 from textual.color import Color
 
 import rsoconsole.cli
+from rsoconsole.base import resource
 from rsoconsole.cli import main
 from rsoconsole.console.drawing.plain import CleanFilter, clean
-from rsoconsole.resources import resource
 from tests.console.test_review_terminal import COMMAND, home, shown_after, wait_for
 from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import Terminal

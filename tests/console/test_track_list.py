@@ -11,8 +11,17 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.night import Night
 from rsoconsole.night.track_fold import MOST_ROWS
-from rsoconsole.reasons import Cause, Missed, TrackLost
-from rsoconsole.records import FollowedAgain, LedgerName, Miss, Ruling, StateChange, TrackState
+from rsoconsole.records import (
+    Cause,
+    FollowedAgain,
+    LedgerName,
+    Miss,
+    Missed,
+    Ruling,
+    StateChange,
+    TrackLost,
+    TrackState,
+)
 from rsoconsole.session import SessionWriter
 from tests.nights import eight_tracks as eight
 from tests.nights import made_up_night

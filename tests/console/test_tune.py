@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, fold, tune_box
@@ -22,7 +23,6 @@ from rsoconsole.console.tuning.tuning_pane import (
     save_preset,
 )
 from rsoconsole.engine import TUNABLE
-from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import what_if
 from rsoconsole.pipeline.replays.what_if_log import figures_of

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.control import (
     AskStatus,
     ControlClient,
@@ -22,8 +23,7 @@ from rsoconsole.control import (
 )
 from rsoconsole.control.server import MAX_LATER
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S
-from rsoconsole.engine.service.command_handler import MOUNT_WORD_S, SENT, WAITS
-from rsoconsole.errors import InstrumentError
+from rsoconsole.engine.service._command_handler import MOUNT_WORD_S, SENT, WAITS
 from tests.rigs.engine_rig import START_DEG, Rig, command_handler_of, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import ControlError
 from rsoconsole.control import (
     Arm,
     AskStatus,
@@ -34,7 +35,6 @@ from rsoconsole.control import wire as control_wire
 from rsoconsole.control.record_lock import address_of
 from rsoconsole.control.server import MAX_CONNECTIONS
 from rsoconsole.control.wire import sender_of
-from rsoconsole.errors import ControlError
 
 
 def echo(request: Request) -> Outcome:

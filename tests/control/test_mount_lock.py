@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import ControlError
 from rsoconsole.config import IndiConfig, state_dir
 from rsoconsole.control import (
     AskStatus,
@@ -21,7 +22,6 @@ from rsoconsole.control import (
     engine_pid,
 )
 from rsoconsole.control.record_lock import engine_behind, running_engines
-from rsoconsole.errors import ControlError
 
 INDI = IndiConfig(host="observatory", port=7624, mount="EQMod Mount")
 SECOND = """

@@ -10,7 +10,7 @@ from rsoconsole.control import Command, LastStop, Outcome, Stop, StopNews, Stopp
 from rsoconsole.engine.service import stop_now as stop_now_module
 from rsoconsole.instruments import StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.mount.mount_stop import MountStop
+from rsoconsole.instruments.mount._mount_stop import MountStop
 from rsoconsole.night import line_of
 from rsoconsole.records import Event, OperatorAction
 from rsoconsole.words import text

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
 from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.control import (
@@ -21,8 +22,7 @@ from rsoconsole.control import (
     Stopping,
     default_socket_path,
 )
-from rsoconsole.errors import ConfigError
-from rsoconsole.notebook.panel.panel_orders import PanelOrders
+from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
 
 STOPPED = {"is_answered": True, "ms": 12.0, "path": "mount", "motion": "tracks"}
 PAST = {"is_answered": True, "ms": 12.0, "path": "indi", "motion": "stands"}

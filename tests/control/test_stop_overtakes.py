@@ -11,10 +11,9 @@ import pytest
 from rsoconsole.control import ControlClient, ControlServer, Goto, Nudge, Outcome, Sender, Stop
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.instruments import MountReport
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import OperatorAction
+from rsoconsole.records import OperatorAction, SlewRefusal
 from rsoconsole.words import text
 from tests.rigs.engine_rig import START_DEG, Rig, asked, command_handler_of, heed_alarms, rig
 

@@ -14,6 +14,7 @@ import pytest
 from sgp4 import exporter
 from typer.testing import CliRunner
 
+from rsoconsole.base import ConfigError, OrbitError
 from rsoconsole.cli.app import app
 from rsoconsole.config import (
     config_faults,
@@ -25,11 +26,16 @@ from rsoconsole.config import (
     write_settings,
 )
 from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path, status_json
-from rsoconsole.element_sources import ElementStore, Update, Updated, default_folder, parse_source
-from rsoconsole.element_sources import fetch as fetching
-from rsoconsole.errors import ConfigError, OrbitError
 from rsoconsole.orbits import parse_catalogue
-from rsoconsole.pipeline import read_catalogue
+from rsoconsole.pipeline import (
+    ElementStore,
+    Update,
+    Updated,
+    default_folder,
+    parse_source,
+    read_catalogue,
+)
+from rsoconsole.pipeline.sources import fetch as fetching
 from tests.children.bad_server import (
     BadServer,
     Behaviour,

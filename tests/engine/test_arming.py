@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine import CHECKS
 from rsoconsole.engine.doctor import doctor, doctor_system
@@ -17,7 +18,6 @@ from rsoconsole.engine.operator.arming import (
     pointing_check,
     refusal_text,
 )
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, SiteCheck, SkyReport
 from rsoconsole.records import NotSolved, Site, Solution, Wcs
 from rsoconsole.sky import iso_to_utc_ns

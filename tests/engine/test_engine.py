@@ -5,15 +5,15 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.control import Seek
 from rsoconsole.engine.tasks.pace import changed
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.pipeline import Reduction
-from rsoconsole.reasons import CommandResult
 from rsoconsole.records import (
+    CommandResult,
     Event,
     Frame,
     FrameTaken,

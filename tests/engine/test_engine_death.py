@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.errors import ControlError
+from rsoconsole.base import ControlError
 from rsoconsole.records import Event, FrameTaken, OperatorAction
 from rsoconsole.session import SessionReader
 from rsoconsole.session.writing.log_writer import COMMIT_S

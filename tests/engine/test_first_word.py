@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.control import ON_RECORD, Later, Outcome
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet, Stopped
-from rsoconsole.engine.service.command_handler import MOUNT_WORD_S, SENT, WAITS, CommandHandler
-from rsoconsole.errors import InstrumentError
+from rsoconsole.engine.service._command_handler import MOUNT_WORD_S, SENT, WAITS, CommandHandler
 from rsoconsole.instruments import MountAbilities
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.records import OperatorAction

@@ -6,17 +6,23 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.control import Goto, Request, Sender
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LOOP_SILENCE_S
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountReport, SkyReport, StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, StateChange
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    OperatorAction,
+    SlewCommand,
+    SlewRefusal,
+    StateChange,
+)
 from rsoconsole.sky import (
     altaz_to_icrs,
     icrs_of_hour_angle,

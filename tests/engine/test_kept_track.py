@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.engine import CHECKS
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, Marked
-from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, NS
 from rsoconsole.pipeline.replays.refold import Walk

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.judge.summary import leap_figures
+from rsoconsole.cli.judge.summary import leap_figures
 from rsoconsole.records import Event, FrameTaken, LeapDone, LowPass, ParameterChange, SlewCommand
 from rsoconsole.sky import altaz_to_icrs, icrs_to_altaz, iso_to_utc_ns, separation_deg
 from tests.makers import NS, T0_UTC_NS

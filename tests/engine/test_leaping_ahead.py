@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import (
     InstrumentController,
@@ -10,12 +11,10 @@ from rsoconsole.engine.aim.instrument_controller import (
     StoppedElsewhere,
 )
 from rsoconsole.engine.aim.states import Held
-from rsoconsole.engine.leaps.leap_times import LeapTimes
+from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.tasks.slews import Slews
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountReport
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand
+from rsoconsole.records import Event, Frame, FrameTaken, LeapDone, LowPass, SlewCommand, SlewRefusal
 from tests.makers import NS
 from tests.rigs import engine_rig
 from tests.rigs.engine_rig import Rig

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config, MountConfig
 from rsoconsole.engine.doctor import doctor
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, Lack, lacks_of
 from rsoconsole.engine.service import service
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import driver_health
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountAbilities, SiteCheck
 from rsoconsole.records import Event, Site
 from tests.rigs.engine_rig import asked, rig

@@ -10,8 +10,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Plan
 from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.instruments import MountReport
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Frame, SlewCommand
+from rsoconsole.records import Frame, SlewCommand, SlewRefusal
 from rsoconsole.sky import hour_angle_icrs_deg, icrs_of_hour_angle, separation_deg
 from rsoconsole.tracking import Following
 from tests.makers import NS, T0_UTC_NS

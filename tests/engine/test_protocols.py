@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor import check_indi_server, check_mount_site
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import connect_instruments
 
 MODULE = """

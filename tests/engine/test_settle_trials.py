@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rsoconsole.engine.leaps.leap_times import LONGEST, SHORTEST_S, SettleTrials
+from rsoconsole.engine.leaps._leap_times import LONGEST, SHORTEST_S, SettleTrials
 
 WIDTH_PX, EXPOSURE_S = 2.6, 0.2
 Smear = Callable[[float], float]

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.control import Goto, Request, Sender
 from rsoconsole.engine.aim.states import Failed, LimitMet, NightEnded, Stopped
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event, OperatorAction, StateChange
 from rsoconsole.sky import altaz_to_icrs, separation_deg

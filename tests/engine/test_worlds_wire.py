@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import connect_instruments
 from rsoconsole.simulator import binned, start_observatory, world_from
 from rsoconsole.sky import describe, iso_to_utc_ns, separation_deg, wcs_from_cards

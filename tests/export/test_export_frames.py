@@ -11,10 +11,11 @@ import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from rsoconsole.errors import ExportError
-from rsoconsole.export import ExportOptions, export, parse_numbers, read_night
-from rsoconsole.export.solved_fits import SIGMAS, frames_on_record, to_regions
+from rsoconsole.base import ExportError
 from rsoconsole.instruments import read_frame
+from rsoconsole.library import ExportOptions, export, parse_numbers
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.solved_fits import SIGMAS, frames_on_record, to_regions
 from rsoconsole.records import Frame
 from rsoconsole.sky import pixel_to_sky, wcs_from_cards, wrap_180
 from rsoconsole.tracking import sky_covariance_arcsec2
@@ -165,7 +166,7 @@ def test_a_damaged_frame_is_named_and_nothing_is_left_behind(session: Path, tmp_
     broken = tmp_path / "000003.fits.fz"
     broken.write_bytes(frames[3].file.read_bytes()[:3000])
     from rsoconsole.config import Config
-    from rsoconsole.export.solved_fits import solved_fits
+    from rsoconsole.library.formats.solved_fits import solved_fits
 
     with pytest.raises(ExportError, match="frame 3 cannot be read"):
         solved_fits(replace(frames[3], file=broken), Config())

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.errors import ExportError
-from rsoconsole.export import ExportOptions, ReadAs, Target, read_night, read_observations, render
-from rsoconsole.export.iod import mx, position_sigma_arcsec, to_iod, to_the_millisecond
-from rsoconsole.export.iod_reader import parse_iod
+from rsoconsole.base import ExportError
+from rsoconsole.library import ExportOptions, ReadAs, Target, read_observations, render
+from rsoconsole.library.formats._iod_reader import parse_iod
+from rsoconsole.library.formats.iod import mx, position_sigma_arcsec, to_iod, to_the_millisecond
+from rsoconsole.library.formats.night import read_night
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, wrap_180
 from tests.nights.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows

@@ -10,9 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.export import ExportOptions, export, read_night
-from rsoconsole.export.api import to_csv, to_ecsv, to_jsonl
-from rsoconsole.export.rows import COLUMNS
+from rsoconsole.library import ExportOptions, export
+from rsoconsole.library.formats.api import to_csv, to_ecsv, to_jsonl
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.rows import COLUMNS
 from rsoconsole.session import SessionWriter
 from tests.nights.export_nights import (
     MISSED,

@@ -12,18 +12,11 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export import (
-    ExportOptions,
-    ReadAs,
-    Target,
-    export,
-    read_night,
-    read_observations,
-    render,
-)
-from rsoconsole.export.tdm import LONGEST_LINE, aberration_deg, to_tdm
-from rsoconsole.export.tdm_reader import parse_tdm
+from rsoconsole.base import ExportError, OrbitError
+from rsoconsole.library import ExportOptions, ReadAs, Target, export, read_observations, render
+from rsoconsole.library.formats._tdm_reader import parse_tdm
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.tdm import LONGEST_LINE, aberration_deg, to_tdm
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, wrap_180
 from tests.nights.export_nights import NS, closed_night, night_of, read_tdm, taken_rows

@@ -10,11 +10,12 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import ExportError, OrbitError
 from rsoconsole.cli.app import app
-from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export import ExportOptions, ReadAs, Target, read_night, read_observations, render
-from rsoconsole.export.iod_reader import parse_uk
-from rsoconsole.export.tdm_reader import parse_tdm
+from rsoconsole.library import ExportOptions, ReadAs, Target, read_observations, render
+from rsoconsole.library.formats._iod_reader import parse_uk
+from rsoconsole.library.formats._tdm_reader import parse_tdm
+from rsoconsole.library.formats.night import read_night
 from rsoconsole.pipeline import read_observed
 from rsoconsole.records import Site
 from rsoconsole.sky import chart_to_icrs, iso_to_utc_ns

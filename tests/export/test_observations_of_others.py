@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import ExportError, OrbitError
-from rsoconsole.export import ReadAs, read_observations
-from rsoconsole.export.iod_reader import is_uk, parse_uk
+from rsoconsole.base import ExportError, OrbitError
+from rsoconsole.library import ReadAs, read_observations
+from rsoconsole.library.formats._iod_reader import is_uk, parse_uk
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire, Instruments, connect_instruments
 from rsoconsole.records import Frame
 from rsoconsole.simulator import start_observatory

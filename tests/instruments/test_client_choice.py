@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import ConfigError, InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError, InstrumentError
 from rsoconsole.instruments import client_library, connect_instruments
 from rsoconsole.instruments.indi.client_choice import LIBRARIES
 from rsoconsole.simulator import start_observatory
@@ -16,7 +16,7 @@ from tests.rigs.stub_stage import T_START_UTC_NS
 
 OPEN = """
 import json, sys
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.client_choice import open_client
 try:
     print(json.dumps(open_client(sys.argv[1], "Mount", print)[1].name))

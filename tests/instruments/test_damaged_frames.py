@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.instruments import frame_from_bytes, read_frame
-from rsoconsole.instruments.frames.fits_by_astropy import structure_fault
-from rsoconsole.instruments.frames.frame_decoder import FrameDecoder
+from rsoconsole.instruments.frames._fits_by_astropy import structure_fault
+from rsoconsole.instruments.frames._frame_decoder import FrameDecoder
 from tests.drawn.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
 
 FAULTS = Path(__file__).resolve().parents[3] / "shared" / "faults"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.simulator import start_observatory

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.instruments import frame_from_bytes, read_frame, read_frames
 from rsoconsole.records import Frame
 from rsoconsole.session import compress_frame

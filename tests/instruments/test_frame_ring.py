@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.instruments.camera.frame_ring import SLOTS, FrameRing
 
 SHAPE = (64, 80)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from models.star_catalogue import read_index
-from rsoconsole.errors import SolverError
+from rsoconsole.base import SolverError
 from rsoconsole.instruments import IndexFile, install, list_index_files, needed_scales
 from rsoconsole.instruments.solver import index_files
 from rsoconsole.instruments.solver import index_files as index_install

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 
 FAR_TOO_LONG_S = 100.0

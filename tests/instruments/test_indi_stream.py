@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip("indipyclient")
 
-from rsoconsole.instruments.indi.by_indipyclient import IndiStream
-from rsoconsole.instruments.indi.stream_mender import StreamMender
+from rsoconsole.instruments.indi._by_indipyclient import IndiStream
+from rsoconsole.instruments.indi._stream_mender import StreamMender
 
 
 def stream() -> StreamMender:

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config, WaitsConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import ARRIVED_KEY, IndiWire, Instruments, connect_instruments
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.indi.indi_wire import IndiVector

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.tasks.exposures import FrameTimes
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import ClockFault, SlewEnd
 from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChange, TrackState

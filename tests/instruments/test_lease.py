@@ -16,9 +16,9 @@ import pytest
 from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.indi.indi_wire import IndiVector
+from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.mount.mount_lease import Lease
-from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.simulator import start_observatory
 from rsoconsole.simulator.launch import Observatory

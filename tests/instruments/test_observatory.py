@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import ARRIVED_KEY, connect_instruments
 from rsoconsole.records import Frame
 from rsoconsole.simulator import fits_bytes, start_observatory

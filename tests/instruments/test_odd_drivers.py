@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.sky import jnow_to_icrs
 from tests.rigs.odd_mount import COORDINATES, PARK, Oddities
 from tests.rigs.odd_sequence import OddNight

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.instruments import frame_from_bytes
-from rsoconsole.instruments.frames.fits_by_astropy import image_by_astropy
+from rsoconsole.instruments.frames._fits_by_astropy import image_by_astropy
 from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.simulator import fits_bytes
 

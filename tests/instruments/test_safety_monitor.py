@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire, SkyReport, connect_instruments
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pytest
 
-from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.camera.sensor_window import SensorWindow, middle_of
+from rsoconsole.base import InstrumentError
+from rsoconsole.instruments.camera._sensor_window import SensorWindow, middle_of
 from rsoconsole.instruments.indi.indi_client import Vector
 
 WHOLE = [0, 0, 4656, 3520]

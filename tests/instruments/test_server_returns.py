@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import Instruments, connect_instruments
 from rsoconsole.instruments.observatory.clock import SimulatedClock
 from rsoconsole.simulator import start_observatory

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import SolverError
+from rsoconsole.base import SolverError
 from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.instruments.solver import index_files
 from rsoconsole.records import NotSolved, Solution

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire, StopResult
 from rsoconsole.instruments.indi.indi_client import Vector
 from rsoconsole.instruments.indi.wire_stop import stop_mount

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.judge import summarise
+from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import scenario_named
 from tests.cli.test_demo import night

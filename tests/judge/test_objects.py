@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.judge.objects import VISIBLE_SNR, is_on_a_streak, objects_figures
+from rsoconsole.cli.judge._objects import VISIBLE_SNR, is_on_a_streak, objects_figures
 from rsoconsole.night import FrameTrack
 from rsoconsole.records import CatalogueMatch, Detection, Identified, Measurement, TrackState
 

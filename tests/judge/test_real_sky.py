@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsoconsole.cli.judge.summary import read_truth
 from rsoconsole.instruments import read_frame
-from rsoconsole.judge import read_truth
 from rsoconsole.records import FrameTaken, Solution
 from rsoconsole.session import SessionReader
 from tests.real_sky import real_sky_night

@@ -18,8 +18,8 @@ from astropy.table import QTable
 from typer.testing import CliRunner
 
 import rsoconsole as rso
+from rsoconsole.base import ConfigError, FrameError, InputError, NotSolvedError
 from rsoconsole.cli.app import app
-from rsoconsole.errors import ConfigError, FrameError, InputError, NotSolvedError
 from tests.drawn.plate_fields import SHARED
 from tests.nights.samples import SAMPLE
 

@@ -8,9 +8,9 @@ from astropy import units as u
 from astropy.coordinates import Angle, EarthLocation, SkyCoord
 from astropy.time import Time
 
+from rsoconsole.base import ConfigError, InputError, RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError, InputError, RsoconsoleError
-from rsoconsole.library.given import (
+from rsoconsole.library._given import (
     config_of,
     configured_site,
     direction_deg,

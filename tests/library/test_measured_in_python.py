@@ -13,8 +13,8 @@ from astropy.table import QTable, Table, vstack
 from astropy.time import Time
 
 import rsoconsole as rso
+from rsoconsole.base import FrameError, InputError
 from rsoconsole.config import Config
-from rsoconsole.errors import FrameError, InputError
 from rsoconsole.pipeline import Processed, open_reducer, process_files
 from rsoconsole.records import TrackState
 from tests.drawn.plate_fields import SHARED

@@ -15,8 +15,8 @@ from skyfield.api import EarthSatellite, load, load_file, wgs84
 from typer.testing import CliRunner
 
 import rsoconsole as rso
+from rsoconsole.base import ExportError, InputError, OrbitError, SessionError
 from rsoconsole.cli.app import app
-from rsoconsole.errors import ExportError, InputError, OrbitError, SessionError
 from tests.drawn.plate_fields import SHARED
 from tests.nights.samples import SAMPLE
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import rsoconsole as rso
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.base import RsoconsoleError
 from tests.pages.source_graph import ROOT, door, modules
 
 SCRIPT = Path(__file__).parent / "typed_script.py"

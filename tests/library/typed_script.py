@@ -31,7 +31,7 @@ reveal_type(name)  # is rsoconsole.library.identifying.Identification
 reveal_type(name.norad_id)  # is int | None
 reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identifying.Identification]
 reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identifying.Identification]
-reveal_type(night)  # is rsoconsole.notebook.session.Session
+reveal_type(night)  # is rsoconsole.library.notebook.session.Session
 reveal_type(night.tracks[2].orbit)  # is rsoconsole.records.steps.OrbitEstimate | None
 reveal_type(rso.__version__)  # is str
 

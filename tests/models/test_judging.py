@@ -16,8 +16,8 @@ from models.judging import (
     trail_of,
     without_figures,
 )
+from rsoconsole.base import model_resource
 from rsoconsole.config import DetectorConfig
-from rsoconsole.resources import model_resource
 from rsoconsole.simulator import SensorModel
 from rsoconsole.vision import ConfidenceCurve, NetworkBox, StreakDetector
 from tests.makers import straight_detection

@@ -16,8 +16,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
-from rsoconsole.reasons import Missed
-from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site
+from rsoconsole.records import FloatArray, FrameTaken, Measurement, Missed, Site
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
     Following,

@@ -5,14 +5,15 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.night import Night
-from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
     CatalogueMatch,
+    Cause,
     CycleTiming,
     Detections,
     Identified,
     LoopState,
     Miss,
+    Missed,
     OrbitEstimate,
     Record,
     StateChange,

@@ -11,12 +11,11 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.states import LimitMet
-from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline import Reduction
-from rsoconsole.reasons import BelowTau
-from rsoconsole.records import Frame, Rejection, measurement_id_of
+from rsoconsole.records import BelowTau, Frame, Rejection, measurement_id_of
 from rsoconsole.session import SessionWriter, decode, encode
 from rsoconsole.tracking import Following
 from tests.makers import straight_detection

@@ -3,16 +3,22 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from rsoconsole.reasons import DONE, Cause, CommandResult, Missed, NotTaken, TrackLost, done
 from rsoconsole.records import (
+    DONE,
+    Cause,
+    CommandResult,
     Event,
     FollowedAgain,
     Miss,
+    Missed,
     NotFollowed,
+    NotTaken,
     OperatorAction,
     ParameterChange,
     Ruling,
     StateChange,
+    TrackLost,
+    done,
 )
 from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement

@@ -7,9 +7,10 @@ from typing import Any, get_args
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.export import ExportedNight, MeasuredRow
-from rsoconsole.export.iod_reader import parse_iod
-from rsoconsole.export.tdm_reader import parse_tdm
+from rsoconsole.library.formats._iod_reader import parse_iod
+from rsoconsole.library.formats._tdm_reader import parse_tdm
+from rsoconsole.library.formats.night import ExportedNight
+from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import iso_to_utc_ns

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
+    Cause,
     Closeup,
     CycleTiming,
     Detections,
@@ -17,6 +17,7 @@ from rsoconsole.records import (
     LoopState,
     Measurement,
     Miss,
+    Missed,
     Solution,
     StateChange,
     TrackState,

@@ -9,8 +9,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.night import Night
 from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2
-from rsoconsole.reasons import Cause
-from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate, StateChange
+from rsoconsole.records import CatalogueMatch, Cause, Identified, OrbitEstimate, StateChange
 from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from rsoconsole.orbits import ElementSet, Satellite, parse_elements
 from rsoconsole.orbits.elements.elements import checksum
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Measurement
+from rsoconsole.records import Measurement, Missed
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Places
 from rsoconsole.tracking import Seen

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import ConfigError
+from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
 from rsoconsole.cli.demo.demo import demo_config
 from rsoconsole.cli.demo.demo_night import Night, run_night
-from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
+from rsoconsole.cli.judge import summary
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError
-from rsoconsole.judge import summary
 from rsoconsole.records import Measurement, Site
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import NightPlan

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.errors import SessionError
-from rsoconsole.notebook import write_figures
-from rsoconsole.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
-from rsoconsole.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
-from rsoconsole.notebook.night.night import read_night, read_truth
+from rsoconsole.library import write_figures
+from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.library.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
+from rsoconsole.library.notebook.night.night import read_night, read_truth
 from rsoconsole.records import FrameTaken, Measurement
 from rsoconsole.session import BatchRecording
 from rsoconsole.tracking import Following, FollowSettings, Seen, follow

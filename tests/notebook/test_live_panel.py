@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("anywidget", reason="needs rsoconsole[notebook]: anywidget is missing")
 
 from rsoconsole.control import Found, Outcome, Sender
-from rsoconsole.notebook.panel import link, panel
-from rsoconsole.notebook.panel.panel import LivePanel
+from rsoconsole.library.notebook.panel import link, panel
+from rsoconsole.library.notebook.panel.panel import LivePanel
 from rsoconsole.records import Event
 from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import SessionError
+from rsoconsole.base import SessionError
+from rsoconsole.library import render_report
+from rsoconsole.library.notebook._pictures import TrackStreak, draw_tracks
+from rsoconsole.library.notebook.session import open_session
 from rsoconsole.night import frames_of, tracks_of
-from rsoconsole.notebook import render_report
-from rsoconsole.notebook.pictures import TrackStreak, draw_tracks
-from rsoconsole.notebook.session import open_session
-from rsoconsole.reasons import Missed, TrackLost
-from rsoconsole.records import FollowedAgain, Miss, Ruling
+from rsoconsole.records import FollowedAgain, Miss, Missed, Ruling, TrackLost
 from tests.makers import straight_detection
 from tests.nights import eight_tracks as eight
 from tests.nights import made_up_night
@@ -77,7 +76,7 @@ def test_the_report_has_a_line_for_each_member_and_says_whose_misses_they_are(fo
 
 
 def test_two_streaks_of_one_frame_are_drawn_with_their_tracks_numbers_and_confidences():
-    from rsoconsole.notebook.figures.inline import NightFigure
+    from rsoconsole.library.notebook.figures.inline import NightFigure
 
     pixels = np.full((600, 800), 1000, np.uint16)
     pixels[300:302, 200:320] = 3000

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import rsoconsole
-from rsoconsole.errors import ConfigError, ControlError, RsoconsoleError, SessionError
+from rsoconsole.base import ConfigError, ControlError, RsoconsoleError, SessionError
+from rsoconsole.library.notebook import session as session_room
+from rsoconsole.library.notebook.card import card_text, strip_svg
+from rsoconsole.library.notebook.figures.figures import NightPlots
+from rsoconsole.library.notebook.session import open_session
 from rsoconsole.night import Spell
-from rsoconsole.notebook import session as session_room
-from rsoconsole.notebook.card import card_text, strip_svg
-from rsoconsole.notebook.figures.figures import NightPlots
-from rsoconsole.notebook.session import open_session
 from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
 from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState

@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import SessionError
-from rsoconsole.export import read_night as read_rows
+from rsoconsole.base import SessionError
+from rsoconsole.library import render_report
+from rsoconsole.library.formats.night import read_night as read_rows
+from rsoconsole.library.notebook.night.night import read_night
+from rsoconsole.library.notebook.report._report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.night import summary_of
-from rsoconsole.notebook import render_report
-from rsoconsole.notebook.night.night import read_night
-from rsoconsole.notebook.report.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.reasons import Cause, done
-from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
+from rsoconsole.records import Cause, Event, OperatorAction, ParameterChange, StateChange, done
 from rsoconsole.session import SessionReader
 from tests.nights.export_nights import MISSED, T0, closed_night, written_night
 from tests.nights.leap_samples import leap_of, pass_of
@@ -124,7 +123,9 @@ def test_it_asks_for_nothing_outside_itself(sample: Page, nasty):
     assert_stands_alone(sample)
     assert_stands_alone(nasty[0])
     style = (
-        files("rsoconsole.notebook").joinpath("templates/report.css").read_text(encoding="utf-8")
+        files("rsoconsole.library.notebook")
+        .joinpath("templates/report.css")
+        .read_text(encoding="utf-8")
     )
     assert "url(" not in style
     assert "@import" not in style

@@ -10,17 +10,14 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     Identification,
     Sightings,
+    compared_with,
     identify_jointly,
     parse_catalogue,
 )
-from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.joint_identification import seen_at_once
-from rsoconsole.orbits.identification.single import (
-    GATE_DEG,
-    compared_with,
-    identification_alone,
-)
-from rsoconsole.pipeline.orbits.naming import Naming
+from rsoconsole.orbits.identification.single import GATE_DEG, identification_alone
+from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_DAY

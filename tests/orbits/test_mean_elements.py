@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
     ANALYST_NUMBERS,
     MeanElements,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import find_object, parse_catalogue
 from tests.orbits.test_satellite import with_checksums
 

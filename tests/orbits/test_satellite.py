@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import Satellite, nearest_in_epoch_of_each, parse_catalogue, parse_elements
 from rsoconsole.orbits.elements.catalogue import magnitude
 from rsoconsole.orbits.elements.elements import checksum

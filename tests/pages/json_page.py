@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from rsoconsole.base import resource
 from rsoconsole.cli.words.output import WITH_UNITS
-from rsoconsole.resources import resource
 
 PAGE = resource("cli", "JSON.md").read_text(encoding="utf-8")
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from astropy.table import Table
 
-from rsoconsole.export import MeasuredRow
-from rsoconsole.export.rows import COLUMNS
+from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
 
 _OF_TEXT: Mapping[str, Callable[[str], Any]] = {
     "integer": int,

@@ -17,8 +17,18 @@ from rsoconsole.pipeline.cycle.miss_reasons import (
     next_eclipse_utc_ns,
     updated_star_history,
 )
-from rsoconsole.reasons import Missed, SlewRefusal
-from rsoconsole.records import Detections, Frame, Miss, NotSolved, Site, Solution, TrackState, Wcs
+from rsoconsole.records import (
+    Detections,
+    Frame,
+    Miss,
+    Missed,
+    NotSolved,
+    Site,
+    SlewRefusal,
+    Solution,
+    TrackState,
+    Wcs,
+)
 from rsoconsole.sky import icrs_of_hour_angle, iso_to_utc_ns, slot_direction
 from rsoconsole.tracking import Following, Tracked
 from rsoconsole.words import text

@@ -8,8 +8,7 @@ import pytest
 
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
-from rsoconsole.reasons import Cause, Missed
-from rsoconsole.records import Miss, StateChange, TrackState
+from rsoconsole.records import Cause, Miss, Missed, StateChange, TrackState
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import OrbitError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
-from rsoconsole.errors import OrbitError
 from rsoconsole.orbits import KnownOrbit
 from rsoconsole.orbits.motion.forces import Zonal
 from rsoconsole.pipeline import Awaited, awaited_on, came, expected_at, next_of

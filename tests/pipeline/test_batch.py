@@ -16,9 +16,9 @@ from astropy.io import fits
 from click.testing import Result
 from typer.testing import CliRunner
 
+from rsoconsole.base import BatchError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.errors import BatchError
 from rsoconsole.pipeline import NightOutcome, WorkerPool, nights_in, pool_for, share_out
 from rsoconsole.pipeline.batch import batch_nights
 from rsoconsole.pipeline.batch.batch_nights import process_nights, working_in

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.pipeline import Names, understand
 from rsoconsole.records import Site
 from rsoconsole.sky import (

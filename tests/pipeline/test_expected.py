@@ -9,8 +9,18 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.pipeline import Orbits
 from rsoconsole.pipeline.orbits.expected import EVERY, Expected
-from rsoconsole.reasons import Missed, TrackLost
-from rsoconsole.records import Event, ExpectedMembers, Identified, Miss, Record, Site, Solution, Wcs
+from rsoconsole.records import (
+    Event,
+    ExpectedMembers,
+    Identified,
+    Miss,
+    Missed,
+    Record,
+    Site,
+    Solution,
+    TrackLost,
+    Wcs,
+)
 from tests.nights.eight_tracks import name_of
 from tests.nights.pair_nights import (
     BEGIN_UTC_NS,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import orbit_from_record, predict
-from rsoconsole.pipeline.orbits.sightings_of import Exposures, PartErrors
+from rsoconsole.pipeline.orbits.track_measurements import Exposures, PartErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky import Places
 from rsoconsole.tracking import expected_motion

@@ -10,14 +10,21 @@ import pytest
 from rsoconsole.config import Config, with_setting
 from rsoconsole.control import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
-from rsoconsole.engine.operator.hand_marks import automatic_of, with_figures
+from rsoconsole.engine.operator._hand_marks import automatic_of, with_figures
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TracksTaken
 from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.reasons import CommandResult
-from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
+from rsoconsole.records import (
+    CommandResult,
+    Detection,
+    Frame,
+    Measurement,
+    NotSolved,
+    OperatorAction,
+    TrackState,
+)
 from rsoconsole.session import decode, encode
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import text

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import NavigationFile, parse_rinex_nav, parse_sp3
 from rsoconsole.orbits.navigation.sp3 import gps_ns_of_utc, utc_ns_of_gps
 from rsoconsole.pipeline import read_rinex, read_sp3

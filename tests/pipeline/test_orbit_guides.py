@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import Reduction, direction_at, replay
-from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
+from rsoconsole.pipeline.tuning._propose_likelihood import arcs_of, innovations
 from rsoconsole.records import (
     Event,
     Frame,

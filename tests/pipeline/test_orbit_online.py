@@ -15,7 +15,7 @@ from rsoconsole.engine.aim.guide import Guide, Way
 from rsoconsole.orbits import Forces, KnownOrbit, elements_of, orbit_from_record, predict
 from rsoconsole.pipeline import OnlineOrbit, Orbits, Shown, StarHistory, fold
 from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score
-from rsoconsole.pipeline.orbits.naming import Naming
+from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import Refined
 from rsoconsole.records import (
     Detections,

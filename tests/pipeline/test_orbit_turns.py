@@ -5,7 +5,7 @@ from collections import defaultdict
 import pytest
 
 from rsoconsole.pipeline import OnlineOrbit
-from rsoconsole.pipeline.orbits.orbit_turns import AT_ONCE
+from rsoconsole.pipeline.orbits._orbit_turns import AT_ONCE
 from rsoconsole.records import OrbitEstimate
 from rsoconsole.tracking import Following, follow
 from tests.nights.slot_of_twelve import MEMBERS, frames

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from rsoconsole.errors import ConfigError, SessionError
+from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.pipeline import Proposal, propose, replay, save_branch, what_if_session
-from rsoconsole.pipeline.tuning.propose_likelihood import arcs_of, innovations
-from rsoconsole.pipeline.tuning.propose_search import Parameter, Search
+from rsoconsole.pipeline.tuning._propose_likelihood import arcs_of, innovations
+from rsoconsole.pipeline.tuning._propose_search import Parameter, Search
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.tracking.filters import lqe

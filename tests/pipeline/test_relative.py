@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.orbits.pairs import PAIRS_OF_MANY, Pairs
-from rsoconsole.reasons import Missed, TrackLost
-from rsoconsole.records import Event, FollowedAgain, Miss, PairMotion, PairMotions
+from rsoconsole.pipeline.orbits._pairs import PAIRS_OF_MANY, Pairs
+from rsoconsole.records import (
+    Event,
+    FollowedAgain,
+    Miss,
+    Missed,
+    PairMotion,
+    PairMotions,
+    TrackLost,
+)
 from rsoconsole.session import SessionReader, SessionWriter
 from rsoconsole.tracking.association.relative import closest
 from tests.nights.pair_nights import (

@@ -6,13 +6,14 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, with_setting
-from rsoconsole.errors import ConfigError
 from rsoconsole.night import as_recorded, frames_of
 from rsoconsole.pipeline import ReplayedFrame, replay
 from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
+    BelowTau,
+    Cause,
     Detection,
     Detections,
     FrameTaken,

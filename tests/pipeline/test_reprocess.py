@@ -9,13 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsoconsole.base import ConfigError, FrameError, ModelError, SessionError, SolverError
 from rsoconsole.config import Config, with_setting
-from rsoconsole.errors import ConfigError, FrameError, ModelError, SessionError, SolverError
 from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline import RecordedFrame, Reprocessor, compare, read_pixels, recorded_frame
 from rsoconsole.pipeline.replays import reprocess
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, Detections, Frame, NotSolved, ParameterChange, Rejection
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    Frame,
+    NotAStreak,
+    NotSolved,
+    ParameterChange,
+    Rejection,
+)
 from rsoconsole.session import SessionReader, compress_frame
 from tests.makers import straight_detection
 from tests.nights import made_up_night as night

@@ -5,15 +5,14 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome
-from rsoconsole.judge import summarise
+from rsoconsole.library.notebook.night.night import read_night
 from rsoconsole.night import Night, as_recorded
-from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.reasons import NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -21,9 +20,11 @@ from rsoconsole.records import (
     FrameTaken,
     Miss,
     NotFollowed,
+    NotTaken,
     OperatorAction,
     ParameterChange,
     Ruling,
+    SlewRefusal,
     StateChange,
     TrackState,
 )

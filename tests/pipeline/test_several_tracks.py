@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.cli.demo.demo import _track_words
+from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.config import Config
-from rsoconsole.export import read_night as exported
-from rsoconsole.judge import summarise
+from rsoconsole.library.formats.night import read_night as exported
+from rsoconsole.library.notebook.night.night import read_night
 from rsoconsole.night import Night
-from rsoconsole.notebook.night.night import read_night
 from rsoconsole.pipeline import OnlineOrbit, Orbits
 from rsoconsole.pipeline.orbits.orbit_online import Refined
-from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import (
     CatalogueMatch,
     FoldRecord,
@@ -23,10 +22,12 @@ from rsoconsole.records import (
     Identified,
     Measurement,
     Miss,
+    Missed,
     NotFollowed,
     OrbitEstimate,
     Record,
     StateChange,
+    TrackLost,
     TrackState,
 )
 from rsoconsole.session import SessionWriter

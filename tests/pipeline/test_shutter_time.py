@@ -17,7 +17,7 @@ from rsoconsole.config import (
 )
 from rsoconsole.engine.doctor.checks import check_shutter
 from rsoconsole.engine.operator.arming import ArmingCheck, arming_checks
-from rsoconsole.export import read_night
+from rsoconsole.library.formats.night import read_night
 from rsoconsole.pipeline import measure, put_together, replay, shutter_mid_utc_ns, shutter_time
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session import SessionReader

@@ -10,9 +10,9 @@ from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Miss,
+    Missed,
     NotFollowed,
     OperatorAction,
     Ruling,

@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
+from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline import (
     LogOfOneSession,
     branches_of,

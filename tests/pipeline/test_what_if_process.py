@@ -10,8 +10,8 @@ from typing import cast
 
 import pytest
 
+from rsoconsole.base import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.pipeline import Question, WhatIfProcess, what_if
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE

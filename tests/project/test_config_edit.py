@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import load_config, write_settings
 from rsoconsole.config.file import initial_config_text, with_settings
-from rsoconsole.errors import ConfigError
 
 BY_HAND = """\
 # Our dome at the lake. Do not touch the gate: [catalogue] is tuned!

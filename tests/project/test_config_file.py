@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import (
     Config,
     config_faults,
@@ -20,7 +21,6 @@ from rsoconsole.config import (
     write_initial_config,
 )
 from rsoconsole.config.file import initial_config_text
-from rsoconsole.errors import ConfigError
 
 
 @pytest.fixture(autouse=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
 from rsoconsole.config import (
     Config,
@@ -21,7 +22,6 @@ from rsoconsole.config import (
     walk,
 )
 from rsoconsole.config.settings import OTHERS, variable_of
-from rsoconsole.errors import ConfigError
 from tests.pages.json_page import expect_documented
 
 ROOT = Path(__file__).resolve().parents[2]

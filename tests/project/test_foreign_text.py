@@ -10,20 +10,27 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import (
+    ConfigError,
+    ControlError,
+    OrbitError,
+    RsoconsoleError,
+    SessionError,
+    read_foreign,
+)
+from rsoconsole.base.foreign_text import MOST_BYTES
 from rsoconsole.config import config_faults, load_config
 from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.tuning.tuning_pane import load_presets
 from rsoconsole.control.wire import read_outcome
-from rsoconsole.errors import ConfigError, ControlError, OrbitError, RsoconsoleError, SessionError
-from rsoconsole.export import ReadAs, read_observations
-from rsoconsole.foreign_text import MOST_BYTES, read_foreign
+from rsoconsole.library import ReadAs, read_observations
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.orbits.elements import catalogue
 from rsoconsole.pipeline import read_catalogue, read_observed
 from rsoconsole.records import Event, FrameTaken
 from rsoconsole.session import SessionReader
 from rsoconsole.session.files.upkeep_log import parse_notes
-from rsoconsole.session.upkeep.recover import recover_session
+from rsoconsole.session.upkeep._recover import recover_session
 from rsoconsole.simulator import load_world
 from tests.nights.made_up_night import add_frames, armed, begin
 

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, Detections, Rejection
+from rsoconsole.records import Detection, Detections, NotAStreak, Rejection
 from rsoconsole.session import decode, encode
 from tests.makers import straight_detection as detection
 

@@ -44,9 +44,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import rsoconsole
-from rsoconsole.export.rows import COLUMNS; from rsoconsole.export import read_night
-from rsoconsole.export.api import to_csv, to_ecsv, to_jsonl
-from rsoconsole.notebook.session import open_session
+from rsoconsole.library.formats.rows import COLUMNS
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.api import to_csv, to_ecsv, to_jsonl
+from rsoconsole.library.notebook.session import open_session
 from rsoconsole.records.columns import documented
 from rsoconsole.records import Measurement, Ruling
 from rsoconsole.session import SessionReader

@@ -50,11 +50,11 @@ from pathlib import Path
 
 import rsoconsole
 from rsoconsole.console.words.curves import quality_lines
-from rsoconsole.export import read_night
-from rsoconsole.export.api import to_csv
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.api import to_csv
 from rsoconsole.night import Night
-from rsoconsole.notebook.session import open_session
-from rsoconsole.notebook import render_report
+from rsoconsole.library.notebook.session import open_session
+from rsoconsole.library import render_report
 from rsoconsole.records import Detections
 from rsoconsole.session import SessionReader
 from rsoconsole.session import SessionWriter

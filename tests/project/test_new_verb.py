@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rsoconsole.base import resource
 from rsoconsole.control import COMMANDS, Beside, Command, Preview
 from rsoconsole.engine.operator.handlers import Handler
-from rsoconsole.resources import resource
 from tests.rigs.engine_rig import command_handler_of, rig
 from tests.rigs.worked_example import expect_used
 

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(not README.exists(), reason="no checkout: the RE
 
 @pytest.fixture(scope="module")
 def readme() -> str:
-    pages = [README, *sorted((README.parent / "rsoconsole" / "guide").glob("*.md"))]
+    pages = [README, *sorted((README.parent / "rsoconsole" / "cli" / "guide").glob("*.md"))]
     return "\n".join(page.read_text(encoding="utf-8") for page in pages)
 
 

@@ -4,8 +4,16 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.reasons import Cause, Missed, NotTaken
-from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
+from rsoconsole.records import (
+    Cause,
+    Event,
+    Miss,
+    Missed,
+    NotFollowed,
+    NotTaken,
+    StateChange,
+    TrackState,
+)
 from tests.notebook.test_figures import ARCSEC, FRAMES, NS, measurement, taken
 from tests.real_sky.real_sky_judge import judge
 

@@ -15,23 +15,21 @@ from rsoconsole.console.night.engine_seen import EngineView, alerts_between
 from rsoconsole.console.timeline.night_line import TimelineFold
 from rsoconsole.night import Night, frames_of
 from rsoconsole.pipeline import replay, what_if
-from rsoconsole.reasons import (
+from rsoconsole.records import (
     Cause,
     CommandResult,
-    HiddenBy,
-    Missed,
-    NotTaken,
-    SlewRefusal,
-    TrackLost,
-)
-from rsoconsole.records import (
     Event,
     FrameTaken,
+    HiddenBy,
     Miss,
+    Missed,
     NotFollowed,
+    NotTaken,
     OperatorAction,
     SlewCommand,
+    SlewRefusal,
     StateChange,
+    TrackLost,
     TrackState,
 )
 from rsoconsole.session import SessionReader, SessionWriter, decode, encode

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from rsoconsole.reasons import Cause
-from rsoconsole.records import Event, StateChange
+from rsoconsole.records import Cause, Event, StateChange
 from tests.nights.record_differences import MOST_CHARACTERS, differences
 
 EVENT = Event(level="info", text="a" * 500, frame_id=3)

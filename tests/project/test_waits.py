@@ -12,15 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole import waits
+from rsoconsole.base import ControlError, InstrumentError, LongWait, waits, waits_reported_to
 from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.control import AskStatus, ControlClient, EngineLock
-from rsoconsole.errors import ControlError, InstrumentError
-from rsoconsole.instruments.indi.devices_there import DevicesThere
+from rsoconsole.instruments.indi._devices_there import DevicesThere
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.simulator.devices.clock_device import CATCH_UP, MOST_BEHIND_S, VirtualClock
-from rsoconsole.waits import LongWait, waits_reported_to
 
 NS = 1_000_000_000
 WANTED = "EQMod Mount"

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire, Instruments, MountReport, connect_instruments
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.indi.wire_stop import stop_mount

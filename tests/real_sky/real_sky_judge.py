@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsoconsole.judge import summarise
-from rsoconsole.judge.summary import SAME_OBJECT_ARCSEC
+from rsoconsole.cli.judge.summary import SAME_OBJECT_ARCSEC, summarise
 from rsoconsole.records import (
     Event,
     FrameTaken,

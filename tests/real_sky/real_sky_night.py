@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.judge import read_truth
+from rsoconsole.cli.judge.summary import read_truth
 from rsoconsole.session import SessionReader
 from tests.real_sky.real_sky_judge import judge
 from tests.real_sky.real_sky_rig import STANDARD_MAG

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from models.star_catalogue import catalogue_of, save
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config, config_to_toml
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.orbits import ElementSet, MeanElements, Satellite

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome, Request, command_of
 from rsoconsole.control.wire import sender_of
 from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import (
     SIDEREAL_ARCSEC_S,
     ClockFault,

@@ -13,7 +13,7 @@ from rsoconsole.config import Config
 from rsoconsole.control import LastStop, Outcome, Status
 from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import Instruments
 from rsoconsole.instruments.mount.mount import IndiMount

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Ordered
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.engine.tasks.watch import Watch
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import (
     SIDEREAL_ARCSEC_S,
     Instruments,
@@ -28,8 +28,8 @@ from rsoconsole.instruments import (
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.instruments.motion import Motion
+from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount.mount_child import MountChild
-from rsoconsole.instruments.mount.mount_owner import MountOwner
 from rsoconsole.records import Event
 from rsoconsole.sky import Pose, jnow_to_icrs
 from tests.makers import T0_UTC_NS

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.instruments import SIDEREAL_ARCSEC_S
 from tests.rigs.odd_engine import OddEngine, odd_engine
 from tests.rigs.odd_mount import ABORT

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import ReplayedFrame
+from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
 from rsoconsole.pipeline.replays.refold import ReduceAgain, Walk
-from rsoconsole.pipeline.replays.rewrite_log import LogRewriter
 from rsoconsole.records import Record
 
 

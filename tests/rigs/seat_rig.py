@@ -16,12 +16,12 @@ from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.pilot import Pilot
 
+from rsoconsole.base import ControlError
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import BeginMark, Command, Outcome
-from rsoconsole.errors import ControlError
 from rsoconsole.night import TrackFigures
 from rsoconsole.pipeline import Question, WhatIfProcess
 from rsoconsole.session import SessionWriter

@@ -6,7 +6,7 @@ import threading
 import time
 from typing import Self
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.instruments import IndiWire
 from rsoconsole.simulator.launch import Observatory
 from tests.rigs.whole_engine import wait_for

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import ControlError, SessionError
 from rsoconsole.control import ControlClient, Outcome, Sender, command_of
-from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.session import SessionReader

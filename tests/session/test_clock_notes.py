@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.export import Target, read_night
-from rsoconsole.export.api import to_ecsv
-from rsoconsole.export.tdm import to_tdm
-from rsoconsole.notebook import render_report, write_figures
+from rsoconsole.library import Target, render_report, write_figures
+from rsoconsole.library.formats.api import to_ecsv
+from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.tdm import to_tdm
 from rsoconsole.records import Event
 from rsoconsole.session import SessionReader, clock_notes, encode
 from tests.cli.test_damaged_rows import SAMPLE, change

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.errors import SessionError
+from rsoconsole.base import SessionError
 from rsoconsole.session import (
     Change,
     Ledger,

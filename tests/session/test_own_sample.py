@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from rsoconsole import resources
+from rsoconsole.base import SessionError, resources
 from rsoconsole.cli.app import app
-from rsoconsole.errors import SessionError
 from rsoconsole.session import SessionReader, list_sessions, own_sample, verify_session
 from rsoconsole.session.upkeep.store import SAMPLE_NAME
 from tests.nights.samples import SAMPLE

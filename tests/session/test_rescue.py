@@ -16,9 +16,9 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
 from rsoconsole.session import (
     SessionReader,

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
-from rsoconsole.errors import SessionError
-from rsoconsole.notebook import session as session_room
-from rsoconsole.notebook.session import open_session
+from rsoconsole.library.notebook import session as session_room
+from rsoconsole.library.notebook.session import open_session
 from rsoconsole.pipeline import replay
 from rsoconsole.records import (
     TABLES,
@@ -206,6 +206,6 @@ def _as_recorded(recorded: list[Detection]) -> list[Any]:
 
 
 def test_the_path_in_the_documentation_is_the_samples() -> None:
-    guide = Path(__file__).parents[2] / "rsoconsole" / "guide"
+    guide = Path(__file__).parents[2] / "rsoconsole" / "cli" / "guide"
     for page in ("console.md", "morning.md"):
         assert f"sessions/{SAMPLE.name}" in (guide / page).read_text(encoding="utf-8")

@@ -16,12 +16,13 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import SessionError
-from rsoconsole.reasons import DONE, Cause, Missed, NotAStreak, NotTaken
 from rsoconsole.records import (
+    DONE,
     TABLES,
     CameraMode,
+    Cause,
     Closeup,
     CycleTiming,
     Detection,
@@ -33,9 +34,12 @@ from rsoconsole.records import (
     LedgerName,
     Measurement,
     Miss,
+    Missed,
     Mixture,
+    NotAStreak,
     NotFollowed,
     NotSolved,
+    NotTaken,
     OperatorAction,
     ParameterChange,
     Rejection,
@@ -641,7 +645,7 @@ import json, resource, sys
 from pathlib import Path
 import numpy as np
 from rsoconsole.config import Config
-from rsoconsole.reasons import Missed
+from rsoconsole.records import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session import SessionWriter
@@ -702,7 +706,7 @@ KILLED = """
 import sys, itertools
 from pathlib import Path
 from rsoconsole.config import Config
-from rsoconsole.reasons import Missed
+from rsoconsole.records import Missed
 from rsoconsole.records import Miss
 from rsoconsole.session import SessionWriter
 

@@ -11,12 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.errors import SessionError
-from rsoconsole.reasons import DONE, Cause, Missed
+from rsoconsole.base import SessionError
 from rsoconsole.records import (
+    DONE,
+    Cause,
     Event,
     FrameTaken,
     Miss,
+    Missed,
     OperatorAction,
     ParameterChange,
     StateChange,

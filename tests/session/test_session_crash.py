@@ -264,7 +264,7 @@ import sys, os
 from pathlib import Path
 import numpy as np
 from rsoconsole.config import Config
-from rsoconsole.reasons import Missed
+from rsoconsole.records import Missed
 from rsoconsole.records import Miss
 from rsoconsole.records import Frame
 from rsoconsole.session import SessionWriter

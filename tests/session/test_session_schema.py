@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import Config
-from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Frame, Miss
+from rsoconsole.records import Frame, Miss, Missed
 from rsoconsole.session import (
     SessionReader,
     SessionWriter,

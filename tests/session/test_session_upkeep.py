@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.errors import SessionError
+from rsoconsole.base import SessionError
 from rsoconsole.session import (
     Policy,
     SessionReader,

@@ -14,10 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import Config
-from rsoconsole.errors import SessionError
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Miss
+from rsoconsole.records import Miss, Missed
 from rsoconsole.session import (
     SessionReader,
     SessionWriter,
@@ -30,7 +29,7 @@ from rsoconsole.session import (
 from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.log.pages import Pages
 from rsoconsole.session.log.schema import SCHEMA_VERSION
-from rsoconsole.session.upkeep.recover import recover_session
+from rsoconsole.session.upkeep._recover import recover_session
 from tests.nights.samples import SAMPLE
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
 

@@ -13,7 +13,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past
 from rsoconsole.orbits import ElementSet, attributable, recognise
 from rsoconsole.pipeline import keep_night
-from rsoconsole.pipeline.orbits.naming import Naming
+from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.records import Identified
 from rsoconsole.session import SessionWriter, ledger_path, read_ledger
 from rsoconsole.words import NS_PER_DAY

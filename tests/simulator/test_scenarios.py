@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig, SearchConfig
-from rsoconsole.errors import ConfigError
 from rsoconsole.orbits import Satellite
 from rsoconsole.simulator import DAYTONA_BEACH, DEFAULT_SCENARIO, all_scenarios, scenario_named
 from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rsoconsole.base import ConfigError, OrbitError, SolverError
+from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.demo.demo_targets import plan_targets, planned_config
 from rsoconsole.cli.words.options import site_of
 from rsoconsole.config import OpticsConfig
-from rsoconsole.errors import ConfigError, OrbitError, SolverError
 from rsoconsole.orbits import Satellite, find_object, parse_catalogue
 from rsoconsole.records import Site
 from rsoconsole.simulator import (
@@ -60,7 +60,7 @@ def mixed_config(tmp_path, monkeypatch):
     path = tmp_path / "mixed.tle"
     path.write_text(TRANSCRIBED)
     config = demo_config(DAYTONA_BEACH, preset="tuned", keep_frames="none", catalogue=[path])
-    monkeypatch.setattr("rsoconsole.cli.demo.demo_targets.whole_sky_stars", lambda _config: None)
+    monkeypatch.setattr("rsoconsole.cli.demo._demo_targets.whole_sky_stars", lambda _config: None)
     return config
 
 

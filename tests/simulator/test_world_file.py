@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from models.world_settings import README, with_table
+from rsoconsole.base import ConfigError
 from rsoconsole.config import limits_of
-from rsoconsole.errors import ConfigError
 from rsoconsole.simulator import (
+    LAWS,
     NAMELESS,
     World,
     load_world,
     random_world,
+    settings_of_worlds,
     world_from,
     world_to_toml,
 )
-from rsoconsole.simulator.nights.world_laws import LAWS
-from rsoconsole.simulator.world.world import settings_of_worlds
 
 TWO_HUNDRED_SEEDS = range(200)
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from models.star_catalogue import catalogue_of, read_index, save
-from rsoconsole.errors import SolverError
-from rsoconsole.resources import resource
+from rsoconsole.base import SolverError, resource
 from rsoconsole.sky import StarCatalogue, Stars, separation_deg
 
 INDEX_08 = Path("/usr/share/astrometry/index-tycho2-08.littleendian.fits")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.records import Wcs
 from rsoconsole.sky import separation_deg
 from rsoconsole.sky import wcs as plate

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import Satellite, parse_elements
-from rsoconsole.reasons import Missed
-from rsoconsole.records import FoldRecord, Measurement, NotFollowed, TrackState
+from rsoconsole.records import FoldRecord, Measurement, Missed, NotFollowed, TrackState
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Places
 from rsoconsole.tracking import Following, FollowSettings, Seen, follow

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reasons import HiddenBy, Missed
-from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
+from rsoconsole.records import HiddenBy, Measurement, Miss, Missed, NotFollowed, StateChange
 from rsoconsole.tracking import Following, FollowSettings, Seen, follow
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.words import text

@@ -10,14 +10,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rsoconsole.reasons import NotTaken
-from rsoconsole.records import Measurement
+from rsoconsole.records import Measurement, NotTaken
 from rsoconsole.tracking import Following, Tracked, follow
+from rsoconsole.tracking._takeover import updated_with
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.initiation.acquisition import initiated
 from rsoconsole.tracking.joint import Weighed, assigned
-from rsoconsole.tracking.takeover import updated_with
 from tests.tiers import plain_first
 from tests.tracking.test_rivals import FRAMES, NEAR_ARCSEC, every_day, seen, streak, truth
 

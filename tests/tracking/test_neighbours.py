@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reasons import HiddenBy, Missed
-from rsoconsole.records import Miss, NotFollowed, TrackState
+from rsoconsole.records import HiddenBy, Miss, Missed, NotFollowed, TrackState
 from rsoconsole.sky import tan_wcs
 from rsoconsole.tracking import Field, Following, FollowSettings, follow, sky_covariance_arcsec2
+from rsoconsole.tracking._takeover import INDISTINGUISHABLE
 from rsoconsole.tracking.association.neighbours import (
     LEAST_MARGIN,
     UNKNOWN_COST,
@@ -17,7 +17,6 @@ from rsoconsole.tracking.association.neighbours import (
     Neighbour,
     best_match,
 )
-from rsoconsole.tracking.takeover import INDISTINGUISHABLE
 from rsoconsole.words import text
 from tests.makers import T0_UTC_NS, geo_measurement
 from tests.tracking.test_follow import SETTINGS as EVERY_DAY
@@ -112,7 +111,7 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
         text(INDISTINGUISHABLE),
     )
 
-    monkeypatch.setattr("rsoconsole.tracking.takeover.LEAST_MARGIN", 0.0)
+    monkeypatch.setattr("rsoconsole.tracking._takeover.LEAST_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
     taken = {"target": "taken back", "neighbour": SWAPPED}[who]
     assert by_position == ("left alone" if before.state == "COAST" else taken)

@@ -15,8 +15,15 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
-from rsoconsole.reasons import HiddenBy, Missed
-from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange, TrackState
+from rsoconsole.records import (
+    FloatArray,
+    FrameTaken,
+    HiddenBy,
+    Measurement,
+    Missed,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
 from rsoconsole.tracking.association.following import Rival, odds
 from rsoconsole.words import text

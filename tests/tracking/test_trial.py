@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from rsoconsole.reasons import HiddenBy, Missed
-from rsoconsole.records import Measurement, Miss, TrackState
+from rsoconsole.records import HiddenBy, Measurement, Miss, Missed, TrackState
 from rsoconsole.tracking import Following, Seen, follow
 from rsoconsole.tracking.initiation.chains import APART_ON_TRIAL
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement

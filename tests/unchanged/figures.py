@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.library import render_report
+from rsoconsole.library.notebook.session import open_session
 from rsoconsole.night import FrameRow, Night, Quality, Summary
-from rsoconsole.notebook import render_report
-from rsoconsole.notebook.session import open_session
 from rsoconsole.session import SessionReader, SessionWriter
 from tests.nights import eight_tracks, eventful_night, measured_night
 from tests.rigs.in_process import run_here

@@ -18,9 +18,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.engine.service.command_handler import CommandHandler
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.instruments import StopResult
 from rsoconsole.records import Event, OperatorAction, SlewCommand, StateChange
 from rsoconsole.sky import altaz_to_icrs

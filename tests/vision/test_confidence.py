@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.errors import ModelError
-from rsoconsole.resources import model_resource
+from rsoconsole.base import ModelError, model_resource
 from rsoconsole.vision import FEATURES, Candidate, ConfidenceCurve, Focus, LineLight
 from rsoconsole.vision.detector.confidence import LENGTH_ERROR
 from tests.makers import straight_detection

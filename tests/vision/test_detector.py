@@ -22,8 +22,8 @@ from rsoconsole.vision import (
     fit_streak,
     is_same_streak,
 )
+from rsoconsole.vision.detector._reject_artifacts import TRAILED_STREAKS
 from rsoconsole.vision.detector.detector import MOST_FITS
-from rsoconsole.vision.detector.set_aside import TRAILED_STREAKS
 from rsoconsole.words import text
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -163,7 +163,7 @@ def test_a_fit_that_breaks_costs_its_candidate_alone(monkeypatch, caplog) -> Non
             raise IndexError("index 0 is out of bounds")
         return fit_streak(pixels, sky, box, **rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("rsoconsole.vision.detector.candidates.fit_streak", broken_on_one)
+    monkeypatch.setattr("rsoconsole.vision.detector._candidates.fit_streak", broken_on_one)
     found = analyse(frame_with((A, B), (C, D)), candidate(A, B, 0.8), candidate(C, D, 0.4))
     assert [d.confidence for d in found.detections.detections] == [0.8]
     assert [text(r.reason) for r in found.detections.rejected] == [

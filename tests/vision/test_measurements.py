@@ -6,7 +6,7 @@ import numpy as np
 
 from rsoconsole.records import Frame
 from rsoconsole.vision import Focus, find_stars, local_background
-from rsoconsole.vision.detector.candidates import Measurements, proposals
+from rsoconsole.vision.detector._candidates import Measurements, proposals
 from rsoconsole.vision.lines.line_filter import CellLine
 from tests.drawn.drawn_lines import exposed, line_of_light
 

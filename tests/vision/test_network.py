@@ -11,8 +11,7 @@ import shutil
 import numpy as np
 import pytest
 
-from rsoconsole.errors import ModelError
-from rsoconsole.resources import model_resource
+from rsoconsole.base import ModelError, model_resource
 from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, render, straight_streak
 from rsoconsole.vision import MODEL_NAME, Network, make_map
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.star_catalogue import catalogue_of, matched, read_places
-from rsoconsole.errors import SolverError
+from rsoconsole.base import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.sky.star_background import places_now
 from rsoconsole.sky import (
@@ -13,10 +13,10 @@ from rsoconsole.sky import (
     describe,
     iso_to_utc_ns,
     julian_year,
+    moved,
     separation_deg,
     wcs_from_cards,
 )
-from rsoconsole.sky.stars.proper_motion import moved
 from rsoconsole.vision import PlateFit, field_radius_deg, refit
 from tests.drawn.plate_fields import SHARED, star_rows
 

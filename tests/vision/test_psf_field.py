@@ -7,8 +7,8 @@ import pytest
 
 from models.frames import TrueFrame
 from models.judging import Judge, confidences_of
+from rsoconsole.base import model_resource
 from rsoconsole.config import DetectorConfig
-from rsoconsole.resources import model_resource
 from rsoconsole.simulator import FieldContent, SensorModel
 from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, StreakDetector, find_stars
 from rsoconsole.vision.stars import stars as star_list

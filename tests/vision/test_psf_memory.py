@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsoconsole.base import model_resource
 from rsoconsole.config import Config, DetectorConfig
 from rsoconsole.pipeline import FrameReducer
 from rsoconsole.records import Frame
-from rsoconsole.resources import model_resource
 from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, PsfMemory, StreakDetector, find_stars
 from rsoconsole.vision.stars.psf_memory import HOLDS_NS
 from tests.drawn.soft_corners import PIXEL_FWHM, Ends, Proposes, about, drawn, soft_and_tilted

@@ -5,8 +5,8 @@ import pytest
 
 from rsoconsole.records import Frame
 from rsoconsole.vision import Candidate
+from rsoconsole.vision.detector._reject_artifacts import set_aside
 from rsoconsole.vision.detector.measured_detection import UNMEASURED
-from rsoconsole.vision.detector.set_aside import set_aside
 from tests.makers import straight_detection
 
 FRAME = Frame(

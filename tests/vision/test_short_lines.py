@@ -10,7 +10,7 @@ from rsoconsole.records import Frame
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.lines.short import MOST_SHORT, in_turn, short_lines
+from rsoconsole.vision.lines.short_lines import MOST_SHORT, in_turn, short_lines
 from tests.campaign.streaks import detector
 from tests.drawn.drawn_lines import exposed, line_of_light
 

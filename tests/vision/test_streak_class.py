@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, Rejection
+from rsoconsole.records import Detection, NotAStreak, Rejection
 from rsoconsole.vision import decided, find_stars, local_background
+from rsoconsole.vision.streaks._streak_light import Fading
 from rsoconsole.vision.streaks.streak_class import Evidence, probabilities
-from rsoconsole.vision.streaks.streak_light import Fading
 from rsoconsole.vision.streaks.streak_names import named_with_shares
 from tests.drawn.drawn_classes import Drawn, drawn
 from tests.tiers import plain_first

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.reasons import NotAStreak
+from rsoconsole.records import NotAStreak
 from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.lines.streak_search import cut_out
 from rsoconsole.vision.streaks.streak_class import unevenness

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.vision.lines.streak_search import Cutout
-from rsoconsole.vision.streaks.streak_hidden import with_hidden_ends
-from rsoconsole.vision.streaks.streak_model import Line, LineFit
+from rsoconsole.vision.streaks._streak_hidden import with_hidden_ends
+from rsoconsole.vision.streaks._streak_model import Line, LineFit
 
 NOISE, WIDTH, HEIGHT = 20.0, 60, 21
 

@@ -13,7 +13,7 @@ BUSY_SHARE = 0.5
 
 def run_bench(config: Config, *, json_: bool) -> None:
     """Measure, print, and exit 1 where what is configured is not held."""
-    from rsoconsole.cli.demo.bench_frame import draw_fits
+    from rsoconsole.cli.demo._bench_frame import draw_fits
     from rsoconsole.engine import (
         STAGES,
         free_bytes,

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
+from rsoconsole.base import ConfigError, waits_reported_to
 from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import ConfigError
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.records import Site
-from rsoconsole.waits import waits_reported_to
 from rsoconsole.words import number, size_words
 
 if TYPE_CHECKING:
@@ -136,7 +135,7 @@ def demo(
 
     Example: rsoconsole demo --world random --seed 7
     """
-    from rsoconsole.cli.demo.demo_targets import plan_targets, plan_words, planned_config
+    from rsoconsole.cli.demo._demo_targets import plan_targets, plan_words, planned_config
     from rsoconsole.simulator import (
         DAYTONA_BEACH,
         NIGHT_FRAMES,

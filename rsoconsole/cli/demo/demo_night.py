@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
+from rsoconsole.base import ControlError, InstrumentError, RsoconsoleError, waits_reported_to
 from rsoconsole.config import APP, Config
-from rsoconsole.errors import ControlError, InstrumentError, RsoconsoleError
-from rsoconsole.waits import waits_reported_to
 
 if TYPE_CHECKING:
     from rsoconsole.engine import Engine
@@ -66,9 +65,9 @@ def run_night(
 
     ``on_start`` gets session and socket once the engine listens.
     """
+    from rsoconsole.cli.judge.summary import read_truth, summarise
     from rsoconsole.control import default_socket_path
     from rsoconsole.engine import RunSettings, run_engine
-    from rsoconsole.judge import read_truth, summarise
     from rsoconsole.session import SessionReader
     from rsoconsole.simulator import start_observatory
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, WriteOption
 from rsoconsole.cli.words.standard_input import Piped, piped
 from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import OrbitError, SessionError
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry, FittedFactors

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
 from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import load_config
-from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry, NavigationFile

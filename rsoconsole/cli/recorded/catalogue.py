@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rsoconsole.base import ControlError, OrbitError, raised_as
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
 from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.errors import ControlError, OrbitError, raised_as
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
-    from rsoconsole.element_sources import Kept, Source, Update, Updated
+    from rsoconsole.pipeline import Kept, Source, Update, Updated
 
 SLEW_WAIT_S = 300.0
 _POLL_S = 2.0
@@ -86,7 +86,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole catalogue list --json
     """
-    from rsoconsole.element_sources import ElementStore, Kept
+    from rsoconsole.pipeline import ElementStore, Kept
 
     settings = load_config(config)
     kept = ElementStore().kept()
@@ -128,7 +128,7 @@ def add(
 
     Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
     """
-    from rsoconsole.element_sources import Kept
+    from rsoconsole.pipeline import Kept
 
     given = [_source_of(text) for text in source]
     settings = load_config(config, environ={})
@@ -160,7 +160,7 @@ def add(
 
 def _source_of(text: str) -> "Source":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
-    from rsoconsole.element_sources import parse_source
+    from rsoconsole.pipeline import parse_source
 
     with raised_as(OrbitError):
         if text.startswith(("http://", "https://")):
@@ -171,7 +171,7 @@ def _source_of(text: str) -> "Source":
 
 
 def _configured(settings: Config) -> "list[Source]":
-    from rsoconsole.element_sources import parse_source
+    from rsoconsole.pipeline import parse_source
 
     return [parse_source(text) for text in dict.fromkeys(settings.catalogue.sources)]
 
@@ -193,7 +193,7 @@ def _chosen(there: "list[Source]", wanted: list[str]) -> "list[Source]":
 
 
 def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "Update":
-    from rsoconsole.element_sources import ElementStore, Update
+    from rsoconsole.pipeline import ElementStore, Update
 
     catalogue = settings.catalogue
     return Update(
@@ -226,7 +226,7 @@ def _wait_while_slewing(socket: Path | None) -> None:
 
 
 def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
-    from rsoconsole.element_sources import default_folder
+    from rsoconsole.pipeline import default_folder
     from rsoconsole.words import utc_ns_to_iso
 
     now_utc_ns, folder = time.time_ns(), default_folder()
@@ -244,8 +244,7 @@ def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
 
 def _file_row(path: Path) -> dict[str, Any]:
     """Of a file that the configuration names itself."""
-    from rsoconsole.element_sources import Kept, element_figures
-    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.pipeline import Kept, element_figures, read_catalogue
 
     try:
         figures: Any = element_figures(read_catalogue([path]))

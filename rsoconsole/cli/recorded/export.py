@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
+from rsoconsole.base import ExportError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import JsonOption, SessionArgument
-from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal[
     "csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "fits", "regions", "html"
@@ -92,7 +92,7 @@ def export(
     if format_ == "html":
         _report(session, out, json_, is_forced=force)
         return
-    from rsoconsole.export import ExportOptions, Target, parse_numbers
+    from rsoconsole.library import ExportOptions, Target, parse_numbers
 
     try:
         options = ExportOptions(
@@ -112,8 +112,8 @@ def export(
 
 
 def _export(session: Path, kind: Any, out: str | None, options: Any, json_: bool) -> None:
-    from rsoconsole.export import export as write
-    from rsoconsole.export import render
+    from rsoconsole.library import export as write
+    from rsoconsole.library import render
 
     new_folder = _folder_to_make(kind, out)
     if out == STDOUT:
@@ -173,8 +173,7 @@ def _say_left_out(made: Any) -> None:
 
 
 def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:
-    from rsoconsole.export import save_text
-    from rsoconsole.notebook import render_report
+    from rsoconsole.library import render_report, save_text
 
     with progress("report"):
         report = render_report(session)

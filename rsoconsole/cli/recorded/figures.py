@@ -35,7 +35,7 @@ def figures(
     frames in which the object was missed are shaded. Existing figures are replaced.
     Example: rsoconsole figures ~/.local/share/rsoconsole/sessions/NIGHT --format pdf
     """
-    from rsoconsole.notebook import write_figures
+    from rsoconsole.library import write_figures
 
     folder = session / "branches" / "figures" if out is None else out
     for path in write_figures(session, folder, truth=truth, file_format=format_):

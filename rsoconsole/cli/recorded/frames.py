@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rsoconsole.base import FrameError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import (
     Bar,
@@ -20,7 +21,6 @@ from rsoconsole.cli.words.batch_options import (
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
 from rsoconsole.cli.words.standard_input import FilesFromOption, Piped, piped, with_named
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import FrameError
 from rsoconsole.words import counted, direction, name_words, pulse_words
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from rsoconsole.cli.words.standard_input import FilesFromOption, piped, with_nam
 from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
-    from rsoconsole.export import ReadAs
+    from rsoconsole.library import ReadAs
     from rsoconsole.pipeline import Observed
 
 
@@ -114,7 +114,7 @@ def identify(
     """
     given = with_named(paths, files_from)
     if field:
-        from rsoconsole.cli.recorded.identify_field import identify_field
+        from rsoconsole.cli.recorded._identify_field import identify_field
 
         if keep or track is not None:
             raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
@@ -159,7 +159,7 @@ def _report(
     is_kept: bool,
 ) -> tuple[dict[str, Any], bool]:
     """What a session or a file of observations is named, and whether it holds several tracks."""
-    from rsoconsole.cli.recorded.identify_field import SessionLedger
+    from rsoconsole.cli.recorded._identify_field import SessionLedger
     from rsoconsole.orbits import identify_jointly
     from rsoconsole.pipeline import (
         errors_of,
@@ -197,7 +197,7 @@ def _tracks_of(
     path: Path, ask: "ReadAs", track: int | None
 ) -> "tuple[tuple[Observed, ...], Observed]":
     """All that are named together, and the object that is reported in full."""
-    from rsoconsole.export import read_observations
+    from rsoconsole.library import read_observations
 
     groups = read_observations(path, ask)
     tracks = max(groups, key=lambda each: len(each[0].seen))

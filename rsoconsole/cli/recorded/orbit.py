@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
+from rsoconsole.base import ConfigError, ExportError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
 from rsoconsole.cli.words.standard_input import piped
 from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import load_config
-from rsoconsole.errors import ConfigError, ExportError
 
 if TYPE_CHECKING:
-    from rsoconsole.export import ReadAs
+    from rsoconsole.library import ReadAs
 
 PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
 SigmaOption = Annotated[
@@ -124,7 +124,7 @@ def orbit(
     Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
     from rsoconsole.cli.words.orbit_words import form_of, orbit_lines, write_elements
-    from rsoconsole.export import Target, read_observations
+    from rsoconsole.library import Target, read_observations
     from rsoconsole.orbits import ANALYST_NUMBERS
     from rsoconsole.pipeline import (
         find_by_gooding,
@@ -178,7 +178,7 @@ def read_as(
     is_radians: bool | None,
 ) -> "ReadAs":
     """What the options say of files. Raises BadParameter for a site that is none."""
-    from rsoconsole.export import ReadAs
+    from rsoconsole.library import ReadAs
 
     with usage_faults("", ConfigError):
         place = None if site is None else site_of(site)

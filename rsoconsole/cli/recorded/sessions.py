@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
+from rsoconsole.base import SessionError
 from rsoconsole.cli.words import completion, output, sessions_words
 from rsoconsole.cli.words.batch_options import byte_progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument
 from rsoconsole.config import load_config
-from rsoconsole.errors import SessionError
 
 BYTES_A_GB = 1e9
 

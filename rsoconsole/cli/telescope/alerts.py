@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import typer
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, load_config
-from rsoconsole.errors import ConfigError
 from rsoconsole.words import counted
 
 alerts_app = typer.Typer(
@@ -30,7 +30,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole alerts test
     """
-    from rsoconsole.alerting import call, send_within, services_of
+    from rsoconsole.engine import call, send_within, services_of
 
     settings = load_config(config)
     if not settings.alerts.is_wanted:

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsoconsole.base import ControlError
 from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import JsonOption, OverrideOption, SocketOption
 from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.control import Goto, Outcome, Preview
-from rsoconsole.errors import ControlError
 
 if TYPE_CHECKING:
     from rsoconsole.control import Status

@@ -11,12 +11,12 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from rsoconsole.base import ControlError
 from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SocketOption, number_or_text
 from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.control import COMMANDS, Command, Set
-from rsoconsole.errors import ControlError
 
 _COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
     ("set", "name"): completion.tunable_names,

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
 from rsoconsole.cli.words.standard_input import piped
 from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import OrbitError
 from rsoconsole.words import clock, no_night
 
 if TYPE_CHECKING:

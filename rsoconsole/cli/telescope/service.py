@@ -12,11 +12,10 @@ from pathlib import Path
 import platformdirs
 import typer
 
+from rsoconsole.base import ConfigError, RsoconsoleError, resource
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config, variables_set
-from rsoconsole.errors import ConfigError, RsoconsoleError
-from rsoconsole.resources import resource
 
 UNIT = f"{APP}.service"
 MARK = "# Written by 'rsoconsole service install'"
@@ -164,7 +163,7 @@ def unit_path() -> Path:
 
 def namespace_lines() -> list[str]:
     """The settings that need a user namespace, as the unit has them."""
-    text = resource("service", "namespace.conf").read_text(encoding="utf-8")
+    text = resource("engine", "service", "namespace.conf").read_text(encoding="utf-8")
     return [line for line in text.splitlines() if line and not line.startswith("#")]
 
 
@@ -196,13 +195,13 @@ def unit_text(
 
     ``is_in_namespace``: with the settings that need a user namespace.
     """
-    template = resource("service", UNIT).read_text(encoding="utf-8")
+    template = resource("engine", "service", UNIT).read_text(encoding="utf-8")
     settings = ["PYTHONUNBUFFERED=1"]
     settings += [f"{name}={environ[name]}" for name in CARRIED if environ.get(name)]
     environment = "\n".join(f"Environment={_quoted(setting, dollar='$')}" for setting in settings)
     # Of the program's own path systemd replaces no variables, of the arguments it does.
     start = " ".join([_quoted(command[0], dollar="$"), *map(_quoted, command[1:])])
-    inner = resource("service", "namespace.conf").read_text(encoding="utf-8")
+    inner = resource("engine", "service", "namespace.conf").read_text(encoding="utf-8")
     # First: what else is put in may hold any word.
     template = template.replace("@NAMESPACE@", f"\n{inner}" if is_in_namespace else "")
     return template.replace("@EXEC_START@", start).replace("@ENVIRONMENT@", environment)

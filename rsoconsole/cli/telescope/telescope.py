@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rsoconsole.base import ControlError, said_as, waits_reported_to
 from rsoconsole.cli.telescope import go_to, order
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import (
@@ -18,8 +19,6 @@ from rsoconsole.cli.words.options import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
-from rsoconsole.errors import ControlError, said_as
-from rsoconsole.waits import waits_reported_to
 from rsoconsole.words import direction
 
 log = logging.getLogger(__name__)
@@ -175,9 +174,9 @@ def status(
 
 
 def _write_metrics(socket: Path | None, out: Path | None) -> None:
-    from rsoconsole.cli.telescope.prometheus import metrics
+    from rsoconsole.base import write_durably
+    from rsoconsole.cli.telescope._prometheus import metrics
     from rsoconsole.control import ControlClient, Sender, status_of
-    from rsoconsole.durable_files import write_durably
 
     try:
         text = metrics(status_of(ControlClient(socket, sender=Sender(name="status"))))

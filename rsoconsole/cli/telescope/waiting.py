@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from rsoconsole.base import ControlError, SessionError
 from rsoconsole.cli.words.batch_options import bars_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.control import NOT_KNOWN, Outcome, Status, motion_words
-from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.sky import separation_deg
 
 if TYPE_CHECKING:

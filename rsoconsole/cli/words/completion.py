@@ -10,8 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config, load_config, walk
-from rsoconsole.errors import RsoconsoleError
 
 Completer = Callable[[Any, str], list[Any]]
 

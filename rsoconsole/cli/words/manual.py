@@ -11,9 +11,9 @@ from typing import Any
 import typer
 
 from rsoconsole import __version__
+from rsoconsole.base import resource
 from rsoconsole.cli.words.usage import OWN_LINE
 from rsoconsole.config import APP
-from rsoconsole.resources import resource
 
 WIDTH = 70
 _KINDS = re.compile(r"<(?:list\[)?(\w+)(?:\]| range)?>")
@@ -27,7 +27,7 @@ def manual_page(program: Any) -> str:
         for command, inner in _commands(program, context)
         for line in _command_lines(command, inner)
     ]
-    page = resource("guide", "rsoconsole.in.1").read_text(encoding="utf-8")
+    page = resource("cli", "guide", "rsoconsole.in.1").read_text(encoding="utf-8")
     return page.replace("@VERSION@", f"{APP} {__version__}").replace(
         "@COMMANDS@", "\n".join(commands)
     )

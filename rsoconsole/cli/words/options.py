@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsoconsole.base import ConfigError, OrbitError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.config import Graphics, SiteConfig
 from rsoconsole.control import OVERRIDE_HELP
-from rsoconsole.errors import ConfigError, OrbitError
 from rsoconsole.records import Site
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import typer
 
+from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
-from rsoconsole.errors import OrbitError
-from rsoconsole.export import write_file
+from rsoconsole.library import write_file
 from rsoconsole.orbits import omm
 from rsoconsole.pipeline import FittedElements
 from rsoconsole.sky import iso_to_utc_ns

@@ -15,7 +15,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.errors import FrameError, RsoconsoleError
+from rsoconsole.base import FrameError, RsoconsoleError
 
 DASH = "-"
 MOST_NAME_BYTES = 64 << 20

@@ -10,9 +10,9 @@ from typing import Any
 
 import typer
 
+from rsoconsole.base import nearest, plain_fault
 from rsoconsole.cli.words import output
 from rsoconsole.config import APP, default_config_path, hiding_variables
-from rsoconsole.fault_text import nearest, plain_fault
 
 USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import default_config_path
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs.ask import LineDialog
@@ -22,7 +23,6 @@ from rsoconsole.console.tuning.tuning_pane import (
 from rsoconsole.console.tuning.what_if_watch import WhatIfWatch, frames_of_track, of_settings_now
 from rsoconsole.console.watches.messages import WhatIfSeen
 from rsoconsole.control import MOST_FRAMES, Command, Set
-from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures

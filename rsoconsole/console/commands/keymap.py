@@ -10,11 +10,10 @@ from pathlib import Path
 from textual.binding import Binding, InvalidBinding
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
+from rsoconsole.base import ConfigError, ControlError, raised_as, read_foreign, toml_of
 from rsoconsole.console.commands.command import BOTH, Place
 from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, DirectStop, Outcome, StopNews, Stopping, Wire
-from rsoconsole.errors import ConfigError, ControlError, raised_as
-from rsoconsole.foreign_text import read_foreign, toml_of
 
 STOPS = ("stop", "stop_by_letter")
 """Commands whose keys nobody changes."""

@@ -7,12 +7,12 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Input, Static
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
 from rsoconsole.console.watches.messages import Previewed
 from rsoconsole.control import Beside, Goto, MovePreview, Preview, preview_lines, read_record
-from rsoconsole.errors import RsoconsoleError
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Understood

@@ -9,13 +9,13 @@ from typing import Literal
 from textual.message import Message
 from textual.widgets import Input
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import home_path
+from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.dialogs.list_dialog import ListDialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.control import one_line
-from rsoconsole.errors import SessionError
 from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
 from rsoconsole.words import clock, file_size, span
 

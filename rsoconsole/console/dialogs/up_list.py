@@ -9,13 +9,13 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widgets import Input
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
+from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.dialogs.list_dialog import ListDialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.words.words import clipped, first_shown
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:

@@ -10,22 +10,22 @@ from textual import events
 from textual.app import ComposeResult
 from textual.message import Message
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.drawing.pane_layout import sheet_boxes
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.frame.sheet import Sheet, mark_words, step_px
+from rsoconsole.console.frame._sheet import Sheet, mark_words, step_px
+from rsoconsole.console.frame._sheet_marks import place_in
+from rsoconsole.console.frame._sheet_pane import SheetPane
+from rsoconsole.console.frame._sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
-from rsoconsole.console.frame.sheet_marks import place_in
-from rsoconsole.console.frame.sheet_pane import SheetPane
-from rsoconsole.console.frame.sheet_panel import panel_lines
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, action_at, key_line, keys_for, notice_rows
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.sheet_pixels import whole
 from rsoconsole.console.watches.sheet_worker import Done, Fault, Loaded, News, Opened, SheetWorker
 from rsoconsole.console.words.words import wrapped
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session import SessionReader
 
 LOOK_S = 0.25

@@ -10,8 +10,8 @@ from textual.screen import Screen
 
 from rsoconsole.console.actions.mark_actions import MARK_SAID_S, why_no_mark
 from rsoconsole.console.drawing.plot import Ink
-from rsoconsole.console.frame.sheet import Sheet, step_words
-from rsoconsole.console.frame.sheet_pane import SheetPane
+from rsoconsole.console.frame._sheet import Sheet, step_words
+from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.picture.marking import FAR, MOVES
 from rsoconsole.console.picture.picture import STRETCHES
 from rsoconsole.console.picture.sheet_pixels import STEPS

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 from textual import events
 from textual.binding import BindingType
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.console.actions.mark_actions import CommandOutcomes, MarkActions, too_late_to_mark
 from rsoconsole.console.actions.seat import TwicePressed, has_track
 from rsoconsole.console.actions.streak_actions import NudgeActions, StreakActions
@@ -20,8 +21,8 @@ from rsoconsole.console.frame.sheet_actions import MarkTo
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
-from rsoconsole.console.screens.pane_places import aspect_of
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
 from rsoconsole.console.watches.messages import (
     EngineSeen,
@@ -34,7 +35,6 @@ from rsoconsole.console.watches.sheet_worker import detail_of
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, holder_words, motion_words
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.session import SessionReader
 
 

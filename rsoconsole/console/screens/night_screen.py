@@ -27,9 +27,9 @@ from rsoconsole.console.panes.last_line import Mode
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture.picture import Drawing, Picture
-from rsoconsole.console.screens.opening_actions import OpeningActions
-from rsoconsole.console.screens.pane_places import AlertLine, KeyLine, place_panes
-from rsoconsole.console.screens.reading import ReadingActions
+from rsoconsole.console.screens._opening_actions import OpeningActions
+from rsoconsole.console.screens._pane_places import AlertLine, KeyLine, place_panes
+from rsoconsole.console.screens._reading import ReadingActions
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.console.watches.messages import OrbitSeen, OutlookSeen, WhatIfSeen
 from rsoconsole.console.watches.watch import OutlookWatch

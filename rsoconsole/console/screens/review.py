@@ -21,11 +21,10 @@ from rsoconsole.console.panes.last_line import Key, Mode, review_keys
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
 from rsoconsole.console.picture.picture import Drawing, Picture
-from rsoconsole.console.screens.compare import ReviewCompare
-from rsoconsole.console.screens.night_screen import NightScreen
-from rsoconsole.console.screens.pane_places import aspect_of
-from rsoconsole.console.screens.review_log import ReviewLogPane, ReviewTuneActions
-from rsoconsole.console.screens.review_moves import (
+from rsoconsole.console.screens._compare import ReviewCompare
+from rsoconsole.console.screens._pane_places import aspect_of
+from rsoconsole.console.screens._review_log import ReviewLogPane, ReviewTuneActions
+from rsoconsole.console.screens._review_moves import (
     ANY,
     FOUND,
     PLAY_S,
@@ -33,6 +32,7 @@ from rsoconsole.console.screens.review_moves import (
     ReviewSeat,
     place_of,
 )
+from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import engine_then, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import ReviewWatch
 from rsoconsole.console.timeline.night_line import Player, Timeline

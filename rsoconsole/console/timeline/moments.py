@@ -15,12 +15,12 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import Config
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_picture
 from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
 from rsoconsole.control import Poller
-from rsoconsole.errors import SessionError
 from rsoconsole.night import KeptNight, LogLine, Night, NightFrame, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session import SessionReader

@@ -10,11 +10,9 @@ from typing import ClassVar, Literal
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
+from rsoconsole.base import ConfigError, read_foreign, said_as, toml_of, write_durably
 from rsoconsole.config import Config, toml_value, with_setting
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.durable_files import write_durably
-from rsoconsole.errors import ConfigError, said_as
-from rsoconsole.foreign_text import read_foreign, toml_of
 
 Value = float | int | str
 Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]

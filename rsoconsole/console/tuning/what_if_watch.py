@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES, Value
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.night import FrameRow, NightView, Quality, Update, quality_of
 from rsoconsole.pipeline import LogOfOneSession, Question, WhatIfProcess
 from rsoconsole.tracking import lag_one

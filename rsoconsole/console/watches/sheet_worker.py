@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.picture.picture import Picture, read_picture
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.night import Night, NightFrame
 from rsoconsole.records import MapMode
 from rsoconsole.session import SessionReader

@@ -7,12 +7,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.search import Direction
-from rsoconsole.errors import InstrumentError
+from rsoconsole.engine.aim._search import Direction
 from rsoconsole.instruments import ClockFault, Instruments, MountReport
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Frame, SlewCommand
+from rsoconsole.records import Frame, SlewCommand, SlewRefusal
 from rsoconsole.sky import separation_deg
 
 NS = 1_000_000_000

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from rsoconsole.config import Config
+from rsoconsole.engine.aim._search import Direction, Search
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
     CLOCKS_APART_NS,
@@ -13,7 +14,6 @@ from rsoconsole.engine.aim.instrument_controller import (
     IsRefused,
     Plan,
 )
-from rsoconsole.engine.aim.search import Direction, Search
 from rsoconsole.instruments import MountReport, PierSide
 from rsoconsole.pipeline import (
     flip_refusal,
@@ -23,8 +23,7 @@ from rsoconsole.pipeline import (
     side_at_arrival,
     slew_to,
 )
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
+from rsoconsole.records import Frame, SlewCommand, SlewRefusal, Solution, TrackState
 from rsoconsole.sky import Pose, hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
 from rsoconsole.tracking import Following, PointingModel, command_for, observed
 

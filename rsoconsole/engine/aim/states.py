@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any, Literal
 
-from rsoconsole.reasons import Cause
-from rsoconsole.records import LoopState
+from rsoconsole.records import Cause, LoopState
 from rsoconsole.tracking import Following
 
 Action = Literal["abort", "park", "start search", "search home", "forget plate"]

@@ -9,12 +9,11 @@ from pathlib import Path
 from statistics import median
 from typing import TypeAlias
 
+from rsoconsole.base import SessionError, said_as, write_durably
 from rsoconsole.config import Config
-from rsoconsole.durable_files import write_durably
 from rsoconsole.engine.aim.instrument_controller import SLEW_OVERHEAD_S
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.engine.machine.medium import disk_outlook
-from rsoconsole.errors import SessionError, said_as
 from rsoconsole.instruments import frame_from_bytes
 from rsoconsole.pipeline import Cycle, Reduction, open_reducer, timed
 from rsoconsole.records import Frame, NotSolved, Solution

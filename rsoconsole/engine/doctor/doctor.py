@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole import setup_check
+from rsoconsole.base import InstrumentError, RsoconsoleError, indi_port_option, setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
 from rsoconsole.engine.doctor import checks, doctor_indi, doctor_system
 from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
@@ -18,8 +18,6 @@ from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
 from rsoconsole.engine.machine.medium import DISK_REMEDY, disk_outlook, disk_words
-from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments import missing_protocol, utc_now_ns
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.leaps.leap_times import LeapParts
+from rsoconsole.engine.leaps._leap_times import LeapParts
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.errors import OrbitError
 from rsoconsole.orbits import (
     CatalogueEntry,
     ExpectedPass,

@@ -14,11 +14,11 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import NS, Plan
+from rsoconsole.engine.leaps._leap_camera import LeapCamera
+from rsoconsole.engine.leaps._leap_log import LeapLog
+from rsoconsole.engine.leaps._leap_times import LeapTimes
+from rsoconsole.engine.leaps._staring import Staring
 from rsoconsole.engine.leaps.awaiting import Awaiting, begun_words, leap_words
-from rsoconsole.engine.leaps.leap_camera import LeapCamera
-from rsoconsole.engine.leaps.leap_log import LeapLog
-from rsoconsole.engine.leaps.leap_times import LeapTimes
-from rsoconsole.engine.leaps.staring import Staring
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.instruments import MountReport
@@ -37,8 +37,7 @@ from rsoconsole.pipeline import (
     streaks_of,
     timing_of,
 )
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Frame, LeapOrder, LeapResult, Solution
+from rsoconsole.records import Frame, LeapOrder, LeapResult, SlewRefusal, Solution
 from rsoconsole.sky import Pose
 from rsoconsole.words import text
 

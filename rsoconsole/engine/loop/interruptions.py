@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.states import ClockSet
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments import LEAST_STEP_S, ClockFault, MountReport, SlewEnd
 from rsoconsole.records import Topic
 from rsoconsole.sky import icrs_to_altaz

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from queue import Empty, SimpleQueue
 
+from rsoconsole.base import InstrumentError, RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.control import Status
 from rsoconsole.engine.aim.guide import Guide
@@ -37,10 +38,10 @@ from rsoconsole.engine.aim.states import (
     without_kept,
 )
 from rsoconsole.engine.leaps.leaping import Leaping
-from rsoconsole.engine.loop.command_turn import CommandTurn
-from rsoconsole.engine.loop.frame_turn import CLEAR_FRAMES, FrameTurn
+from rsoconsole.engine.loop._command_turn import CommandTurn
+from rsoconsole.engine.loop._frame_turn import CLEAR_FRAMES, FrameTurn
+from rsoconsole.engine.loop._status import status_of
 from rsoconsole.engine.loop.interruptions import Interruptions
-from rsoconsole.engine.loop.status import status_of
 from rsoconsole.engine.operator.by_hand import ByHand, HandMove, Parts
 from rsoconsole.engine.operator.decisions import Decisions, PixelsOf
 from rsoconsole.engine.operator.handlers import Modes, Seeking, Settings, joined
@@ -52,11 +53,9 @@ from rsoconsole.engine.tasks.seats import Faults
 from rsoconsole.engine.tasks.session_log import Recorder, SessionLog
 from rsoconsole.engine.tasks.slews import NowhereError, Slews
 from rsoconsole.engine.tasks.watch import Watch
-from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline import Cycle, FrameReducer, Orbits, Past, Reduction
-from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
-from rsoconsole.records import Miss, StateChange, TrackState
+from rsoconsole.records import DONE, Cause, CommandResult, Miss, Missed, StateChange, TrackState
 from rsoconsole.tracking import Following
 from rsoconsole.words import CUT_POWER, NO_PARK, measured_text, unmeasured_text
 

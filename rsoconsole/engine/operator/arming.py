@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeVar
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.night import darkness_words, dome_fault, sun_fault, weather_fault
 from rsoconsole.engine.doctor import doctor, doctor_system
@@ -16,7 +17,6 @@ from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import Lack, LackName, lacks_of
 from rsoconsole.engine.machine.medium import DISK_REMEDY, bytes_until_dawn, disk_words
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, SiteCheck, SkyReport
 from rsoconsole.records import NotSolved, Solution
 from rsoconsole.sky import day_of, separation_deg

@@ -14,7 +14,7 @@ from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LIFTS, Watch
 from rsoconsole.pipeline import follow_direction, slew_to
-from rsoconsole.reasons import CommandResult, done
+from rsoconsole.records import CommandResult, done
 from rsoconsole.sky import Pose, icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import text
 

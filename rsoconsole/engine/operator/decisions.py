@@ -23,7 +23,7 @@ from rsoconsole.control import (
     TakeBack,
 )
 from rsoconsole.engine.aim.states import Followed, Marked
-from rsoconsole.engine.operator.hand_marks import (
+from rsoconsole.engine.operator._hand_marks import (
     automatic_of,
     better_known,
     by_hand_result,
@@ -38,11 +38,14 @@ from rsoconsole.engine.operator.hand_marks import (
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.pipeline import Cycle, Folds, HandTrack, Shown, refined_mark
-from rsoconsole.reasons import BelowTau, Cause, CommandResult, RuledKind
 from rsoconsole.records import (
+    BelowTau,
+    Cause,
+    CommandResult,
     Detection,
     Measurement,
     PixelArray,
+    RuledKind,
     Ruling,
     StateChange,
     measurement_id_of,

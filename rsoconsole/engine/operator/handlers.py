@@ -28,8 +28,7 @@ from rsoconsole.engine.tasks.pace import Temporary, change_record, changed
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.pipeline import direction_at
-from rsoconsole.reasons import DONE, CommandResult, done
-from rsoconsole.records import TrackState
+from rsoconsole.records import DONE, CommandResult, TrackState, done
 from rsoconsole.tracking import Following
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.words import text

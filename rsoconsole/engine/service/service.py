@@ -16,10 +16,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from rsoconsole.alerting import AlertProcess
+from rsoconsole.base import ConfigError, InstrumentError, SessionError, waits_reported_to
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
+from rsoconsole.engine.alerts.process import AlertProcess
 from rsoconsole.engine.doctor.doctor_system import read_clock
 from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
 from rsoconsole.engine.loop.loop import Engine
@@ -31,11 +32,10 @@ from rsoconsole.engine.operator.arming import (
     refusal_text,
     unknown_words,
 )
-from rsoconsole.engine.service.command_handler import CommandHandler
+from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past, warnings_on_record
-from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments import (
     Instruments,
     MountPort,
@@ -46,7 +46,6 @@ from rsoconsole.instruments import (
 from rsoconsole.pipeline import Reduction, kept_pixels, open_reducer
 from rsoconsole.session import SessionWriter, cut_off_session, new_session_folder
 from rsoconsole.sky import day_of
-from rsoconsole.waits import waits_reported_to
 from rsoconsole.words import shutter_words
 
 log = logging.getLogger(__name__)

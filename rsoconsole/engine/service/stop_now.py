@@ -13,7 +13,7 @@ from rsoconsole.control import LastStop
 from rsoconsole.engine.aim.states import Stopped
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import MountPort, StopResult
-from rsoconsole.reasons import CommandResult
+from rsoconsole.records import CommandResult
 
 ALARM_S = 0.8
 """A driver that has not answered a STOP for so long is an alarm; it is waited for beyond that."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from rsoconsole.control import IN_ENGINE, Request
 from rsoconsole.engine.aim.states import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
-from rsoconsole.reasons import CommandResult
-from rsoconsole.records import OperatorAction
+from rsoconsole.records import CommandResult, OperatorAction
 from rsoconsole.words import ordered_text, text
 
 OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, OpticsConfig, unknown_setting, walk, with_setting
-from rsoconsole.errors import ConfigError
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 

@@ -1,8 +1,8 @@
 """Sends the mount to its park position and does not let go until it is there."""
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController
 from rsoconsole.engine.tasks.session_log import SessionLog
-from rsoconsole.errors import InstrumentError
 from rsoconsole.words import NO_PARK
 
 RETRY_NS = 30 * NS

@@ -9,8 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.tasks.preview import closeup_of, preview_of
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.pipeline import Past, keep_night
 from rsoconsole.records import Closeup, Event, Frame, Record, Topic
 from rsoconsole.session import damage_words, ledger_path, read_ledger

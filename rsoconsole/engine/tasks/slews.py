@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.aim.instrument_controller import (
     FAR_OFF_DEG,
     POLL_NS,
@@ -12,11 +13,9 @@ from rsoconsole.engine.aim.instrument_controller import (
 from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import MountReport
 from rsoconsole.pipeline import slew_to
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import SlewCommand
+from rsoconsole.records import SlewCommand, SlewRefusal
 from rsoconsole.sky import LimitName, Pose, separation_deg
 from rsoconsole.tracking import Following
 from rsoconsole.words import text

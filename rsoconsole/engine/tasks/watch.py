@@ -12,14 +12,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Ordered
 from rsoconsole.engine.aim.night import NightEnd, lasting_overrides, night_end
 from rsoconsole.engine.aim.states import LimitMet, NightEnded
 from rsoconsole.engine.machine.machine import notify
-from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.engine.tasks.limit_stop import LimitStop
-from rsoconsole.engine.tasks.seen_motion import (
+from rsoconsole.engine.tasks._limit_stop import LimitStop
+from rsoconsole.engine.tasks._observed_motion import (
     How,
     Own,
     OwnMotion,
@@ -28,7 +28,7 @@ from rsoconsole.engine.tasks.seen_motion import (
     pose_of,
     seen_motion,
 )
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import Instruments, MountReport
 from rsoconsole.records import Event
 from rsoconsole.sky import LimitName, Limits, Pose, Refusal, separation_deg

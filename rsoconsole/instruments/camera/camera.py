@@ -6,8 +6,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames.frame_header import camera_mode
 from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained

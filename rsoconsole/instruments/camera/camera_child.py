@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
+from rsoconsole.instruments.camera._sensor_window import SensorWindow
 from rsoconsole.instruments.camera.frame_ring import FrameRing
-from rsoconsole.instruments.camera.sensor_window import SensorWindow
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.instruments.indi.client_choice import open_client

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import FrameError
+from rsoconsole.base import FrameError
 from rsoconsole.records import PixelArray
 
 SLOTS = 3

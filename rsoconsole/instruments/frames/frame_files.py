@@ -18,9 +18,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frames.fits_by_astropy import ALL, structure_fault
-from rsoconsole.instruments.frames.frame_decoder import decoder
+from rsoconsole.base import FrameError
+from rsoconsole.instruments.frames._fits_by_astropy import ALL, structure_fault
+from rsoconsole.instruments.frames._frame_decoder import decoder
+from rsoconsole.instruments.frames._frame_pixels import (
+    Room,
+    fill_nonfinite,
+    one_plane,
+    saturation_adu,
+    to_pixels,
+)
 from rsoconsole.instruments.frames.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
@@ -30,13 +37,6 @@ from rsoconsole.instruments.frames.frame_header import (
     pointing_deg,
     scale,
     start,
-)
-from rsoconsole.instruments.frames.frame_pixels import (
-    Room,
-    fill_nonfinite,
-    one_plane,
-    saturation_adu,
-    to_pixels,
 )
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage, read_plain
 from rsoconsole.records import Frame

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 
 if TYPE_CHECKING:
     from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
@@ -87,10 +87,10 @@ def meant_libraries(setting: str) -> tuple[ClientLibrary, ...]:
 
 def _maker(library: ClientLibrary) -> "type[IndiClient]":
     if library.name == "pyindi":
-        from rsoconsole.instruments.indi.by_pyindi import PyIndiClient
+        from rsoconsole.instruments.indi._by_pyindi import PyIndiClient
 
         return PyIndiClient
-    from rsoconsole.instruments.indi.by_indipyclient import IndipyClient
+    from rsoconsole.instruments.indi._by_indipyclient import IndipyClient
 
     return IndipyClient
 

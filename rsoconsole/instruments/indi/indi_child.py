@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.instruments.indi.indi_process import END
 
 _UNREAD_LINES = 2000

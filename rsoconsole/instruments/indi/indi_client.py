@@ -17,8 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rsoconsole.errors import InstrumentError
-from rsoconsole.indi_port import indi_port_option
+from rsoconsole.base import InstrumentError, indi_port_option
 from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.instruments.indi.indi_process import DEVICE_LOST, SERVER_LOST, WAITING
 
@@ -197,7 +196,7 @@ class IndiClient(ABC):
         if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
             return
         # Only now: a process that starts in no time needs none of it.
-        from rsoconsole.instruments.indi.devices_there import DevicesThere
+        from rsoconsole.instruments.indi._devices_there import DevicesThere
 
         reported: tuple[str, ...] = ()
         with contextlib.closing(DevicesThere(self.device, order)) as there:

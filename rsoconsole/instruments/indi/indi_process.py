@@ -17,8 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rsoconsole.errors import InstrumentError
-from rsoconsole.waits import LongWait
+from rsoconsole.base import InstrumentError, LongWait
 
 if TYPE_CHECKING:  # the children start without
     from rsoconsole.config import IndiConfig, WaitsConfig

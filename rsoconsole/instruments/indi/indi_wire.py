@@ -12,9 +12,8 @@ from typing import Any
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape, quoteattr
 
-from rsoconsole.errors import InstrumentError
-from rsoconsole.indi_port import indi_port_option
-from rsoconsole.instruments.indi.stream_mender import StreamMender
+from rsoconsole.base import InstrumentError, indi_port_option
+from rsoconsole.instruments.indi._stream_mender import StreamMender
 
 _MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
 _READ_BYTES = 65536

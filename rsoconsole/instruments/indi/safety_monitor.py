@@ -5,11 +5,10 @@ import threading
 import time
 from typing import Literal
 
+from rsoconsole.base import InstrumentError, LongWait
 from rsoconsole.config import IndiConfig, WaitsConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.ports import SkyReport
-from rsoconsole.waits import LongWait
 
 Weather = Literal["ok", "warning", "alert", "silent"]
 Dome = Literal["open", "closed", "moving", "silent"]

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
 from rsoconsole.instruments.indi.wire_stop import WatchedStop, stop_mount
 from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
-from rsoconsole.instruments.mount.mount_stop import MountStop
+from rsoconsole.instruments.mount._mount_stop import MountStop
 from rsoconsole.instruments.ports import (
     MountAbilities,
     MountReport,

@@ -11,13 +11,15 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rsoconsole.errors import InstrumentError
+from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.client_choice import open_client
 from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.reported_motion import ReportedMotion
 from rsoconsole.instruments.motion import AfterStop
-from rsoconsole.instruments.mount.mount_halt import Halt
+from rsoconsole.instruments.mount._mount_halt import Halt
+from rsoconsole.instruments.mount._mount_owner import MountOwner
+from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
     ABORT,
@@ -29,8 +31,6 @@ from rsoconsole.instruments.mount.mount_mirror import (
     MountEar,
     MountMirror,
 )
-from rsoconsole.instruments.mount.mount_owner import MountOwner
-from rsoconsole.instruments.mount.mount_watch import MountWatch
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import NO_PARK
 

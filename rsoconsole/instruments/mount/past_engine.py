@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, IndiConfig, load_config
-from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.ports import StopResult
 
 

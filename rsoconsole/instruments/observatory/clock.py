@@ -9,14 +9,13 @@ from pathlib import Path
 
 import platformdirs
 
+from rsoconsole.base import InstrumentError, LongWait
 from rsoconsole.config import APP, Config, WaitsConfig
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.indi.safety_monitor import open_safety_monitor
 from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
 from rsoconsole.instruments.ports import Clock, ClockFault, Instruments
-from rsoconsole.waits import LongWait
 
 CLOCK_DEVICE = "Simulated Clock"
 _NS = 1_000_000_000

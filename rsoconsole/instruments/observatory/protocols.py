@@ -12,8 +12,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.instruments.ports import CameraPort, MountPort

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from rsoconsole.base import SolverError, resource, said_as
 from rsoconsole.config import SolverConfig, data_dir
-from rsoconsole.errors import SolverError, said_as
-from rsoconsole.instruments.solver.index_fits import dec_limits_deg, read_header
-from rsoconsole.resources import resource
+from rsoconsole.instruments.solver._index_fits import dec_limits_deg, read_header
 
 QUAD_ARCMIN = (
     *(2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0),

@@ -15,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from rsoconsole.base import FrameError, SolverError
 from rsoconsole.config import WaitsConfig
-from rsoconsole.errors import FrameError, SolverError
+from rsoconsole.instruments.solver._solver_child import SolverChild, SolverDied, SolverTimeout
+from rsoconsole.instruments.solver._solver_process import MatchReply, MatchRequest
 from rsoconsole.instruments.solver.index_files import (
     IndexFile,
     choose_index_files,
@@ -26,8 +28,6 @@ from rsoconsole.instruments.solver.index_files import (
     search_dirs,
     series_name,
 )
-from rsoconsole.instruments.solver.solver_child import SolverChild, SolverDied, SolverTimeout
-from rsoconsole.instruments.solver.solver_process import MatchReply, MatchRequest
 from rsoconsole.records import FloatArray, NotSolved, PlatePath, Solution
 from rsoconsole.sky import J2000_JYEAR, StarCatalogue, describe, julian_year, wcs_from_cards
 from rsoconsole.vision import (

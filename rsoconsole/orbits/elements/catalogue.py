@@ -15,8 +15,7 @@ import numpy as np
 from sgp4 import omm
 from sgp4.api import Satrec, SatrecArray
 
-from rsoconsole.errors import OrbitError
-from rsoconsole.foreign_text import json_of
+from rsoconsole.base import OrbitError, json_of
 from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits.determination.from_directions import Orbit
 from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
 from rsoconsole.orbits.first.directions import Sightings

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from rsoconsole.orbits.elements.sky_paths import Exposure, Seen
-from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.field_crossings import (
     GATE_SIGMAS,
     Candidate,

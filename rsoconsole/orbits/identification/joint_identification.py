@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry
 from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification.assignments import Assignment, best_assignments
+from rsoconsole.orbits.identification._assignments import Assignment, best_assignments
+from rsoconsole.orbits.identification._shared_errors import CASES, Pair, SharedErrors, pair_of
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
-from rsoconsole.orbits.identification.shared_errors import CASES, Pair, SharedErrors, pair_of
 from rsoconsole.orbits.identification.single import (
     GATE_DEG,
     SURE,

@@ -18,7 +18,7 @@ from rsoconsole.orbits.elements.catalogue import (
     states_gcrs,
 )
 from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification.catalogue_residuals import Comparison, compare
+from rsoconsole.orbits.identification._catalogue_residuals import Comparison, compare
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ElementErrors,

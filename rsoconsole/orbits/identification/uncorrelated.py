@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification.assignments import best_assignments
+from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     grown,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.motion.universal import (
+from rsoconsole.orbits.motion._universal import (
     higher_functions,
     universal_anomaly,
     universal_functions,

@@ -11,7 +11,7 @@ from datetime import datetime
 
 import numpy as np
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits.navigation.sp3 import (
     EARTH_RAD_S,
     GPS_MINUS_BDT_S,

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import OrbitError
-from rsoconsole.orbits.navigation.variance_components import Block, Fit, Known, fit
+from rsoconsole.base import OrbitError
+from rsoconsole.orbits.navigation._variance_components import Block, Fit, Known, fit
 from rsoconsole.records import FloatArray
 
 Index = npt.NDArray[np.int64]

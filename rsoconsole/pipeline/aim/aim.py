@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rsoconsole.config import AimConfig, FilterConfig, MountConfig, SearchConfig, TargetConfig
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Site, SlewCommand, TrackState
+from rsoconsole.records import Site, SlewCommand, SlewRefusal, TrackState
 from rsoconsole.sky import (
     PierSide,
     belt_declination_deg,

@@ -18,9 +18,15 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole import __version__
+from rsoconsole.base import (
+    BatchError,
+    FrameError,
+    RsoconsoleError,
+    SessionError,
+    lock_file,
+    said_as,
+)
 from rsoconsole.config import Config
-from rsoconsole.durable_files import lock_file
-from rsoconsole.errors import BatchError, FrameError, RsoconsoleError, SessionError, said_as
 from rsoconsole.night import TrackFigures
 from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, share_out
 from rsoconsole.pipeline.frame.reduce import open_reducer

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar
 
+from rsoconsole.base import BatchError, FrameError
 from rsoconsole.config import Config
-from rsoconsole.errors import BatchError, FrameError
 from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline.cycle.cycle import Cycle, taken_record
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
@@ -93,7 +93,7 @@ def share_out(
     elif pool.kind == "processes":
         yield from _by_processes(work, tasks, pool.workers, failed, on_done)
     else:
-        from rsoconsole.pipeline.batch.batch_dask import by_dask
+        from rsoconsole.pipeline.batch._batch_dask import by_dask
 
         with one_thread():
             yield from by_dask(

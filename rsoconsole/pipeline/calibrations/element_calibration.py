@@ -7,9 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import OrbitError, json_of, named_text
 from rsoconsole.config import CatalogueConfig, MeasuredErrors
-from rsoconsole.errors import OrbitError
-from rsoconsole.foreign_text import json_of, named_text
 from rsoconsole.orbits import (
     ERROR_REGIMES,
     SURE_NAMED,
@@ -21,7 +20,7 @@ from rsoconsole.orbits import (
     name_together,
     row_of,
 )
-from rsoconsole.pipeline.orbits.sightings_of import longest_arc, read_observed
+from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso

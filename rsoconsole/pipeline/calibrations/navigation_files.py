@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rsoconsole.base import MOST_DATA_BYTES, OrbitError, read_foreign
 from rsoconsole.config import CalibratedTiming, ExposureConfig
-from rsoconsole.errors import OrbitError
-from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.orbits import (
     CatalogueEntry,
     NavigationFile,

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.base import OrbitError
 from rsoconsole.config import ExposureConfig
-from rsoconsole.errors import OrbitError
 from rsoconsole.orbits import (
     FEWEST,
     SIGMA_KM,
@@ -27,7 +27,7 @@ from rsoconsole.orbits import (
     calibrate,
     expect_covered,
 )
-from rsoconsole.pipeline.calibrations.navigation_streaks import (
+from rsoconsole.pipeline.calibrations._navigation_streaks import (
     MOST_LATE_S,
     NightStreaks,
     Streak,

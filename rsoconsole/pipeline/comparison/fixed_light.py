@@ -13,10 +13,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.errors import RsoconsoleError
-from rsoconsole.pipeline.comparison.look_back import LookBack, SolvedField, Word, ends_of, places_px
-from rsoconsole.reasons import BelowTau, NotAStreak, NotAStreakKind
-from rsoconsole.records import Detection, Detections, FloatArray, Frame, Rejection, Solution
+from rsoconsole.base import RsoconsoleError
+from rsoconsole.pipeline.comparison._look_back import (
+    LookBack,
+    SolvedField,
+    Word,
+    ends_of,
+    places_px,
+)
+from rsoconsole.records import (
+    BelowTau,
+    Detection,
+    Detections,
+    FloatArray,
+    Frame,
+    NotAStreak,
+    NotAStreakKind,
+    Rejection,
+    Solution,
+)
 from rsoconsole.sky import J2000_JYEAR, StarCatalogue, julian_year, sky_to_pixel
 from rsoconsole.vision import (
     FEWEST_MATCHED,

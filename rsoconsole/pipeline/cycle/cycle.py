@@ -17,8 +17,16 @@ from rsoconsole.pipeline.cycle.frame_fold import (
 )
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Glance, Reduction
-from rsoconsole.reasons import HiddenBy, SlewRefusal
-from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
+from rsoconsole.records import (
+    Event,
+    Frame,
+    FrameTaken,
+    HiddenBy,
+    OrbitEstimate,
+    Record,
+    Ruling,
+    SlewRefusal,
+)
 from rsoconsole.tracking import Following
 
 

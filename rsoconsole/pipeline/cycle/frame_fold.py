@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from statistics import fmean
 from typing import Any
 
+from rsoconsole.base import FrameError
 from rsoconsole.config import Config
-from rsoconsole.errors import FrameError
 from rsoconsole.orbits import bending, orbit_from_record, predict_motion
 from rsoconsole.pipeline.cycle.miss_reasons import (
     StarHistory,
@@ -25,12 +25,12 @@ from rsoconsole.pipeline.frame.measurement import (
     shutter_time,
 )
 from rsoconsole.pipeline.frame.reduce import plain_absence
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
     Frame,
     FrameTaken,
     Measurement,
+    Missed,
     NotSolved,
     OrbitEstimate,
     Record,

@@ -8,8 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal
-from rsoconsole.records import Detections, FloatArray, FrameTaken, Site, Solution, TrackState
+from rsoconsole.records import (
+    Detections,
+    FloatArray,
+    FrameTaken,
+    HiddenBy,
+    Missed,
+    Site,
+    SlewRefusal,
+    Solution,
+    TrackState,
+)
 from rsoconsole.sky import (
     GEO_RADIUS_KM,
     cirs_to_gcrs,

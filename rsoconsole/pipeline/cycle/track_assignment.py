@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK, HELD
-from rsoconsole.reasons import CauseKind
 from rsoconsole.records import (
     FOLLOWING,
+    CauseKind,
     FollowedAgain,
     Measurement,
     OperatorAction,

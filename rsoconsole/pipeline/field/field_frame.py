@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from rsoconsole.base import FrameError, SolverError
 from rsoconsole.config import Config
-from rsoconsole.errors import FrameError, SolverError
 from rsoconsole.instruments import PlateSolver
 from rsoconsole.orbits import (
     Candidate,
@@ -27,8 +27,7 @@ from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns, s
 from rsoconsole.pipeline.frame.plate import Part, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer
 from rsoconsole.pipeline.orbits.expected import errors_of
-from rsoconsole.reasons import BelowTau
-from rsoconsole.records import Detection, FloatArray, Frame, NotSolved, Solution
+from rsoconsole.records import BelowTau, Detection, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky import (
     ARCSEC_RAD,
     describe,

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.base import FrameError
 from rsoconsole.config import CalibrationConfig, Config
-from rsoconsole.errors import FrameError
 from rsoconsole.instruments import camera_mode, exposure_s, read_frame, sensor_temperature_c
 from rsoconsole.pipeline.frame.frame_cautions import Caution
 from rsoconsole.records import Frame, PixelArray

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.instruments import read_frame
 from rsoconsole.records import PixelArray
 from rsoconsole.session import SessionReader

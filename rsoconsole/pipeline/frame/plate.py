@@ -3,8 +3,8 @@
 import time
 from dataclasses import dataclass, replace
 
+from rsoconsole.base import SolverError
 from rsoconsole.config import Config
-from rsoconsole.errors import SolverError
 from rsoconsole.instruments import MIN_STARS, PlateSolver, SolveHint
 from rsoconsole.pipeline.frame.hints import hint_of, relaxed, rescaled
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, Solution, Wcs

@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments import PlateSolver
 from rsoconsole.pipeline.comparison.fixed_light import (
     FixedLight,
@@ -21,8 +21,7 @@ from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.plate import Part, PlateFinder, middle_of
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
+from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
 from rsoconsole.vision import (
     FEWEST_MATCHED,
     ConfidenceCurve,

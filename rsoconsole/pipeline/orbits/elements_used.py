@@ -4,10 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.element_sources import ElementStore, is_store
-from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.foreign_text import named_text
+from rsoconsole.base import OrbitError, SessionError, named_text
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.pipeline.sources.store import ElementStore, is_store
 from rsoconsole.session import SessionReader
 from rsoconsole.words import NAME_ELEMENTS, NS_PER_DAY
 

@@ -22,13 +22,13 @@ from rsoconsole.orbits import (
     states_gcrs,
 )
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
-from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Event,
     ExpectedMembers,
     FrameTaken,
     Identified,
     Miss,
+    Missed,
     Record,
     Site,
     Solution,

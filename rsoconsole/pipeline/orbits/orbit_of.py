@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.errors import OrbitError
+from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
     LEAST_SIGHTINGS,
     Alone,
@@ -31,7 +31,7 @@ from rsoconsole.orbits import (
     through,
     together,
 )
-from rsoconsole.pipeline.orbits.sightings_of import Observed, arcs
+from rsoconsole.pipeline.orbits.track_measurements import Observed, arcs
 from rsoconsole.words import NS_PER_S, counted
 
 Method = Literal["least squares", "gooding"]

@@ -26,9 +26,9 @@ from rsoconsole.orbits import (
 )
 from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score, may_guide
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
-from rsoconsole.pipeline.cycle.untaken import Untaken
-from rsoconsole.pipeline.orbits.orbit_turns import Predicted, in_turn, predicted_by
-from rsoconsole.pipeline.orbits.sightings_of import Exposures, PartErrors, sightings_of
+from rsoconsole.pipeline.cycle.unassigned import Untaken
+from rsoconsole.pipeline.orbits._orbit_turns import Predicted, in_turn, predicted_by
+from rsoconsole.pipeline.orbits.track_measurements import Exposures, PartErrors, sightings_of
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import size_words, span

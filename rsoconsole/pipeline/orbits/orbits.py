@@ -6,12 +6,12 @@ The orbit and the name of each, how they move to each other, and who should be t
 import logging
 from collections.abc import Mapping, Sequence
 
+from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
-from rsoconsole.errors import OrbitError
+from rsoconsole.pipeline.orbits._naming import Naming
+from rsoconsole.pipeline.orbits._pairs import Pairs
 from rsoconsole.pipeline.orbits.expected import Expected
-from rsoconsole.pipeline.orbits.naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
-from rsoconsole.pipeline.orbits.pairs import Pairs
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import Event, OrbitEstimate, Record, Topic
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.errors import SessionError
+from rsoconsole.base import SessionError
 from rsoconsole.orbits import (
     SURE_SAME,
     Forces,
@@ -24,7 +24,7 @@ from rsoconsole.orbits import (
     sightings,
     together,
 )
-from rsoconsole.pipeline.orbits.sightings_of import Observed, longest_arc, read_observed
+from rsoconsole.pipeline.orbits.track_measurements import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session import (
     Change,

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.errors import SessionError, raised_as
+from rsoconsole.base import SessionError, raised_as
 from rsoconsole.pipeline.replays.what_if_log import WhatIf, rewritten_log
 from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, put_in_place
 

@@ -25,8 +25,8 @@ from rsoconsole.pipeline.frame.measurement import (
     shutter_mid_utc_ns,
     shutter_time,
 )
-from rsoconsole.reasons import BelowTau
 from rsoconsole.records import (
+    BelowTau,
     BesideRecord,
     CycleTiming,
     Detections,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
+from rsoconsole.base import FrameError, RsoconsoleError, SessionError
 from rsoconsole.config import Config, with_setting
-from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments import PlateSolver, header_start, read_frame
 from rsoconsole.night import NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison

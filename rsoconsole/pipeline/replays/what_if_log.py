@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import ConfigError, FrameError, SessionError
 from rsoconsole.config import Config, with_changes, with_setting
-from rsoconsole.errors import ConfigError, FrameError, SessionError
 from rsoconsole.instruments import read_frame
 from rsoconsole.night import FigureSum, TrackFigures
 from rsoconsole.pipeline.cycle.frame_fold import Shown
@@ -16,8 +16,8 @@ from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
 from rsoconsole.pipeline.frame.measurement import measured, numbered_like
 from rsoconsole.pipeline.frame.plate import Part
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
+from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
 from rsoconsole.pipeline.replays.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk, replay
-from rsoconsole.pipeline.replays.rewrite_log import LogRewriter
 from rsoconsole.records import Frame, FrameTaken, NotSolved, Record, Solution
 from rsoconsole.session import SessionReader
 from rsoconsole.vision import ConfidenceCurve, Network, StarList

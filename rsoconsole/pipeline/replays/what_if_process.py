@@ -17,9 +17,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.child_process import ChildProcess
+from rsoconsole.base import ChildProcess, RsoconsoleError, SessionError
 from rsoconsole.config import Config, FilterConfig
-from rsoconsole.errors import RsoconsoleError, SessionError
 from rsoconsole.records import Record
 from rsoconsole.session import SessionReader
 from rsoconsole.words import NO_EFFECT

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.config import Config
-from rsoconsole.errors import ConfigError, SessionError
 from rsoconsole.pipeline.frame.measurement import usual_sigma_s
 from rsoconsole.pipeline.replays.refold import replay
+from rsoconsole.pipeline.tuning._propose_likelihood import Arc, arcs_of
 from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry, Proposal
-from rsoconsole.pipeline.tuning.propose_likelihood import Arc, arcs_of
 from rsoconsole.records import TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.tracking import scatter_words

@@ -7,8 +7,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from rsoconsole.pipeline.tuning.propose_likelihood import Arc, Innovations, innovations
-from rsoconsole.pipeline.tuning.propose_search import HALF_WIDTH, Fit, Parameter, Search
+from rsoconsole.pipeline.tuning._propose_likelihood import Arc, Innovations, innovations
+from rsoconsole.pipeline.tuning._propose_search import HALF_WIDTH, Fit, Parameter, Search
 from rsoconsole.tracking import mean_band
 
 Verdict: TypeAlias = Literal["not enough to say", "no change is called for", "change"]

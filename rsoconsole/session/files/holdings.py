@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import IO, TypeAlias
 
-from rsoconsole.errors import SessionError, said_as
+from rsoconsole.base import SessionError, said_as
 from rsoconsole.session.log.schema import DATABASE
 
 PIECE_BYTES = 1 << 20

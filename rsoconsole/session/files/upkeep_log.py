@@ -11,9 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import sync_folder, write_durably
-from rsoconsole.errors import SessionError, said_as
-from rsoconsole.foreign_text import json_of
+from rsoconsole.base import SessionError, json_of, said_as, sync_folder, write_durably
 from rsoconsole.words import utc_ns_to_iso
 
 UPKEEP = "upkeep.jsonl"

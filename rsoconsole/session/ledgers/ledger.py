@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import SessionError
 from rsoconsole.config import state_dir
-from rsoconsole.errors import SessionError
 from rsoconsole.session.log.codec import from_json_value
 from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
 

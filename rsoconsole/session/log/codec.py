@@ -15,10 +15,8 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 
 import numpy as np
 
-from rsoconsole.errors import SessionError
-from rsoconsole.foreign_text import json_of
-from rsoconsole.reasons import Reason
-from rsoconsole.records import OFF_RECORD, Record
+from rsoconsole.base import SessionError, json_of
+from rsoconsole.records import OFF_RECORD, Reason, Record
 from rsoconsole.words import text
 
 KINDS: Mapping[str, type] = types.MappingProxyType(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import PART, sync_folder
+from rsoconsole.base import PART, sync_folder
 from rsoconsole.session.log.schema import (
     APPLICATION_ID,
     DATABASE,

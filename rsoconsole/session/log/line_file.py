@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import lock_file, sync_folder, write_durably
-from rsoconsole.errors import SessionError, said_as
-from rsoconsole.foreign_text import json_of
+from rsoconsole.base import SessionError, json_of, lock_file, said_as, sync_folder, write_durably
 
 _WAIT_S = 20.0
 """For another writer."""

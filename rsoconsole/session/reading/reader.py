@@ -22,9 +22,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from rsoconsole.base import SessionError, json_of
 from rsoconsole.config import Config
-from rsoconsole.errors import SessionError
-from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Event, Record
 from rsoconsole.session.files.upkeep_log import pruned_on, read_notes
 from rsoconsole.session.log.codec import KINDS, decode
@@ -44,7 +43,7 @@ from rsoconsole.session.log.schema import (
     WAL,
     select_of,
 )
-from rsoconsole.session.reading.plausible import LAST_UTC_NS, expect_plausible
+from rsoconsole.session.reading._plausible import LAST_UTC_NS, expect_plausible
 from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TypeAlias
 
-from rsoconsole.durable_files import PART, sync_folder
-from rsoconsole.errors import SessionError
+from rsoconsole.base import PART, SessionError, sync_folder
 from rsoconsole.session.files.digest import Verification
 from rsoconsole.session.files.holdings import MANIFEST, FolderHoldings
 from rsoconsole.session.files.upkeep_log import UPKEEP, add_note

@@ -13,13 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.errors import SessionError, raised_as
+from rsoconsole.base import SessionError, raised_as
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
-from rsoconsole.session.files.digest import (
-    LogDigest,
-    digest_log,
-    mark_closed,
-)
+from rsoconsole.session.files.digest import LogDigest, digest_log, mark_closed
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.database import (
     FILE_ROW,

@@ -10,24 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.durable_files import PART
-from rsoconsole.errors import SessionError
-from rsoconsole.session.files.digest import (
-    content_fault,
-    found_row,
-    mark_closed,
-)
+from rsoconsole.base import PART, SessionError
+from rsoconsole.session.files.digest import content_fault, found_row, mark_closed
 from rsoconsole.session.files.holdings import FolderHoldings
 from rsoconsole.session.files.upkeep_log import add_note
-from rsoconsole.session.log.database import (
-    INSERT_FILE,
-    connect_to_write,
-    leave_wal,
-    transaction,
-)
+from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, leave_wal, transaction
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
 from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
+from rsoconsole.session.upkeep._recover import Recovered, recover_session
 from rsoconsole.session.upkeep.merge import (
     LEAVE_WAL_S,
     Merged,
@@ -35,7 +26,6 @@ from rsoconsole.session.upkeep.merge import (
     rescued_session,
     rescues_of,
 )
-from rsoconsole.session.upkeep.recover import Recovered, recover_session
 from rsoconsole.session.upkeep.verify import page_faults
 
 

@@ -12,9 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from rsoconsole.durable_files import PART, sync_folder
-from rsoconsole.errors import SessionError, said_as
-from rsoconsole.resources import sample_resource
+from rsoconsole.base import PART, SessionError, said_as, sample_resource, sync_folder
 from rsoconsole.session.files.digest import State, state_of
 from rsoconsole.session.files.holdings import folders_in, written_ns
 from rsoconsole.session.files.upkeep_log import add_note, is_kept

@@ -9,8 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.durable_files import PART
-from rsoconsole.errors import SessionError
+from rsoconsole.base import PART, SessionError
 from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, state_of
 from rsoconsole.session.files.holdings import (
     MANIFEST,

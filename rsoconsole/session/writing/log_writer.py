@@ -13,8 +13,8 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.base import write_durably
 from rsoconsole.config import state_dir
-from rsoconsole.durable_files import write_durably
 from rsoconsole.records import Event, Record
 from rsoconsole.session.log.codec import encode
 from rsoconsole.session.log.database import (

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.base import SessionError, sync_folder, write_durably
 from rsoconsole.config import Config, config_to_toml
-from rsoconsole.durable_files import sync_folder, write_durably
-from rsoconsole.errors import SessionError
 from rsoconsole.records import Frame, Record
 from rsoconsole.session.files.digest import mark_closed, sha256_of
 from rsoconsole.session.files.kept_frames import compress_frame, encode_preview

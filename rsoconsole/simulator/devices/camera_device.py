@@ -13,8 +13,8 @@ from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card, Fate, fits_bytes, frame_fate
-from rsoconsole.simulator.devices.camera_header import header_cards
-from rsoconsole.simulator.devices.read_out import ReadOut, ReadOutVectors
+from rsoconsole.simulator.devices._camera_header import header_cards
+from rsoconsole.simulator.devices._read_out import ReadOut, ReadOutVectors
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
     asked_numbers,

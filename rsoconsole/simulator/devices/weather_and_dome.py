@@ -5,7 +5,7 @@ from typing import Any
 
 from indipydriver import Device
 
-from rsoconsole.errors import ConfigError
+from rsoconsole.base import ConfigError
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
     connection,

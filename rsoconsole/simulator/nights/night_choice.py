@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
+from rsoconsole.base import SolverError
 from rsoconsole.config import Config
-from rsoconsole.errors import SolverError
 from rsoconsole.orbits import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
-from rsoconsole.simulator.nights.when_up import (
+from rsoconsole.simulator.nights._when_up import (
     Window,
     first_window,
     look,
     refuse_time,
     visible_from,
 )
+from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
 from rsoconsole.sky import (
     Places,
     StarCatalogue,

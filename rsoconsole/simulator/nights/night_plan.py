@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.errors import ConfigError
+from rsoconsole.base import ConfigError
 from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_in_epoch_of_each, parse_catalogue
 from rsoconsole.records import Site
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite

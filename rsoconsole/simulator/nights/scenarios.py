@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from rsoconsole.errors import ConfigError
+from rsoconsole.base import ConfigError, resource
 from rsoconsole.orbits import CatalogueEntry, ElementSet, parse_elements
 from rsoconsole.records import Site
-from rsoconsole.resources import resource
 from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning
 from rsoconsole.simulator.sky.clouds import CloudDeck
 from rsoconsole.sky import iso_to_utc_ns

@@ -13,8 +13,8 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
+from rsoconsole.base import ConfigError
 from rsoconsole.config import limits_of, read_toml
-from rsoconsole.errors import ConfigError
 
 
 def _setting(default: Any, unit: str, description: str, *, own: str = "", **limits: Any) -> Any:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import FloatArray, Site
+from rsoconsole.records import FloatArray, Site, SlewRefusal
 from rsoconsole.sky.epoch import Epoch, epoch_at
 from rsoconsole.sky.frames import PierSide
 from rsoconsole.sky.limits import refusals
+from rsoconsole.sky.limits._sun_passage import Way, side_after, sun_passage, ways
 from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
     Margin,
@@ -27,7 +27,6 @@ from rsoconsole.sky.limits.margins import (
     while_tracking,
 )
 from rsoconsole.sky.limits.refusals import LimitName, Refusal
-from rsoconsole.sky.limits.sun_passage import Way, side_after, sun_passage, ways
 from rsoconsole.sky.limits.way_ahead import (
     SIDEREAL_DEG_S,
     Rates,

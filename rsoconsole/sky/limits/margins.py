@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsoconsole.config import LimitsConfig, MountConfig
-from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import FloatArray, Site
+from rsoconsole.records import FloatArray, Site, SlewRefusal
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.epoch import Epoch
 from rsoconsole.sky.frames import PierSide, altaz_of_hour_angle
 from rsoconsole.sky.limits import refusals
+from rsoconsole.sky.limits._sun_passage import from_sun_deg, is_pole, polar_deg
 from rsoconsole.sky.limits.refusals import AngleLimit, LimitName, Refusal
-from rsoconsole.sky.limits.sun_passage import from_sun_deg, is_pole, polar_deg
 from rsoconsole.sky.times import IntArray
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rsoconsole.reasons import SlewRefusal, SlewRefusalKind
+from rsoconsole.records import SlewRefusal, SlewRefusalKind
 from rsoconsole.words import text
 
 AngleLimit = Literal["altitude", "horizon", "hour angle", "pier", "Sun", "twilight"]

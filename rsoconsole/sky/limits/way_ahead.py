@@ -12,6 +12,7 @@ import numpy as np
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.frames import altaz_of_hour_angle
+from rsoconsole.sky.limits._sun_passage import Way, declination_axis_deg, is_pole, polar_deg
 from rsoconsole.sky.limits.margins import (
     Margin,
     TrackedPose,
@@ -23,7 +24,6 @@ from rsoconsole.sky.limits.margins import (
     within_hours,
 )
 from rsoconsole.sky.limits.refusals import LimitName
-from rsoconsole.sky.limits.sun_passage import Way, declination_axis_deg, is_pole, polar_deg
 
 SIDEREAL_DEG_S = 15.041067 / 3600.0
 POLE_ROOM_DEG = 10.0

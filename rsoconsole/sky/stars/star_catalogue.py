@@ -17,9 +17,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import SolverError
+from rsoconsole.base import SolverError, resource
 from rsoconsole.records import FloatArray
-from rsoconsole.resources import resource
 from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, moved
 

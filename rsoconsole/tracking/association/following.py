@@ -6,8 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reasons import Missed, NotTaken
-from rsoconsole.records import FoldRecord, LoopState, Measurement, Miss, NotFollowed, TrackState
+from rsoconsole.records import (
+    FoldRecord,
+    LoopState,
+    Measurement,
+    Miss,
+    Missed,
+    NotFollowed,
+    NotTaken,
+    TrackState,
+)
 from rsoconsole.tracking.association.neighbours import Field, Neighbour
 from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern
 from rsoconsole.tracking.filters import lqe

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.reasons import MotionMismatch
-from rsoconsole.records import FloatArray, Measurement
+from rsoconsole.records import FloatArray, Measurement, MotionMismatch
 from rsoconsole.sky import wrap_180
 
 DIRECTION_TOLERANCE_DEG = 12.0

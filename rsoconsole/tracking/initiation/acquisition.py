@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from rsoconsole.reasons import NotTaken
-from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, TrackState
+from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, NotTaken, TrackState
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
     MAY_BE_FOLLOWED,

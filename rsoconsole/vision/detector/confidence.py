@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rsoconsole.errors import ModelError
+from rsoconsole.base import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, Focus, LineLight

@@ -12,15 +12,15 @@ from functools import partial
 from typing import Protocol
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.reasons import BelowTau, NotAStreak
-from rsoconsole.records import Detection, Detections, Frame, Rejection
-from rsoconsole.vision.detector.candidates import (
+from rsoconsole.records import BelowTau, Detection, Detections, Frame, NotAStreak, Rejection
+from rsoconsole.vision.detector._candidates import (
     LEAST_RECORDED_CONFIDENCE,
     Measurements,
     Proposal,
     in_order,
     proposals,
 )
+from rsoconsole.vision.detector._reject_artifacts import is_of_stars, set_aside
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
@@ -31,7 +31,6 @@ from rsoconsole.vision.detector.measured_detection import (
     runs_alike,
 )
 from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.detector.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.detector.working_frame import WorkingFrame, pixels_to_join
 from rsoconsole.vision.frame.background import Background, local_background
 from rsoconsole.vision.frame.bins import bin_frame
@@ -40,7 +39,7 @@ from rsoconsole.vision.frame.pattern import find_pattern
 from rsoconsole.vision.frame.workers import Workers, threads_for
 from rsoconsole.vision.lines.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
 from rsoconsole.vision.lines.line_or_stars import ShortLights
-from rsoconsole.vision.lines.short import in_turn, short_lines
+from rsoconsole.vision.lines.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.psf_memory import PsfMemory
 from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars

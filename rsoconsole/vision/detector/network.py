@@ -17,9 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.errors import ModelError
-from rsoconsole.foreign_text import json_of, read_foreign
-from rsoconsole.resources import model_resource
+from rsoconsole.base import ModelError, json_of, model_resource, read_foreign
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,

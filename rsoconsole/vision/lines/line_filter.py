@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.frame.background import Background, resample
 from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
-from rsoconsole.vision.lines.line_seeds import Float32Array, Seed, seeds_in, threshold
+from rsoconsole.vision.lines._line_seeds import Float32Array, Seed, seeds_in, threshold
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
 LEAST_SNR = 5.0

@@ -19,7 +19,7 @@ import numpy as np
 from rsoconsole.records import FloatArray, ObjectClass, StreakKind
 from rsoconsole.vision.lines.line_columns import length_of
 from rsoconsole.vision.lines.streak_search import Box, Cutout
-from rsoconsole.vision.streaks.streak_light import Fading, Modulation
+from rsoconsole.vision.streaks._streak_light import Fading, Modulation
 
 Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
 Likelihood: TypeAlias = dict[Named, float]

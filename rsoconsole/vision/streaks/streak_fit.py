@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.records import FloatArray, NotAStreak, PixelArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.streak_search import (
     Box,
@@ -24,15 +23,15 @@ from rsoconsole.vision.lines.streak_search import (
 )
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.streaks.streak_class import unevenness
-from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
-from rsoconsole.vision.streaks.streak_model import Line, LineFit
-from rsoconsole.vision.streaks.streak_robust import (
+from rsoconsole.vision.streaks._streak_model import Line, LineFit
+from rsoconsole.vision.streaks._streak_robust import (
     Axes,
     fit_robustly,
     or_star_beyond_an_end,
     uneven_share,
 )
+from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
 
 MIN_SNR = 7.0
 MARGIN_PX = 16.0

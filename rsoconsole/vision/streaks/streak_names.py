@@ -7,19 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.streak_search import Box
 from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
-from rsoconsole.vision.streaks.streak_light import (
+from rsoconsole.vision.streaks._streak_light import (
     StreakLight,
     fading_of,
     light_along,
     modulation_of,
 )
+from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
 
 LEAST_CUT, LEAST_WHOLE = 2, 3
 """Lines that make a train: where the frame cuts two of them, and where it does not."""

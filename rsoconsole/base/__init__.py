@@ -1,0 +1,5 @@
+"""What every room stands on: faults with their remedies, files that are whole, text of others."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

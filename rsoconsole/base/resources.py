@@ -1,0 +1,36 @@
+"""Where shipped files are, both in a wheel and in a checkout."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SAMPLE = "intelsat-14"
+
+
+def resource(*parts: str) -> Path:
+    """Path of a file shipped inside the package, e.g. ``resource("sky", "data", "x.fits")``.
+
+    Raises FileNotFoundError when the installation lacks it.
+    """
+    path = _PACKAGE.joinpath(*parts)
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing: reinstall rsoconsole")
+    return path
+
+
+def model_resource(name: str) -> Path:
+    """Path of a file of the trained network: in the wheel, or in ``models/`` of a checkout.
+
+    hatch's force-include does nothing in an editable install, so the checkout is looked at too.
+    """
+    for folder in (_PACKAGE / "_models", _PACKAGE.parent / "models"):
+        if (folder / name).exists():
+            return folder / name
+    raise FileNotFoundError(f"the network {name} is missing: reinstall rsoconsole")
+
+
+def sample_resource() -> Path:
+    """Folder of the sample session: in the wheel, or in ``sessions/`` of a checkout."""
+    for folder in (_PACKAGE / "_sessions", _PACKAGE.parent / "sessions"):
+        if (folder / _SAMPLE / "session.db").exists():
+            return folder / _SAMPLE
+    raise FileNotFoundError("the sample session is missing: reinstall rsoconsole")

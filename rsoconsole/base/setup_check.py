@@ -1,0 +1,138 @@
+"""Can rsoconsole be installed on this machine? Answers in seconds, before anything is compiled.
+
+``python3 rsoconsole/base/setup_check.py`` is the first word of the README's first command; the
+doctor asks the same. Runs on a bare Python and knows nothing of the rest of the program.
+"""
+
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+APT_LINE = "sudo apt install git python3-venv python3-dev gcc"
+"""What a fresh Raspberry Pi OS (64 bit, Lite), Debian or Ubuntu lacks, as the README names it."""
+OLDEST_PYTHON = (3, 11)
+WHEEL_PYTHONS = ((3, 11), (3, 12), (3, 13))
+"""Pythons for which ``astrometry`` comes compiled, on x86-64 with glibc alone (PyPI, 4.3.0)."""
+MACHINES = ("x86_64", "aarch64")
+"""Those for which every other library comes compiled."""
+NEEDED_MB = 1500
+"""Free disk for the virtual environment and what pip unpacks on the way to it."""
+_COMPILER_S = 60.0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What the installation depends on."""
+
+    python: "tuple[int, int]"
+    machine: str
+    """As ``uname -m`` says it; a 64-bit kernel may carry a 32-bit system."""
+    is_64_bit: bool
+    """Of this Python, and so of the system."""
+    is_glibc: bool
+    has_venv: bool
+    header_fault: str
+    """Why nothing that includes Python.h can be compiled; empty where it can or need not be."""
+    free_mb: int
+
+
+def faults(machine: Machine) -> "list[str]":
+    """What keeps rsoconsole from being installed here, each with its remedy; empty: nothing."""
+    if not machine.is_64_bit or machine.machine not in MACHINES or not machine.is_glibc:
+        kind = f"{64 if machine.is_64_bit else 32}-bit system on {machine.machine}"
+        libc = "" if machine.is_glibc else " without glibc"
+        return [
+            f"this is a {kind}{libc}: numpy, OpenCV, the INDI client and the network's runtime are "
+            "published for 64-bit Linux with glibc on x86_64 and aarch64 alone. On a Raspberry Pi "
+            "install the 64-bit system (in Raspberry Pi Imager: 'Raspberry Pi OS Lite (64-bit)')"
+        ]
+    found = []
+    if machine.python < OLDEST_PYTHON:
+        have, need = (".".join(map(str, each)) for each in (machine.python, OLDEST_PYTHON))
+        found.append(
+            f"this is Python {have}, {need} is needed: Debian 12, Raspberry Pi OS Bookworm, "
+            "Ubuntu 24.04 and later have it"
+        )
+    if not machine.has_venv:
+        found.append(f"Python's venv is not installed: {APT_LINE}")
+    if machine.header_fault:
+        found.append(f"{machine.header_fault}: {APT_LINE}")
+    if machine.free_mb < NEEDED_MB:
+        found.append(
+            f"{machine.free_mb} MB are free on this disk, {NEEDED_MB} MB are needed: make room"
+        )
+    return found
+
+
+def read_machine(folder: Path) -> Machine:
+    """This machine as it is; ``folder`` is where the virtual environment will lie."""
+    machine = platform.machine()
+    is_glibc = platform.libc_ver()[0] == "glibc"
+    python = (sys.version_info[0], sys.version_info[1])
+    return Machine(
+        python=python,
+        machine=machine,
+        is_64_bit=sys.maxsize > 2**32,
+        is_glibc=is_glibc,
+        has_venv=all(importlib.util.find_spec(name) for name in ("venv", "ensurepip")),
+        header_fault=header_fault() if is_compiled(python, machine) else "",
+        free_mb=shutil.disk_usage(folder).free // 1_000_000,
+    )
+
+
+def is_compiled(python: "tuple[int, int]", machine: str) -> bool:
+    """Whether pip will have to compile ``astrometry`` here."""
+    return machine != "x86_64" or python not in WHEEL_PYTHONS
+
+
+def header_fault() -> str:
+    """Why C code that includes Python.h does not compile here; empty where it does."""
+    compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        return "there is no C compiler, and 'astrometry' is compiled on this machine"
+    if shutil.which(compiler.split()[0]) is None:
+        return f"the C compiler '{compiler}' does not run (CC names it, and it is not there)"
+    with tempfile.TemporaryDirectory() as scratch:
+        source = Path(scratch) / "probe.c"
+        source.write_text("#include <Python.h>\n", encoding="ascii")
+        include = [f"-I{sysconfig.get_paths()[name]}" for name in ("include", "platinclude")]
+        try:
+            done = subprocess.run(
+                [*compiler.split(), *include, "-fsyntax-only", str(source)],
+                capture_output=True,
+                text=True,
+                timeout=_COMPILER_S,
+                check=False,
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return f"the C compiler '{compiler}' does not run ({error})"
+    if done.returncode == 0:
+        return ""
+    if "Python.h" in done.stderr:
+        return "Python.h is missing, and 'astrometry' is compiled on this machine"
+    said = (done.stderr.strip().splitlines() or ["it says nothing"])[-1]
+    return f"the C compiler fails on Python.h ({said})"
+
+
+def main() -> int:
+    """Exit status: 0 when all is there; else every fault on stderr."""
+    machine = read_machine(Path.cwd())
+    found = faults(machine)
+    for fault in found:
+        print(f"rsoconsole cannot be installed here yet: {fault}", file=sys.stderr)
+    if found:
+        return 1
+    if is_compiled(machine.python, machine.machine):
+        print("'astrometry' is compiled on this machine: pip is silent for some minutes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

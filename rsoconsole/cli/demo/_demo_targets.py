@@ -1,0 +1,85 @@
+"""The demo's night of chosen satellites: from what was typed to a plan of the night."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rsoconsole.base import ConfigError, raised_as
+from rsoconsole.config import Config
+from rsoconsole.simulator import NightPlan
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import clock, left
+
+
+def plan_targets(
+    wanted: Sequence[str], config: Config, *, at: str | None, seed: int, frames: int
+) -> NightPlan:
+    """The night in which the named satellites of the configured element files are seen.
+
+    Raises OrbitError for names that are not clear, ConfigError where they cannot be seen or
+    ``at`` is no time, SolverError where their sky has no stars.
+    """
+    from rsoconsole.orbits import find_object, nearest_in_epoch_of_each
+    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.simulator import choose_night, satellite_of
+
+    files = config.catalogue.tle_files
+    at_utc_ns = None if at is None else _instant(at)
+    entries = read_catalogue(files)
+    sets = [find_object(entries, each) for each in wanted]
+    numbers = [found[0].norad_id for found in sets]
+    if len(set(numbers)) < len(numbers):
+        raise ConfigError("one satellite is named twice: name each --target once")
+    # Without a time the newest elements are used, around whose epoch a night is looked for.
+    newest_ns = max(each.epoch_utc_ns for found in sets for each in found)
+    near_ns = newest_ns if at_utc_ns is None else at_utc_ns
+    chosen = [nearest_in_epoch_of_each(found, near_ns)[0] for found in sets]
+    return choose_night(
+        [satellite_of(each) for each in chosen],
+        config,
+        seed=seed,
+        frames=frames,
+        at_utc_ns=at_utc_ns,
+        element_files=files,
+        star_file=whole_sky_stars(config),
+    )
+
+
+def whole_sky_stars(config: Config) -> Path | None:
+    """The installed whole-sky index file with the most stars; None where there is none."""
+    from rsoconsole.instruments import config_search_dirs, list_index_files
+    from rsoconsole.sky import holds_stars
+
+    files = list_index_files(config_search_dirs(config.solver))
+    whole = [each for each in files if each.is_healthy and each.is_whole_sky]
+    # The smaller its quads, the more stars a file has.
+    for each in sorted(whole, key=lambda file: file.quad_deg):
+        if holds_stars(each.path):
+            return each.path
+    return None
+
+
+def planned_config(config: Config, plan: NightPlan) -> Config:
+    """Exposures as the plan has them, and a search that waits where the night begins.
+
+    A low satellite is leapt after.
+    """
+    exposure = config.exposure.model_copy(
+        update={"exposure_s": plan.exposure_s, "cadence_s": plan.cadence_s}
+    )
+    search = config.search.model_copy(update={"pattern": "stay"})
+    leap = config.leap.model_copy(update={"enabled": plan.leaps})
+    return config.model_copy(update={"exposure": exposure, "search": search, "leap": leap})
+
+
+def plan_words(plan: NightPlan) -> str:
+    """What is going to be seen, for a person."""
+    return (
+        f"{plan.title} from {plan.site.latitude_deg:+.2f} {plan.site.longitude_deg:+.2f},"
+        f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {left(plan.visible_s)};"
+        f" {plan.exposure_s:g} s every {plan.cadence_s:g} s"
+    )
+
+
+def _instant(text: str) -> int:
+    with raised_as(ConfigError, "--at: "):
+        return iso_to_utc_ns(text)

@@ -1,0 +1,412 @@
+"""A run against the simulated observatory, judged by the truth that only this module reads."""
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.base import json_of
+from rsoconsole.cli.judge._objects import (
+    is_on_a_streak,
+    lead_of,
+    objects_figures,
+    offset_arcsec,
+    offset_of,
+    steps_of,
+    taken_of,
+)
+from rsoconsole.night import NightFrame, NightTrack, frames_of, rms, tracks_of
+from rsoconsole.records import (
+    CycleTiming,
+    Identified,
+    LeapDone,
+    LowPass,
+    Measurement,
+    OrbitEstimate,
+    Record,
+)
+
+_PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
+_ON_RECORD = (
+    *("streaks", "ended", "a_km", "e", "i_deg", "across_rms_arcsec"),
+    *("t_next_rise_utc_ns", "sigma_next_s", "scatter_s"),
+)
+"""What is said of a pass as the record has it."""
+
+
+def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
+    """Leaps met of those done, what one took (medians, s), and each pass; None without any."""
+    if not leaps and not passes:
+        return None
+    met = [each for each in leaps if each.result == "met"]
+    took = {
+        part: round(statistics.median(getattr(each, f"{part}_s") for each in leaps), 3)
+        for part in _PARTS
+        if leaps
+    }
+    beside = [each.total_s - each.slew_s - each.settle_s for each in leaps]
+    return {
+        "leaps": len(leaps),
+        "met": len(met),
+        "ordered_at_close": sum(each.ordered == "at close" for each in leaps),
+        "took_s": took,
+        "beside_slew_and_settle_s": round(statistics.median(beside), 3) if beside else None,
+        "passes": [_of_pass(each, met) for each in passes],
+    }
+
+
+def _of_pass(each: LowPass, met: Sequence[LeapDone]) -> dict[str, Any]:
+    return {
+        "name": each.name or None,
+        "planned_leaps": each.planned_leaps,
+        "leaps_met": sum(leap.begun_frame_id == each.begun_frame_id for leap in met),
+        **{name: getattr(each, name) for name in _ON_RECORD},
+    }
+
+
+@dataclass(slots=True)
+class _Satellite:
+    """All tracks of one satellite; of one that nobody knows, the one track."""
+
+    tracks: list[int] = field(default_factory=list)
+    frames: int = 0
+    """In which it was measured."""
+    last_frame: int = 0
+    is_measured_last: bool = False
+
+
+def tracks_figures(
+    frames: Sequence[NightFrame], known: Mapping[int, NightTrack]
+) -> list[dict[str, Any]]:
+    """The summary's ``tracks``: one object a satellite, in the order in which they were found.
+
+    ``tracks``: ids of those that were on it. ``frames``: how many of them measured it. ``state``
+    at the end of the run: TRACK, COAST or LOST, and IDLE for one that was ended by a word;
+    ``lost``: why, in words. ``orbit``: as in the summary.
+    """
+    satellites: dict[object, _Satellite] = {}
+    for frame in frames:
+        for track_id, step in steps_of(frame).items():
+            number = _number(known[track_id].identified)
+            key: object = ("track", track_id) if number is None else number
+            found = satellites.setdefault(key, _Satellite())
+            if track_id not in found.tracks:
+                found.tracks.append(track_id)
+            updated = step.updated
+            is_measured = updated is not None and updated.kind != "predicted"
+            # A track begins with two measurements, in two frames.
+            found.frames += 2 if updated is not None and updated.kind == "initial" else is_measured
+            found.last_frame, found.is_measured_last = frame.frame_id, is_measured
+    newest = max((frame.frame_id for frame in frames), default=0)
+    return [_figures(each, known, newest) for each in satellites.values()]
+
+
+def _number(found: Identified | None) -> int | None:
+    """Of the catalogue, where it is surely that one."""
+    if found is None or found.verdict != "identified" or not found.matches:
+        return None
+    return found.matches[0].norad_id
+
+
+def _figures(satellite: _Satellite, known: Mapping[int, NightTrack], newest: int) -> dict[str, Any]:
+    last = known[satellite.tracks[-1]]
+    orbit, named, lost = last.orbit, last.identified, last.lost
+    is_named = _number(named) is not None
+    return {
+        "name": named.matches[0].name if named is not None and is_named else None,
+        "norad_id": _number(named),
+        "tracks": list(satellite.tracks),
+        "frames": satellite.frames,
+        "last_frame": satellite.last_frame,
+        "state": _state(satellite, lost, newest),
+        "lost": lost or None,
+        "orbit": None if orbit is None else orbit_figures(orbit),
+    }
+
+
+def _state(satellite: _Satellite, lost: str, newest: int) -> str:
+    if lost:
+        return "LOST"
+    if satellite.last_frame < newest:
+        return "IDLE"
+    return "TRACK" if satellite.is_measured_last else "COAST"
+
+
+def orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
+    """The last one."""
+    names: Sequence[str] = (
+        *("label", "prior", "a_km", "sigma_a_km", "e", "i_deg", "observations", "arc_s"),
+    )
+    return {name: getattr(orbit, name) for name in names}
+
+
+SAME_OBJECT_ARCSEC = 60.0
+SAME_FRAME_NS = 1_000_000_000
+HIDDEN_SNR = 15.0
+"""Matched signal to noise below which a miss is put down to the satellite, not to the detector."""
+
+
+def summarise(
+    records: Iterable[Record],
+    truth: Sequence[Mapping[str, Any]],
+    targets: Mapping[int, str] | None = None,
+) -> dict[str, Any]:
+    """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
+
+    ``records`` in the session's order; ``truth`` one object an exposure as the simulated
+    observatory wrote it. Errors are distances on the sky, root mean square. Where a satellite was
+    followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
+    ``targets``: names of the satellites the night was made for, by catalogue number.
+    """
+    log = list(records)
+    frames = [each for each in frames_of(log) if each.taken is not None]
+    led, misses = _led(frames)
+    locked = (each.frame_id for each in frames if any(c.after == "TRACK" for c in each.changes))
+    return {
+        "frames": len(frames),
+        "detections": sum(len(frame.found) for frame in frames),
+        "misses": misses,
+        "states": dict(Counter(frame.state or "SEARCH" for frame in frames)),
+        "locked_after_frames": next(locked, None),
+        **_against_truth(frames, truth),
+        "orbit": None if led.orbit is None else orbit_figures(led.orbit),
+        "identified": None if led.identified is None else _name_figures(led.identified),
+        "tracks": tracks_figures(frames, tracks_of(frames)),
+        "objects": objects_figures(_with_exposures(frames, truth), targets or {}),
+        "leaps": leap_figures(
+            [each for each in log if isinstance(each, LeapDone)],
+            [each for each in log if isinstance(each, LowPass)],
+        ),
+        "latency_ms": _latency([each for each in log if isinstance(each, CycleTiming)]),
+    }
+
+
+@dataclass(slots=True)
+class _Led:
+    """What was known last of the lead of then."""
+
+    track_id: int | None = None
+    orbit: OrbitEstimate | None = None
+    identified: Identified | None = None
+
+
+def _led(frames: Iterable[NightFrame]) -> tuple[_Led, int]:
+    """Beside it: how many misses the leads had."""
+    led, misses = _Led(), 0
+    for frame in frames:
+        lead = lead_of(steps_of(frame))
+        led.track_id = led.track_id if lead is None else lead
+        misses += sum(each.track_id in (None, led.track_id) for each in frame.misses)
+        for orbit in frame.orbits:
+            led.orbit = orbit if orbit.track_id == led.track_id else led.orbit
+        for found in frame.names:
+            led.identified = found if found.track_id == led.track_id else led.identified
+    return led, misses
+
+
+def _name_figures(found: Identified) -> dict[str, Any]:
+    """The last one."""
+    best = found.matches[0] if found.matches else None
+    return {
+        "verdict": found.verdict,
+        "norad_id": None if best is None else best.norad_id,
+        "name": None if best is None else best.name,
+        "separation_arcsec": None if best is None else best.separation_arcsec,
+        "runner_up": found.matches[1].name if len(found.matches) > 1 else None,
+    }
+
+
+def read_truth(path: Path) -> list[dict[str, Any]]:
+    """The simulated observatory's truth, one object an exposure; empty when there is none."""
+    if not path.exists():
+        return []
+    return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+
+
+def _with_exposures(
+    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
+) -> list[tuple[NightFrame, Mapping[str, Any]]]:
+    """Every frame with the truth of its exposure; with an empty one where none is near in time.
+
+    Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
+    """
+    late_ns = [
+        exposure["t_open_utc_ns"] + round(exposure["exposure_s"] * 5e8) - exposure["t_place_utc_ns"]
+        for exposure in truth
+        if "t_open_utc_ns" in exposure and "t_place_utc_ns" in exposure
+    ]
+    always = {"always_late_ns": round(statistics.median(late_ns)) if late_ns else 0}
+    return [(frame, {**_exposure(truth, frame), **always}) for frame in frames]
+
+
+def _exposure(truth: Sequence[Mapping[str, Any]], frame: NightFrame) -> Mapping[str, Any]:
+    """The truth of a frame, each satellite with the instant for which its place is told."""
+    for exposure in truth:
+        t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
+        if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
+            if "t_place_utc_ns" not in exposure:
+                return exposure
+            t_utc_ns = exposure["t_place_utc_ns"]
+            timed = [{**each, "t_utc_ns": t_utc_ns} for each in exposure["satellites"]]
+            return {**exposure, "satellites": timed}
+    return {"satellites": ()}
+
+
+def _against_truth(
+    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Figures against what really was there; those of the track against one named satellite."""
+    exposures = _with_exposures(frames, truth)
+    views = [(frame, list(exposure["satellites"])) for frame, exposure in exposures]
+    target, share = _followed(views)
+    predicted, outside, nis = _track_figures(views, target)
+    confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]
+    return {
+        "target": target,
+        "target_share": share,
+        **_measured_figures(exposures, target),
+        "prediction_rms_arcsec": rms(predicted),
+        "nis_mean": statistics.fmean(nis) if nis else None,
+        "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
+        "confidence_min": min(confidences, default=None),
+        **_hidden(views, target),
+    }
+
+
+def _measured_figures(
+    views: Sequence[tuple[NightFrame, Mapping[str, Any]]], target: str | None
+) -> dict[str, Any]:
+    """Every measurement against the satellite nearest to it; the target's neighbours apart.
+
+    False is what is far from all of them and on nobody's streak: a cut or a fast one's middle may
+    be far from its own.
+    """
+    measured: list[float] = []
+    neighbours: list[float] = []
+    chi2: list[float] = []
+    false_measurements = 0
+    for frame, exposure in views:
+        for measurement in frame.measurements:
+            offsets = [
+                (*offset_of(measurement, each), each["name"]) for each in exposure["satellites"]
+            ]
+            nowhere = (math.inf, 0.0, None)
+            east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
+            if math.hypot(east, north) > SAME_OBJECT_ARCSEC:
+                false_measurements += not is_on_a_streak(measurement, exposure)
+            elif target is not None and name != target:
+                neighbours.append(math.hypot(east, north))
+            else:
+                measured.append(math.hypot(east, north))
+                chi2.append(_chi2(measurement, east, north))
+    return {
+        "false_measurements": false_measurements,
+        "measured_rms_arcsec": rms(measured),
+        "neighbours_rms_arcsec": rms(neighbours),
+        "measured_chi2_mean": statistics.fmean(chi2) if chi2 else None,
+    }
+
+
+def _confidence(frame: NightFrame) -> float | None:
+    """Of the measurement the track took."""
+    taken = taken_of(frame)
+    return None if taken is None else taken.confidence
+
+
+def _hidden(
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
+) -> dict[str, int]:
+    """Followed frames in which clouds or its own fading hid the target, and the other misses.
+
+    Without them a night of clouds would look like a poor detector.
+    """
+    hidden = others = 0
+    for frame, satellites in views:
+        if frame.predicted is None:
+            continue
+        true = next((s for s in satellites if s["name"] == target), None)
+        is_hidden = true is not None and float(true.get("snr_matched", math.inf)) < HIDDEN_SNR
+        hidden += is_hidden
+        others += frame.updated is None and not is_hidden
+    return {"frames_hidden": hidden, "misses_visible": others}
+
+
+def _followed(
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]],
+) -> tuple[str | None, Any]:
+    """The satellite most updates lie on, and the share of updates that do."""
+    names: Counter[str] = Counter()
+    for frame, satellites in views:
+        if frame.updated is None:
+            continue
+        at = frame.updated.x[0], frame.updated.x[2], frame.updated.t_utc_ns
+        near = [(math.hypot(*offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
+        off, name = min(near, default=(math.inf, ""))
+        names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
+    if not names:
+        return None, None
+    target, times = names.most_common(1)[0]
+    return target, times / sum(names.values())
+
+
+def _track_figures(
+    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
+) -> tuple[list[float], list[bool], list[float]]:
+    """Every one-step prediction of the target in the frame, also those that nothing met.
+
+    Errors in arcsec; whether a measurement of the target fell outside 3 sqrt(S), refused ones
+    included; NIS of all of them.
+    """
+    errors: list[float] = []
+    outside: list[bool] = []
+    nis: list[float] = []
+    for frame, satellites in views:
+        true = next((s for s in satellites if s["name"] == target and s["is_in_frame"]), None)
+        predicted, updated = frame.predicted, frame.updated
+        if true is None or predicted is None:
+            continue
+        if predicted.misses <= 1:
+            at = predicted.x[0], predicted.x[2], predicted.t_utc_ns
+            errors.append(math.hypot(*offset_arcsec(true, *at)))
+        if updated is not None and updated.nis is not None:
+            nis.append(updated.nis)
+            innovation = updated.innovation_arcsec or (0.0, 0.0)
+            bounds = updated.sigma_innovation_arcsec or (0.0, 0.0)
+            pairs = zip(innovation, bounds, strict=True)
+            outside.append(any(abs(value) > 3.0 * bound for value, bound in pairs))
+            continue
+        for each in frame.not_followed:
+            measurement, value = each.measurement, each.nis
+            if value is None:
+                continue
+            if math.hypot(*offset_of(measurement, true)) <= SAME_OBJECT_ARCSEC:
+                nis.append(value)
+                outside.append(True)
+    return errors, outside, nis
+
+
+def _chi2(measurement: Measurement, east: float, north: float) -> float:
+    """Squared error in units of the measurement's own covariance; 2 when that is honest."""
+    ee, en, nn = measurement.cov_sky_arcsec2
+    return (nn * east**2 - 2.0 * en * east * north + ee * north**2) / (ee * nn - en**2)
+
+
+_STAGES = (
+    *("read", "glance", "ahead", "process", "detect", "solve", "filter", "order"),
+    *("total", "orbit"),
+)
+
+
+def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
+    stages: dict[str, dict[str, float]] = {}
+    for stage in _STAGES:
+        values = sorted(t.stage_ms[stage] for t in timings if stage in t.stage_ms)
+        if values:
+            stages[stage] = {
+                "median": round(statistics.median(values), 3),
+                "p95": round(values[math.ceil(0.95 * len(values)) - 1], 3),
+            }
+    return stages

@@ -1,0 +1,90 @@
+"""The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
+
+from rsoconsole.console.frame._sheet import Sheet, readout_parts, title_parts
+from rsoconsole.console.frame._sheet_marks import faint_ends, sheet_marks
+from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
+from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
+
+MOST_FINER = 4
+"""Squares of a picture along one of the terminal's: more cost time, not sight."""
+
+
+class SheetPane(FramePane):
+    """Shows the view of a sheet; until the pixels are there, the session's small picture."""
+
+    def __init__(self, sheet: Sheet, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(self._said, id=id)
+        self._sheet = sheet
+
+    def redraw(self) -> None:
+        """The sheet has changed."""
+        sheet = self._sheet
+        if sheet.pixels is None and sheet.opened is not None:
+            self.picture, self._stretch = sheet.opened.preview, sheet.stretch
+        self._redraw()
+
+    def next_sight(self) -> None:
+        """Of the session's small pictures the next one."""
+        self._sight = SIGHTS[(SIGHTS.index(self._sight) + 1) % len(SIGHTS)]
+        self._redraw()
+
+    @property
+    def room(self) -> tuple[int, int]:
+        """Columns and rows for the picture itself."""
+        return max(self.size.width, 1), max(self.size.height - 2, 1)
+
+    def _said(
+        self, _picture: Picture | None, _sight: Sight, _drawing: Drawing | None
+    ) -> tuple[list[str], list[str]]:
+        return title_parts(self._sheet), readout_parts(self._sheet)
+
+    def _drawing(self, width: int, rows: int) -> Drawing | None:
+        view = self._sheet.view
+        if self._sheet.pixels is None or view is None:
+            return super()._drawing(width, rows)
+        if not width or not rows:
+            return None
+        return Drawing(
+            greys=greys(self._shares_of(self.blocks.across, self.blocks.down)),
+            blocks=self.blocks,
+            window=view.window,
+            px_per_square=view.px_per_square,
+        )
+
+    def _light(self, drawing: Drawing, cell_px: tuple[int, int]) -> LightImage:
+        if self._sheet.pixels is None:
+            return super()._light(drawing, cell_px)
+        finer = min(int(drawing.px_per_square), cell_px[0], MOST_FINER)
+        finer = max(finer, 1)
+        return self._shares_of(finer, 2 * finer)
+
+    def _shares_of(self, across: int, down: int) -> LightImage:
+        """Parts of a cell, across and down."""
+        from rsoconsole.console.picture.sheet_pixels import map_shares
+
+        sheet = self._sheet
+        assert sheet.pixels is not None
+        assert sheet.view is not None
+        if sheet.map is not None:
+            return map_shares(sheet.map, sheet.view.window, across, down)
+        return sheet.pixels.shares(sheet.view.window, sheet.stretch, across, down)
+
+    def _shown_marks(self) -> tuple[Mark, ...]:
+        sheet = self._sheet
+        if sheet.opened is None:
+            return ()
+        candidates = sheet.candidates if sheet.done is not None else ()
+        marks = sheet_marks(sheet.opened.detail, candidates, sheet.chosen)
+        if not sheet.are_marks_shown:
+            is_faint = sheet.is_marking and sheet.view is not None and sheet.pixels is not None
+            marks = faint_ends(marks, sheet.view.px_per_square) if is_faint and sheet.view else ()
+        if sheet.view is None or sheet.pixels is None:
+            return marks
+        if sheet.first_px is not None:
+            x_px, y_px = sheet.first_px
+            marks = (*marks, Mark(x_px=x_px, y_px=y_px, kind="cursor", label="1"))
+        return (*marks, Mark(x_px=sheet.view.x_px, y_px=sheet.view.y_px, kind="cursor"))
+
+    def _absent(self) -> str:
+        return "reading …" if self._sheet.opened is None else "no picture of it was kept"

@@ -1,0 +1,375 @@
+"""Two moments of a night side by side, and what lies between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.dialogs.dialogs import Dialog, framed
+from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.panes.panes import LinesPane
+from rsoconsole.console.screens._review_moves import ReviewMoves, ReviewSeat
+from rsoconsole.console.timeline.lines import SIGNS, holder_then
+from rsoconsole.console.timeline.moments import Moment
+from rsoconsole.console.timeline.night_line import KINDS, Timeline, TimelineEventKind
+from rsoconsole.console.words.words import clipped, cos_deg
+from rsoconsole.night import FrameRow, predicted_sigma_arcsec
+from rsoconsole.records import Solution
+from rsoconsole.words import (
+    NS_PER_S,
+    angle,
+    clock,
+    format_dec,
+    format_ra,
+    short,
+    signed_angle,
+    span,
+)
+
+ABSENT = "-"
+LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
+WITH_DIFFERENCE_COLUMNS = 66
+KIND_WORDS: dict[TimelineEventKind, tuple[str, str]] = {
+    "miss": ("miss", "misses"),
+    "rejection": ("rejection", "rejections"),
+    "loss": ("loss", "losses"),
+    "operator": ("operator's action", "operator's actions"),
+    "note": ("note", "notes"),
+    "alarm": ("alarm", "alarms"),
+}
+Choice = Literal["blink", "keep"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """One thing at both moments."""
+
+    label: str
+    a: str
+    b: str
+    difference: str = ""
+    """B less A, in words; empty where that says nothing."""
+
+
+def compared(a: Moment, b: Moment) -> list[Compared]:
+    """Everything the screen says of both."""
+    rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
+    return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
+
+
+def _course(a: Moment, b: Moment) -> list[Compared]:
+    t_a, t_b = a.view.last_utc_ns, b.view.last_utc_ns
+    since = ""
+    if t_a and t_b:
+        sign = "-" if t_b < t_a else "+"
+        since = sign + span(abs(t_b - t_a) / NS_PER_S)
+    ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
+    frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
+    return [
+        Compared(label="time", a=clock(t_a), b=clock(t_b), difference=since),
+        Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
+        _both("state", a, b, lambda m: m.view.state),
+        _both("mount", a, b, lambda m: holder_then(m.view)),
+        _both("τ", a, b, lambda m: short(m.view.tau)),
+        _both("filter", a, b, _filter_words),
+        _both("Q, R", a, b, _multiplier_words),
+    ]
+
+
+def _sky(a: Moment, b: Moment) -> list[Compared]:
+    points = [_pointing(m) for m in (a, b)]
+    tracks = [_position(m) for m in (a, b)]
+    rates = [_rates(m) for m in (a, b)]
+    sigmas = [_three_sigma(m) for m in (a, b)]
+    grown = "" if None in sigmas else f"×{(sigmas[1] or 0) / max(sigmas[0] or 0, 1e-9):.2g}"
+    three_sigma = replace(_numbers("3σ", sigmas, angle), difference=grown)
+    return [
+        *_direction("pointing", points),
+        *_direction("track", tracks),
+        _numbers("rate α", [r and r[0] for r in rates], lambda v: f"{v:+.3f}″/s"),
+        _numbers("rate δ", [r and r[1] for r in rates], lambda v: f"{v:+.3f}″/s"),
+        three_sigma,
+    ]
+
+
+def _measured(a: Moment, b: Moment) -> list[Compared]:
+    rows = [_row(m) for m in (a, b)]
+    residuals = [None if row is None else row.residual_arcsec for row in rows]
+
+    def unsigned(
+        label: str, value: Callable[[FrameRow], float | None], words: Callable[[float], str]
+    ) -> Compared:
+        values = [None if row is None else value(row) for row in rows]
+        return _numbers(label, values, words, is_signed=False)
+
+    matched = [_matched(m) for m in (a, b)]
+    return [
+        _numbers("residual α", [r and r[0] for r in residuals], signed_angle),
+        _numbers("residual δ", [r and r[1] for r in residuals], signed_angle),
+        unsigned("NIS", lambda row: row.nis, lambda v: f"{v:.2f}"),
+        unsigned("confidence", lambda row: row.confidence, short),
+        _both("not taken", a, b, _refusal),
+        unsigned("star width", lambda row: row.fwhm_px, lambda v: f"{v:.2f} px"),
+        _numbers("stars", matched, lambda v: f"{v:.0f}", is_signed=False),
+    ]
+
+
+def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
+    """What came to pass after the earlier one, up to the later one."""
+    low, high = sorted((a.seq, b.seq))
+    first, last = timeline.index_of(low), timeline.index_of(high)
+    frames = (-1 if last is None else last) - (-1 if first is None else first)
+    counts = {
+        kind: sum(low < h.seq <= high for h in timeline.events if h.kind == kind) for kind in KINDS
+    }
+    parts = [f"{frames} frame{'' if frames == 1 else 's'}"]
+    parts += [
+        f"{SIGNS[kind]} {count} {KIND_WORDS[kind][count != 1]}"
+        for kind, count in counts.items()
+        if count
+    ]
+    names = sorted({*a.view.changed, *b.view.changed})
+    changes = [(name, a.view.setting(name), b.view.setting(name)) for name in names]
+    return [
+        " · ".join(parts),
+        *(f"{name}: {old} → {new}" for name, old, new in changes if old != new),
+    ]
+
+
+def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int) -> list[Line]:
+    """A table as wide as there is room for; the differences go first."""
+    has_difference = width >= WITH_DIFFERENCE_COLUMNS
+    columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), LEAST_VALUE_COLUMNS)
+    head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
+    head += [("B".ljust(columns), "title"), ("B - A" if has_difference else "", "dim")]
+    lines = [clipped(head, width)]
+    for row in rows:
+        is_same = row.a == row.b
+        line: Line = [
+            (f"{row.label:<{LABEL_COLUMNS}}", "dim"),
+            (row.a.ljust(columns), ""),
+            (row.b.ljust(columns), "" if is_same else "title"),
+        ]
+        if has_difference:
+            line.append((row.difference, "dim"))
+        lines.append(clipped(line, width))
+    lines.append([("", "")])
+    lines += [
+        clipped([("between     " if not n else " " * 12, "dim"), (text, "")], width)
+        for n, text in enumerate(ends)
+    ]
+    return lines[:height]
+
+
+class CompareDialog(Dialog[Choice | None]):
+    """A and B; ``b`` flips the whole screen between them, ``k`` keeps B as the new A."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("B", "choose('blink')", "Blink", show=False),
+        Binding("K", "choose('keep')", "Keep B as A", show=False),
+        Binding("q", "put_away", "Back", show=False),
+    ]
+    DEFAULT_CSS = """
+    CompareDialog > VerticalScroll { width: 100; }
+    CompareDialog LinesPane { height: auto; }
+    """
+
+    def __init__(self, a: Moment, b: Moment, timeline: Timeline) -> None:
+        super().__init__()
+        self._rows, self._ends = compared(a, b), between(a, b, timeline)
+
+    def compose(self) -> ComposeResult:
+        """The table."""
+        with framed("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
+            table = LinesPane(id="compared")
+            table.styles.height = len(self._rows) + len(self._ends) + 2
+            yield table
+
+    def on_mount(self) -> None:
+        """Fill it."""
+        self.query_one("#compared", LinesPane).show(
+            lambda width, height: compare_lines(self._rows, self._ends, width, height)
+        )
+
+    def action_choose(self, choice: Choice) -> None:
+        """By letter."""
+        self.dismiss(choice)
+
+
+def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> Compared:
+    return Compared(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
+
+
+def _numbers(
+    label: str,
+    values: list[float | None],
+    words: Callable[[float], str],
+    *,
+    is_signed: bool = True,
+) -> Compared:
+    a, b = values
+    difference = ""
+    if a is not None and b is not None:
+        difference = f"{'' if is_signed or b <= a else '+'}{words(b - a)}"
+    texts = [ABSENT if value is None else words(value) for value in values]
+    return Compared(label=label, a=texts[0], b=texts[1], difference=difference)
+
+
+def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Compared]:
+    texts = [
+        (ABSENT, ABSENT) if p is None else (format_ra(p[0], 1), format_dec(p[1], 0)) for p in places
+    ]
+    east = north = ""
+    a, b = places
+    if a is not None and b is not None:
+        dra_deg = (b[0] - a[0] + 180.0) % 360.0 - 180.0
+        middle_deg = (a[1] + b[1]) / 2.0
+        east, north = (
+            signed_angle(3600.0 * deg) for deg in (dra_deg * cos_deg(middle_deg), b[1] - a[1])
+        )
+    return [
+        Compared(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
+        Compared(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
+    ]
+
+
+def _number(frame_id: int | None) -> str:
+    return ABSENT if frame_id is None else f"{frame_id:04d}"
+
+
+def _filter_words(m: Moment) -> str | None:
+    preset, sigma = m.view.setting("filter.preset"), m.view.setting("filter.sigma_arcsec")
+    return None if preset is None else f"{preset} σ {sigma:g}″"
+
+
+def _multiplier_words(m: Moment) -> str | None:
+    q, r = m.view.setting("filter.q_multiplier"), m.view.setting("filter.r_multiplier")
+    return None if q is None or r is None else f"×{q:.3g}  ×{r:.3g}"
+
+
+def _pointing(m: Moment) -> tuple[float, float] | None:
+    p = m.view.pointing
+    return None if p is None else (p.ra_icrs_deg, p.dec_icrs_deg)
+
+
+def _position(m: Moment) -> tuple[float, float] | None:
+    track = m.view.track
+    return None if track is None else (track.x[0] % 360.0, track.x[2])
+
+
+def _rates(m: Moment) -> tuple[float, float] | None:
+    """(d alpha cos delta, d delta) in arcsec/s."""
+    track = m.view.track
+    if track is None:
+        return None
+    return track.x[1] * cos_deg(track.x[2]) * 3600.0, track.x[3] * 3600.0
+
+
+def _three_sigma(m: Moment) -> float | None:
+    track = m.view.track
+    return None if track is None else 3.0 * max(predicted_sigma_arcsec(track))
+
+
+def _row(m: Moment) -> FrameRow | None:
+    rows, frame = m.view.rows, m.view.frame
+    if frame is None:
+        return None
+    return next((row for row in reversed(rows) if row.frame_id == frame.frame_id), None)
+
+
+def _refusal(m: Moment) -> str | None:
+    row = _row(m)
+    if row is None:
+        return None
+    if row.miss is not None:
+        return row.miss
+    return None if row.refused is None or row.is_followed else row.refused[1]
+
+
+def _matched(m: Moment) -> float | None:
+    solution = m.detail.solution
+    return float(solution.matched) if isinstance(solution, Solution) else None
+
+
+class ReviewCompare:
+    """Keeps moment A, and shows it beside another one or in turn with it."""
+
+    def __init__(self, review: ReviewSeat, moves: ReviewMoves) -> None:
+        self._review, self._moves = review, moves
+        self._other_seq: int | None = None
+        """B, while A is shown in its place."""
+        self._is_asked_early = False
+        """Whether to compare as soon as the moment is there that was gone to."""
+
+    def forget(self) -> None:
+        """Another session is shown: no moment of it is kept."""
+        self._review.kept = self._other_seq = None
+
+    def action_compare(self) -> None:
+        """Keep this moment, or show it beside the kept one."""
+        review = self._review
+        moment = review.moment
+        self._is_asked_early = moment is None or moment.seq != review.seq
+        if moment is None or self._is_asked_early:
+            review.say("the moment is being fetched …")
+        elif review.kept is None:
+            self._keep(moment)
+        elif review.kept.seq == moment.seq and self._other_seq is None:
+            review.say("this is A: go to another moment, then compare")
+        else:
+            self._compare(moment)
+
+    def compare_if_asked(self) -> None:
+        """What was asked for before the moment was there."""
+        review = self._review
+        if self._is_asked_early and review.moment is not None and review.moment.seq == review.seq:
+            self.action_compare()
+
+    def _compare(self, moment: Moment) -> None:
+        review = self._review
+        if review.kept is not None and review.kept.seq == moment.seq:
+            self.action_blink()  # A is shown in B's place: back to B, which is what is compared
+            review.say("B: compare it with A from here")
+            return
+        assert review.kept is not None
+
+        def decided(choice: Choice | None) -> None:
+            if choice == "blink":
+                self.action_blink()
+            elif choice == "keep":
+                self._keep(moment)
+
+        review.ask(CompareDialog(review.kept, moment, review.timeline), decided)
+
+    def _keep(self, moment: Moment) -> None:
+        review = self._review
+        review.kept, self._other_seq = moment, None
+        review.show_place()
+        key = first_key("compare", review.keymap)
+        review.say(f"A is kept: go to another moment, {key} compares", "good")
+
+    def action_blink(self) -> None:
+        """The other one of A and B."""
+        review = self._review
+        if review.kept is None:
+            review.say(f"{first_key('compare', review.keymap)} keeps a moment to blink with")
+        elif review.seq != review.kept.seq:
+            other = review.seq
+            self._moves.go(review.kept.seq)
+            self._other_seq = other
+            review.say("A")
+        elif self._other_seq is None:
+            review.say("this is A: go to another moment to blink with")
+        else:
+            self._moves.go(self._other_seq)
+            review.say("B")
+
+    def action_forget_moment(self) -> None:
+        """Nothing is kept."""
+        review = self._review
+        had_one, review.kept, self._other_seq = review.kept is not None, None, None
+        review.show_place()
+        review.say("A is forgotten" if had_one else "no moment is kept")

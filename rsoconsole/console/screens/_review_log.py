@@ -1,0 +1,165 @@
+"""The log of a whole night: what came after the moment is dim, enter goes to a line's moment."""
+
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.strip import Strip
+
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.panes.log_pane import LogPane
+from rsoconsole.console.screens._review_moves import ReviewSeat
+from rsoconsole.console.tuning.lines import TuneWords
+from rsoconsole.night import LogLine
+
+HERE = "▸"
+
+
+class ReviewLogPane(LogPane):
+    """Closed it is as in the live seat; open it has a chosen line."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "choose(-1)", "Line above", show=False),
+        Binding("down", "choose(1)", "Line below", show=False),
+        Binding("pageup", "choose_page(-1)", "Page above", show=False),
+        Binding("pagedown", "choose_page(1)", "Page below", show=False),
+        Binding("home", "choose_end(True)", "Newest", show=False),
+        Binding("end", "choose_end(False)", "Oldest", show=False),
+        Binding("enter", "take", "Go there", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"log--later", "log--chosen"}
+    DEFAULT_CSS = """
+    ReviewLogPane > .log--later { color: $text-muted; }
+    ReviewLogPane > .log--chosen { text-style: bold reverse; }
+    """
+
+    always_shown = False
+    """What is searched for alone: every line stands in the log that is opened next."""
+
+    class Chosen(Message):
+        """The moment of a line is wanted."""
+
+        def __init__(self, line: LogLine) -> None:
+            super().__init__()
+            self.line = line
+
+    seq = 0
+    """The moment that is shown: lines behind it are dim."""
+    chosen: LogLine | None = None
+    """None while the pane is closed."""
+
+    def open_at(self, lines: tuple[LogLine, ...], seq: int) -> None:
+        """Show all lines; the last one before that moment is chosen."""
+        self.seq = seq
+        self.show(lines)
+        self.choose_near(seq)
+
+    def choose_near(self, seq: int) -> None:
+        """The last line that had been said by then; else the first one."""
+        found = self.found
+        before = [line for line in found if line.seq <= seq]
+        self.chosen = before[0] if before else found[-1] if found else None
+        self._reveal()
+
+    def close(self) -> None:
+        """Nothing is chosen any more; every line is shown again."""
+        self.chosen = None
+        self.filter("")
+
+    def action_choose(self, by: int) -> None:
+        """The line ``by`` below."""
+        found = self.found
+        if self.chosen is None or self.chosen not in found:
+            return
+        self.chosen = found[min(max(found.index(self.chosen) + by, 0), len(found) - 1)]
+        self._reveal()
+
+    def action_choose_page(self, by: int) -> None:
+        """A page above or below."""
+        self.action_choose(by * max(self.size.height - 2, 1))
+
+    def action_choose_end(self, is_newest: bool) -> None:
+        """The newest or the oldest line."""
+        found = self.found
+        if found:
+            self.chosen = found[0 if is_newest else -1]
+            self._reveal()
+
+    def action_take(self) -> None:
+        """Go to its moment."""
+        if self.chosen is not None:
+            self.post_message(self.Chosen(self.chosen))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose by the mouse; the chosen one: go there."""
+        index = event.y - self._title_rows + self.scroll_offset.y
+        if self.chosen is None or not 0 <= index < len(self._rows):
+            return
+        line = self._rows[index][0]
+        if line == self.chosen:
+            self.action_take()
+        self.chosen = line
+        self.refresh()
+
+    def _reveal(self) -> None:
+        """Scroll so that the chosen line is seen."""
+        rows = [index for index, (line, _, _) in enumerate(self._rows) if line == self.chosen]
+        if rows:
+            height = max(self.size.height - self._title_rows, 1)
+            top = self.scroll_offset.y
+            if rows[0] < top or rows[-1] >= top + height:
+                self.scroll_to(y=max(rows[0] - height // 2, 0), animate=False)
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """One row, with a sign at the chosen line."""
+        strip = super().render_line(y)
+        index = y - self._title_rows + self.scroll_offset.y
+        has_line = 0 <= index < len(self._rows) and y >= self._title_rows
+        if self.chosen is None or not has_line or self._rows[index][0] != self.chosen:
+            return strip
+        is_first = index == 0 or self._rows[index - 1][0] != self.chosen
+        style = self.get_component_rich_style("log--chosen")
+        text = strip.text
+        return Strip([Segment((HERE if is_first else " ") + text[1:], self.rich_style + style)])
+
+    def _style_of(self, line: LogLine) -> Style:
+        if self.chosen is not None and line.seq > self.seq:
+            return self.rich_style + self.get_component_rich_style("log--later")
+        return super()._style_of(line)
+
+
+class ReviewTuneActions(TuneActions):
+    """Over the last frames before the moment, or over all before it."""
+
+    def __init__(self, seat: ReviewSeat) -> None:
+        super().__init__(seat)
+        self._review = seat
+        self._is_of_all = False
+
+    @property
+    def words(self) -> TuneWords:
+        """Nothing is applied here."""
+        frames = "all frames so far" if self._is_of_all else "{count} frames to here"
+        scope = first_key("tune_scope", self._review.keymap)
+        which = "the last frames" if self._is_of_all else "all frames"
+        return TuneWords(
+            frames=frames,
+            of_present=self.of_present(),
+            keys=f"{scope} {which}  u undo  w save  o load",
+        )
+
+    def scope(self) -> tuple[int | None, int | None]:
+        """Up to the moment."""
+        return self._review.seq, None if self._is_of_all else self.last_frames()
+
+    def action_tune_scope(self) -> None:
+        """The last frames, or all."""
+        self._is_of_all = not self._is_of_all
+        self.show()
+        self.compute()
+        self._review.say(f"tune: {self.words.frames}")

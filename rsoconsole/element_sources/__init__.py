@@ -1,8 +1,0 @@
-"""Elements from those who publish them: fetched when asked, kept with their age, in an order.
-
-``update`` is not among these: it loads what speaks to web servers, which readers never need.
-"""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,212 @@
+"""What has still to be sent, to whom, on the disk: a message waits out a night without a network.
+
+Bounded in number and in age. Services stand in it as digests: an address is a secret. One process
+at a time owns the file; another keeps its messages in memory until it is free, and puts them there
+then.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import threading
+import time
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from rsoconsole.base import json_of, lock_file, read_foreign, write_durably
+
+MOST = 200
+MOST_SESSIONS = 8
+OLDEST_NS = 24 * 3600 * 10**9
+CLAIM_AGAIN_S = 2.0
+SPOOL, LOCK = "spool.json", "spool.lock"
+
+
+@dataclass(slots=True, kw_only=True)
+class Waiting:
+    """One message and who has not had it yet."""
+
+    number: int
+    kind: str
+    title: str
+    body: str
+    t_utc_ns: int
+    pending: list[str] = field(default_factory=list)
+
+
+def digest_of(url: str) -> str:
+    """A service's address as the spool has it."""
+    return hashlib.sha256(url.encode()).hexdigest()[:16]
+
+
+class Spool:
+    """The one file; safe for several threads. Where it cannot be written it lives in memory."""
+
+    def __init__(self, folder: Path, *, claim_again_s: float = CLAIM_AGAIN_S) -> None:
+        """``claim_again_s``: a file that another process owns is asked for that often."""
+        self._folder, self._path = folder, folder / SPOOL
+        self._lock = threading.Lock()
+        self._waiting: list[Waiting] = []
+        self._next = 1
+        self._seen: dict[str, int] = {}
+        self.fault: str | None = None
+        """Why nothing of it is on the disk."""
+        self._claim_again_s, self._claimed_s = claim_again_s, time.monotonic()
+        self._is_closed = False
+        self._owns: int | None = None
+        self._claim_and_merge()
+
+    def add(
+        self,
+        *,
+        kind: str,
+        title: str,
+        body: str,
+        t_utc_ns: int,
+        to: Iterable[str],
+        seen: tuple[str, int] = ("", 0),
+    ) -> None:
+        """Another message; the oldest goes where there are too many.
+
+        ``seen``: the session and its record that it is about.
+        """
+        with self._lock:
+            self._claim_if_due()
+            self._note_seen({seen[0]: seen[1]})
+            waiting = Waiting(
+                number=self._next,
+                kind=kind,
+                title=title,
+                body=body,
+                t_utc_ns=t_utc_ns,
+                pending=list(to),
+            )
+            self._next += 1
+            self._waiting = [*self._waiting, waiting][-MOST:]
+            self._write()
+
+    def seen_of(self, session: str) -> int | None:
+        """Up to which of its records a session has been told; None: nobody could keep that."""
+        if self._owns is None:
+            return None
+        return self._seen.get(session, 0)
+
+    def first_for(self, service: str) -> Waiting | None:
+        """The oldest message that this service has not had."""
+        with self._lock:
+            self._claim_if_due()
+            return next((each for each in self._waiting if service in each.pending), None)
+
+    def sent(self, number: int, service: str) -> None:
+        """It has had it now."""
+        with self._lock:
+            for each in self._waiting:
+                if each.number == number and service in each.pending:
+                    each.pending.remove(service)
+            self._waiting = [each for each in self._waiting if each.pending]
+            self._write()
+
+    def drop_old(self, now_utc_ns: int, known: Collection[str]) -> None:
+        """What is too old to be news, and what waits for services that there are no more."""
+        with self._lock:
+            before = [list(each.pending) for each in self._waiting]
+            for each in self._waiting:
+                each.pending = [one for one in each.pending if one in known]
+            self._waiting = [
+                each
+                for each in self._waiting
+                if each.pending and now_utc_ns - each.t_utc_ns < OLDEST_NS
+            ]
+            if before != [each.pending for each in self._waiting]:
+                self._write()
+
+    def __len__(self) -> int:
+        with self._lock:
+            return len(self._waiting)
+
+    def close(self) -> None:
+        """Let another process have it."""
+        with self._lock:
+            self._is_closed = True
+            if self._owns is not None:
+                os.close(self._owns)
+                self._owns = None
+
+    def _note_seen(self, seen: Mapping[str, int]) -> None:
+        for session, seq in seen.items():
+            if session:
+                self._seen[session] = max(seq, self._seen.pop(session, 0))
+        self._seen = dict(list(self._seen.items())[-MOST_SESSIONS:])
+
+    def _claim_if_due(self) -> None:
+        """Whose process has ended, its file and its messages are anybody's."""
+        now_s = time.monotonic()
+        is_due = now_s - self._claimed_s >= self._claim_again_s
+        if self._owns is None and not self._is_closed and is_due:
+            self._claimed_s = now_s
+            self._claim_and_merge()
+
+    def _claim_and_merge(self) -> None:
+        self._owns = self._claim()
+        if self._owns is None:
+            return
+        self.fault = None
+        there, seen = _read(self._path)
+        own, own_seen = self._waiting, self._seen
+        # What has no number on the disk yet goes behind what has.
+        self._next = max([each.number for each in there] + [self._next - 1]) + 1
+        for each in own:
+            each.number, self._next = self._next, self._next + 1
+        self._waiting = sorted([*there, *own], key=lambda each: each.t_utc_ns)[-MOST:]
+        self._seen = {}
+        self._note_seen(seen)
+        self._note_seen(own_seen)
+        if own:
+            self._write()
+
+    def _claim(self) -> int | None:
+        try:
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            return lock_file(self._folder / LOCK)
+        except BlockingIOError:
+            self.fault = "another engine's messages are kept there"
+        except OSError as error:
+            self.fault = f"{self._folder} cannot be used ({error.strerror})"
+        return None
+
+    def _write(self) -> None:
+        if self._owns is None:
+            return
+        fields_ = {
+            "format": 2,
+            "seen": list(self._seen.items()),
+            "waiting": [asdict(each) for each in self._waiting],
+        }
+        try:
+            write_durably(self._path, json.dumps(fields_).encode(), mode=0o600)
+            self.fault = None
+        except OSError as error:
+            self.fault = f"{self._path} cannot be written ({error.strerror})"
+
+
+_WAITING = TypeAdapter(Waiting)
+
+
+def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
+    """What an earlier run left; nothing where that is damaged."""
+    found: list[Waiting] = []
+    seen: dict[str, int] = {}
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
+        fields_: dict[str, Any] = json_of(read_foreign(path))
+        for row in fields_["waiting"][-MOST:]:
+            with contextlib.suppress(ValueError):  # the others are told all the same
+                found.append(_WAITING.validate_python(row))
+        # Format 1 knew of one session alone.
+        pairs = fields_["seen"] if fields_.get("format") != 1 else [fields_["seen"]]
+        seen = {str(session): int(seq) for session, seq in pairs}
+    return found, seen

@@ -1,0 +1,183 @@
+"""The services of the configuration, each by apprise; nothing of an address is in any message."""
+
+import logging
+import threading
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.base import ConfigError, raised_as, read_private
+from rsoconsole.config import AlertsConfig, expect_service, scheme_of
+from rsoconsole.engine.alerts._news import URGENT
+from rsoconsole.engine.alerts._spool import Spool, digest_of
+
+SEND_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One address."""
+
+    name: str
+    """For people: what kind it is, and its place among all."""
+    url: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What came of one message to one service."""
+
+    ok: bool
+    detail: str
+
+
+def services_of(config: AlertsConfig) -> tuple[Service, ...]:
+    """All of them. Raises ConfigError for a file that cannot be read, or others can read."""
+    urls = [*config.services]
+    if config.services_file is not None:
+        urls += _of_file(config.services_file)
+    urls = list(dict.fromkeys(urls))
+    return tuple(Service(f"{scheme_of(url)} {n}", url) for n, url in enumerate(urls, start=1))
+
+
+def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> Sent:
+    """One message by apprise, which has time-outs of its own. Never raises."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
+        return _send(url, title, body, is_urgent)
+
+
+def _send(url: str, title: str, body: str, is_urgent: bool) -> Sent:
+    try:
+        import apprise
+    except ImportError:
+        return Sent(False, "the package apprise is not installed: 'pip install apprise' gets it")
+    # What it logs may hold the address.
+    logging.getLogger("apprise").disabled = True
+    try:
+        one = apprise.Apprise()
+        if not one.add(url):
+            return Sent(False, "apprise does not understand the address: see its list of services")
+        kind = apprise.NotifyType.WARNING if is_urgent else apprise.NotifyType.INFO
+        if one.notify(body=body, title=title, notify_type=kind):
+            return Sent(True, "sent")
+    except Exception as error:  # whatever one of a hundred services does
+        return Sent(False, f"apprise broke ({type(error).__name__})")
+    return Sent(False, "the service did not take it: no network, a wrong address, or a refusal")
+
+
+def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> Sent:
+    """The same, given up after a while."""
+    done: list[Sent] = []
+    worker = threading.Thread(
+        target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
+    )
+    worker.start()
+    worker.join(limit_s)
+    return done[0] if done else Sent(False, f"no answer in {limit_s:.0f} s")
+
+
+def call(url: str, *, limit_s: float = SEND_S) -> Sent:
+    """One heartbeat."""
+    from rsoconsole.pipeline import Fetcher, FetchError
+
+    try:
+        Fetcher(deadline_s=limit_s).get(url)
+    except FetchError as error:
+        words = {
+            "refused": "it refuses",
+            "unreachable": "it cannot be reached: is there a network?",
+        }
+        return Sent(False, words.get(error.kind, "it did not answer as it should"))
+    return Sent(True, "called")
+
+
+def _of_file(path: Path) -> Sequence[str]:
+    lines = read_private(path, ConfigError, "alerts.services_file has one address a line")
+    urls = [line for line in lines if not line.startswith("#")]
+    for number, url in enumerate(urls, start=1):
+        with raised_as(ConfigError, f"{path}, address {number}: "):
+            expect_service(url)
+    return urls
+
+
+log = logging.getLogger(__name__)
+
+FIRST_AGAIN_S, LONGEST_AGAIN_S = 20.0, 900.0
+_LOOK_S = 0.5
+Send = Callable[..., Sent]
+
+
+class Sender:
+    """Sends until it is closed; ``add`` returns as soon as the message is in the spool."""
+
+    def __init__(
+        self,
+        services: Sequence[Service],
+        spool: Spool,
+        *,
+        send: Send = send,
+        first_again_s: float = FIRST_AGAIN_S,
+    ) -> None:
+        self._services, self._spool, self._send = services, spool, send
+        self._first_again_s = first_again_s
+        self._end = threading.Event()
+        self._there = threading.Condition()
+        self._threads = [
+            threading.Thread(target=self._serve, args=(each,), daemon=True, name=each.name)
+            for each in services
+        ]
+        self._drop_old()
+        for thread in self._threads:
+            thread.start()
+
+    def add(
+        self, *, kind: str, title: str, body: str, t_utc_ns: int, seen: tuple[str, int] = ("", 0)
+    ) -> None:
+        """One message to all services."""
+        to = [digest_of(each.url) for each in self._services]
+        if to:
+            self._spool.add(kind=kind, title=title, body=body, t_utc_ns=t_utc_ns, to=to, seen=seen)
+        with self._there:
+            self._there.notify_all()
+
+    def finish(self, limit_s: float) -> int:
+        """Wait until all is sent, at most so long; how many messages are still in the spool."""
+        deadline = time.monotonic() + limit_s
+        self._drop_old()  # what another engine left for services of its own is not waited for
+        while len(self._spool) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        self._end.set()
+        with self._there:
+            self._there.notify_all()
+        return len(self._spool)
+
+    def _serve(self, service: Service) -> None:
+        digest, again_s = digest_of(service.url), self._first_again_s
+        is_failing = False
+        while not self._end.is_set():
+            waiting = self._spool.first_for(digest)
+            if waiting is None:
+                with self._there:
+                    self._there.wait(_LOOK_S)
+                continue
+            done = self._send(
+                service.url, waiting.title, waiting.body, is_urgent=waiting.kind in URGENT
+            )
+            if done.ok:
+                self._spool.sent(waiting.number, digest)
+                if is_failing:
+                    log.info("%s takes messages again", service.name)
+                again_s, is_failing = self._first_again_s, False
+                continue
+            if not is_failing:
+                log.warning("%s: %s; the message waits", service.name, done.detail)
+            is_failing = True
+            self._end.wait(again_s)
+            again_s = min(again_s * 2.0, LONGEST_AGAIN_S)
+            self._drop_old()
+
+    def _drop_old(self) -> None:
+        self._spool.drop_old(time.time_ns(), {digest_of(each.url) for each in self._services})

@@ -1,0 +1,130 @@
+"""How the leaps have the camera expose, and how the night has its own way back afterwards."""
+
+import logging
+
+import numpy as np
+
+from rsoconsole.base import InstrumentError
+from rsoconsole.config import Config
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.tasks.pace import change_record, changed
+from rsoconsole.pipeline import binning_for
+
+log = logging.getLogger(__name__)
+
+_EXPOSURE = "exposure.exposure_s"
+_WORTH_CHANGING = 0.15
+
+
+class LeapCamera:
+    """Sets exposure and binning, on record, and gives the night's own back."""
+
+    def __init__(self, control: Control, parts: Parts) -> None:
+        self._control, self._session_log = control, parts.session_log
+        self._camera = parts.instrument_controller.instruments.camera
+        self.binning = 1
+        """Pixels joined on each axis of those that are configured."""
+        self.share = 1.0
+        """Of each side of the sensor, what is read out."""
+        self._share_asked = 1.0
+        self._can_read_parts = True
+        self._is_said = False
+        """That the whole sensor was not given back."""
+        self._asked = 1
+        """What was asked for last; the camera may have refused it."""
+        self._before_s: float | None = None
+        """The night's own exposure, where the leaps have set another."""
+        self._set_s = 0.0
+        """That one."""
+
+    def begin(self) -> bool:
+        """Join pixels as is set; True where the camera reads out in another mode from now on.
+
+        A camera that cannot is said once, and used as it is.
+        """
+        config = self._control.config
+        wanted = config.leap.binning or binning_for(config)
+        if wanted == self._asked:
+            return False
+        self._asked, before = wanted, self.binning
+        try:
+            self.binning = self._camera.set_binning(wanted)
+        except InstrumentError as error:
+            self._session_log.say("warning", f"leaps without binning: {error}")
+        if self.binning != before:
+            self._session_log.say("info", f"the camera is binned {self.binning} x {self.binning}")
+        return self.binning != before
+
+    def set_subframe(self, share: float) -> bool:
+        """Read so much of each side from the next exposure on; True where that is another share.
+
+        A camera that cannot is said once, and read whole. One that does not give the whole back is
+        asked again the next time.
+        """
+        if share == self._share_asked or (share < 1.0 and not self._can_read_parts):
+            return False
+        before = self.share
+        try:
+            self.share = self._camera.set_subframe(share)
+        except InstrumentError as error:
+            if share < 1.0:
+                # It may read the part all the same: the next order asks for the whole.
+                self._can_read_parts, self._share_asked = False, share
+                self._session_log.say("warning", f"leaps without subframes: {error}")
+            elif not self._is_said:
+                self._session_log.say("warning", f"the camera still reads a part: {error}")
+                self._is_said = True
+            return False
+        self._share_asked, self._is_said = share, False
+        if self.share != before:
+            part = "all of its sensor"
+            if self.share < 1.0:
+                part = f"{100 * self.share:.0f} % of each side about the middle of its sensor"
+            self._session_log.say("info", f"the camera reads {part}")
+        return self.share != before
+
+    def expose_for(self, exposure_s: float) -> None:
+        """Set the exposure, on record, where another one is wanted."""
+        config = self._control.config
+        wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
+        if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
+            return
+        if self._before_s is None:
+            self._before_s = config.exposure.exposure_s
+        self._set(wanted_s, "the leaps")
+
+    def give_back(self) -> None:
+        """The night exposes as it did before the leaps."""
+        own_s, self._before_s = self._before_s, None
+        if own_s is not None:
+            self._set(own_s, "the end of the leaps")
+        self._give_binning_back()
+        self.set_subframe(1.0)
+
+    def _give_binning_back(self) -> None:
+        was_asked, self._asked = self._asked, 1
+        if was_asked == 1:
+            return
+        try:
+            self.binning = self._camera.set_binning(1)
+        except InstrumentError as error:
+            self._asked = was_asked  # the next time that leaps end it is tried again
+            log.warning("the camera stays binned: %s", error)
+            words = f"the camera stays binned {self.binning} x {self.binning}: {error}"
+            self._session_log.say("warning", words)
+
+    def configured(self, before: Config) -> None:
+        """What the operator sets meanwhile holds where the leaps end."""
+        if before.leap.subframe != self._control.config.leap.subframe:
+            self._can_read_parts = True
+        wanted_s = self._control.config.exposure.exposure_s
+        if self._before_s is not None and wanted_s not in (before.exposure.exposure_s, self._set_s):
+            self._before_s = wanted_s
+
+    def _set(self, exposure_s: float, by: str) -> None:
+        config = self._control.config
+        self._set_s = exposure_s
+        after = changed(config, _EXPOSURE, exposure_s)
+        self._session_log.append(change_record(config, after, _EXPOSURE, by))
+        self._control.configure(after)

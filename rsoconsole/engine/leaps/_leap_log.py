@@ -1,0 +1,311 @@
+"""What goes on record and into the log of leaps and of the pass that they follow."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.engine.aim.instrument_controller import NS
+from rsoconsole.engine.leaps._leap_times import LeapParts, LeapTimes
+from rsoconsole.engine.leaps.awaiting import (
+    last_words,
+    next_pass_of,
+    orbit_words,
+    pass_words,
+    rest_words,
+)
+from rsoconsole.engine.operator.by_hand import Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.orbits import (
+    ExpectedPass,
+    KnownOrbit,
+    LeapTrack,
+    LowOrbit,
+    PointMass,
+    StreakEnds,
+    elements_of,
+    path_of_orbit,
+)
+from rsoconsole.pipeline import FrameStreak, Leap, Telescope, plan_pass
+from rsoconsole.records import FloatArray, LeapDone, LeapOrder, LeapResult, LowPass
+from rsoconsole.sky import IntArray, Pose, lit_fraction, wrap_180
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LeapSeen:
+    """A leap, its frame, and what came of it; the record is made once nobody waits for it."""
+
+    frame_id: int
+    begun_frame_id: int
+    number: int
+    leap: Leap
+    order: LeapOrder
+    result: LeapResult
+    before: LeapTrack
+    """What was followed before the frame."""
+    ends: StreakEnds | None
+    """Its streak there, where met."""
+
+
+def leap_record(seen: LeapSeen, parts: LeapParts) -> LeapDone:
+    """As the session has it."""
+    leap, place = seen.leap, seen.leap.place
+    along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 0.0))
+    off = None if seen.ends is None else _off(seen.before, seen.ends)
+    return LeapDone(
+        frame_id=seen.frame_id,
+        begun_frame_id=seen.begun_frame_id,
+        number=seen.number,
+        result=seen.result,
+        t_order_utc_ns=leap.t_order_utc_ns,
+        ordered=seen.order,
+        t_mid_utc_ns=leap.t_mid_utc_ns,
+        ra_icrs_deg=place.ra_icrs_deg,
+        dec_icrs_deg=place.dec_icrs_deg,
+        speed_arcsec_s=place.speed_arcsec_s,
+        sigma_along_arcsec=float(along),
+        sigma_across_arcsec=float(across),
+        within=leap.within,
+        flips=leap.flips,
+        exposure_s=leap.exposure_s,
+        binning=leap.binning,
+        off_along_arcsec=None if off is None else off[0],
+        off_across_arcsec=None if off is None else off[1],
+        total_s=parts.total_s,
+        slew_s=parts.slew_s,
+        settle_s=parts.settle_s,
+        shutter_s=parts.shutter_s,
+        open_s=parts.exposure_s,
+        readout_s=parts.readout_s,
+        wait_s=parts.wait_s,
+        subframe=leap.share,
+    )
+
+
+def _off(track: LeapTrack, ends: StreakEnds) -> tuple[float, float] | None:
+    """Along and across the motion, arcsec, at the middle of a streak."""
+    place = track.ahead(ends.t_mid_utc_ns)
+    if place is None:
+        return None
+    ra_deg = float(ends.ra_icrs_deg[0]) + wrap_180(float(np.diff(ends.ra_icrs_deg)[0])) / 2.0
+    dec_deg = float(np.mean(ends.dec_icrs_deg))
+    east = wrap_180(ra_deg - place.ra_icrs_deg) * np.cos(np.radians(place.dec_icrs_deg))
+    off = 3600.0 * np.array([east, dec_deg - place.dec_icrs_deg])
+    ahead = place.rate_arcsec_s / max(place.speed_arcsec_s, 1e-9)
+    return float(off @ ahead), float(off[1] * ahead[0] - off[0] * ahead[1])
+
+
+def pass_record(
+    track: LeapTrack,
+    *,
+    frame_id: int,
+    begun_frame_id: int,
+    name: str,
+    end: str,
+    planned_leaps: int,
+    next_pass: ExpectedPass | None,
+) -> LowPass:
+    """As the session has it."""
+    best = track.best
+    orbit, streaks = best.orbit, best.streaks
+    found = None if orbit is None else elements_of(orbit.r_km, orbit.v_km_s)
+    return LowPass(
+        frame_id=frame_id,
+        begun_frame_id=begun_frame_id,
+        name=name,
+        ended=end,
+        streaks=len(streaks),
+        planned_leaps=planned_leaps,
+        t_first_utc_ns=streaks[0].t_mid_utc_ns,
+        t_last_utc_ns=streaks[-1].t_mid_utc_ns,
+        probability=best.probability,
+        epoch_utc_ns=None if orbit is None else orbit.epoch_utc_ns,
+        r_gcrs_km=None if orbit is None else _three(orbit.r_km),
+        v_gcrs_km_s=None if orbit is None else _three(orbit.v_km_s),
+        covariance=None
+        if orbit is None
+        else tuple(tuple(float(each) for each in row) for row in orbit.covariance),
+        a_km=None if found is None else found.a_km,
+        e=None if found is None else found.e,
+        i_deg=None if found is None else found.i_deg,
+        believes_round=orbit is not None and orbit.believes_round,
+        along_rms_arcsec=None if orbit is None else _rms(orbit, 0),
+        across_rms_arcsec=None if orbit is None else _rms(orbit, 1),
+        t_next_rise_utc_ns=None if next_pass is None else next_pass.rise_utc_ns,
+        sigma_next_s=None if next_pass is None else next_pass.sigma_s,
+        sigma_next_across_deg=None if next_pass is None else next_pass.sigma_across_deg,
+        scatter_s=None if orbit is None else best.scatter_s,
+    )
+
+
+def _three(values: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (float(each) for each in values)
+    return x, y, z
+
+
+def _rms(orbit: LowOrbit, axis: int) -> float:
+    return float(np.sqrt(np.nanmean(orbit.residuals_arcsec[..., axis] ** 2)))
+
+
+_PASS_S, _PASS_STEP_S = 1_200.0, 10.0
+_AGAIN_AT = (6, 15)
+"""Streaks with which the rest of a pass is planned once more: one streak tells it badly."""
+_SURE = np.eye(6) * 1e-6
+"""As if it were known: later leaps will know it better than it is known now."""
+
+
+@dataclass(slots=True)
+class _Begun:
+    """Of the pass that is followed."""
+
+    frame_id: int = 0
+    """Of its first streak."""
+    name: str = ""
+    leaps: int = 0
+    planned: int = 0
+    planned_at: int = 0
+    """How many streaks there were when the pass was planned last; 0: it was not."""
+
+
+class LeapLog:
+    """Gathers leap by leap; what takes time is done once nobody waits for it."""
+
+    def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
+        self._control, self._times = control, times
+        self._instrument_controller = parts.instrument_controller
+        self._session_log = parts.session_log
+        self._site = control.config.site.to_site()
+        self._begun = _Begun()
+        self._seen: LeapSeen | None = None
+        """What came of the last leap, not on record yet."""
+        self._spent: list[LeapParts] = []
+        """Of each leap of the pass, what it took."""
+        self._frame_id = 0
+        """The last one with a leap or a first streak."""
+
+    def begin(self, frame_id: int, name: str) -> None:
+        """A first streak, of what was waited for by this name, or of whatever came: empty."""
+        self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
+        self._seen, self._spent = None, []
+
+    def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
+        """The next slew can be ordered."""
+        now_ns = self._instrument_controller.now_utc_ns()
+        self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
+
+    def came(
+        self,
+        leap: Leap,
+        order: LeapOrder,
+        result: LeapResult,
+        *,
+        frame_id: int,
+        before: LeapTrack,
+        streak: FrameStreak | None = None,
+    ) -> None:
+        """What came of a leap, by its frame; ``before``: what was followed until then."""
+        self._begun.leaps += 1
+        self._frame_id = frame_id
+        self._seen = LeapSeen(
+            frame_id=frame_id,
+            begun_frame_id=self._begun.frame_id,
+            number=self._begun.leaps,
+            leap=leap,
+            order=order,
+            result=result,
+            before=before,
+            ends=None if streak is None else streak.ends,
+        )
+
+    def record(self) -> None:
+        """The last leap."""
+        seen, self._seen = self._seen, None
+        if seen is not None and self._spent:
+            self._session_log.append(leap_record(seen, self._spent[-1]))
+
+    def plan(
+        self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
+    ) -> None:
+        """Say how the pass would go: by its first streak, its first leap under way, and again.
+
+        By one streak that is the likeliest of many orbits; by some more its own, and then the
+        Earth's shadow ends it too. ``sure_from``: as ``plan_pass`` has it.
+        """
+        streaks, best = len(track.best.streaks), track.best
+        is_first = not self._begun.planned_at
+        is_again = streaks in _AGAIN_AT and streaks != self._begun.planned_at
+        orbit = (
+            _likeliest(track) if is_first else best.orbit and replace(best.orbit, covariance=_SURE)
+        )
+        if orbit is None or not (is_first or is_again):
+            return
+        self._begun.planned_at = streaks
+        t = first.t_order_utc_ns + (np.arange(0.0, _PASS_S, _PASS_STEP_S) * NS).astype(np.int64)
+        lit = t if is_first else t[: _lit_instants(orbit, t)]
+        path = path_of_orbit(orbit, self._site, lit) if len(lit) > 1 else None
+        if path is None:
+            return
+        is_early = self._control.config.leap.at_close
+        plan = plan_pass(
+            path,
+            start,
+            first.t_order_utc_ns,
+            telescope,
+            first=first,
+            sure_from=(sure_from if is_first else 0) if is_early else None,
+        )
+        if is_first:
+            self._begun.planned = len(plan.leaps)
+        is_dark = len(lit) < len(t) and plan.end.kind == "it sets"
+        words = pass_words(plan) if is_first else rest_words(plan, is_dark=is_dark)
+        self._session_log.say("info", words)
+
+    def end(self, track: LeapTrack, why: str) -> None:
+        """What is known of what was leapt after."""
+        orbit = track.best.orbit
+        self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
+        later: ExpectedPass | None = None
+        if orbit is not None:
+            now_ns = self._instrument_controller.now_utc_ns()
+            least_deg = self._control.config.limits.min_altitude_deg
+            later = next_pass_of(orbit, self._site, now_ns, least_deg)
+            for line in orbit_words(orbit, later):
+                self._session_log.say("info", line)
+        self._record_pass(track, why, later)
+
+    def cut_off(self, track: LeapTrack, why: str) -> None:
+        """Something else has ended a pass in its middle."""
+        self._record_pass(track, why, None)
+
+    def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
+        self.record()
+        self._session_log.append(
+            pass_record(
+                track,
+                frame_id=self._frame_id,
+                begun_frame_id=self._begun.frame_id,
+                name=self._begun.name,
+                end=end,
+                planned_leaps=self._begun.planned,
+                next_pass=later,
+            )
+        )
+        self._spent = []
+
+
+def _likeliest(track: LeapTrack) -> KnownOrbit:
+    """Of the orbits that its streaks allow."""
+    cloud = track.best.cloud
+    heaviest = int(np.argmax(cloud.weight))
+    return KnownOrbit(
+        epoch_utc_ns=cloud.epoch_utc_ns,
+        r_km=cloud.r_km[heaviest],
+        v_km_s=cloud.v_km_s[heaviest],
+        covariance=_SURE,
+        forces=PointMass(),
+    )
+
+
+def _lit_instants(orbit: KnownOrbit, t_utc_ns: IntArray) -> int:
+    """How many there are before it goes into the Earth's shadow."""
+    lit = lit_fraction(orbit.states(t_utc_ns)[0], t_utc_ns) > 0.0
+    return int(np.argmin(lit)) if not np.all(lit) else len(lit)

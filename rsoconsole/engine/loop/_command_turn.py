@@ -1,0 +1,126 @@
+"""What came in from outside since the last frame: commands that wait, alarms that cut it short."""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from rsoconsole.base import InstrumentError
+from rsoconsole.control import Request
+from rsoconsole.engine.aim.instrument_controller import (
+    InstrumentController,
+    Interrupted,
+    StoppedElsewhere,
+)
+from rsoconsole.engine.aim.states import LimitMet, Stopped
+from rsoconsole.engine.operator.handlers import Control, Handlers
+from rsoconsole.engine.tasks.command_queue import (
+    Alarm,
+    CommandQueue,
+    action_record,
+    alarm_words,
+    dropped_by,
+)
+from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.engine.tasks.session_log import SessionLog
+from rsoconsole.records import DONE, CommandResult, Topic
+
+log = logging.getLogger(__name__)
+
+STOP_POLL_S = 0.02
+
+
+class CommandTurn:
+    """Commands in their order, each with its outcome on record; alarms before any of them."""
+
+    def __init__(
+        self,
+        control: Control,
+        instrument_controller: InstrumentController,
+        queue: CommandQueue,
+        session_log: SessionLog,
+        faults: Faults,
+        *,
+        handlers: Handlers,
+        on_executed: Callable[[], None],
+    ) -> None:
+        """``on_executed`` is called behind commands that may have changed the next aim."""
+        self._control = control
+        self._instrument_controller = instrument_controller
+        self._queue = queue
+        self._session_log, self._faults = session_log, faults
+        self._handlers, self._on_executed = handlers, on_executed
+
+    def execute_waiting(self) -> None:
+        """Do what waits, in order; each gets its outcome on record, whatever comes between."""
+        requests = self._queue.take_all()
+        for number, request in enumerate(requests):
+            outcome = DONE
+            request.course.is_begun = True
+            try:
+                with self._queue.executing():
+                    outcome = self._execute(request)
+            except (ValueError, InstrumentError, StoppedElsewhere) as error:
+                outcome = CommandResult.refused(error)
+                log.warning("%s refused: %s", request.command.verb, error)
+            except Interrupted:
+                self._put_back(requests[number:])
+                raise
+            except Exception as error:  # a fault of ours: it goes up, and no command with it
+                failed = CommandResult(kind="failed", detail=f"{type(error).__name__}: {error}")
+                self._settle(request, failed)
+                self._put_back(requests[number + 1 :])
+                raise
+            self._settle(request, outcome)
+        self._queue.finished()
+        if requests:
+            self._on_executed()
+
+    def _put_back(self, requests: tuple[Request, ...]) -> None:
+        """Taken from the queue already: they wait again; what was undone there is undone here."""
+        undone, result = self._queue.put_back(requests)
+        for each in undone:
+            self._settle(each, result)
+
+    def _settle(self, request: Request, result: CommandResult) -> None:
+        """Put on record what came of it, and tell who waits for the answer."""
+        self._session_log.append(action_record(request, result))
+        request.course.settle(result)
+
+    def _execute(self, request: Request) -> CommandResult:
+        """One command, by its handler. Raises as the handler does."""
+        return self._handlers[type(request.command)].execute(request.command, request.by)
+
+    def heed_alarms(self) -> None:
+        """What cut the loop short: pass through its step, then say so.
+
+        Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
+        may be executed before it is over.
+        """
+        if not self._queue.is_stopping:
+            return
+        alarms = self._queue.take_alarms()
+        if not alarms:
+            time.sleep(STOP_POLL_S)
+            raise Interrupted
+        # An order may have been on its way when the flag went up: stop the mount once more.
+        again = self._instrument_controller.instruments.mount.abort()
+        for alarm in alarms:
+            for request in alarm.dropped:
+                self._session_log.append(action_record(request, dropped_by(alarm.trigger)))
+            self._heed(alarm, again.is_answered)
+
+    def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
+        # The words first: what has to be done may fail.
+        topic: Topic = "limit" if isinstance(alarm.trigger, LimitMet) else ""
+        words = alarm_words(alarm, is_stopped_again)
+        self._session_log.say("alarm", words, topic)
+        trigger = alarm.trigger
+        if not isinstance(trigger, Stopped):
+            self._control.handle(trigger)
+            return
+        is_answered = is_stopped_again or (alarm.result is not None and alarm.result.is_answered)
+        stopped = replace(trigger, is_obeyed=trigger.is_obeyed and is_answered)
+        self._control.handle(stopped)
+        if not stopped.is_obeyed:
+            self._faults.expect_stop(stopped, words, self._instrument_controller.now_utc_ns())

@@ -1,0 +1,233 @@
+"""One frame of the loop: exposed, reduced, followed, the mount sent on, and put on record."""
+
+import time
+from collections.abc import Callable
+
+from rsoconsole.engine.aim.instrument_controller import POLL_NS, Plan
+from rsoconsole.engine.aim.states import Followed, NotPointing, Resumed
+from rsoconsole.engine.leaps.leaping import LEAP_POLL_NS, Leaping
+from rsoconsole.engine.operator.arming import pointing_check
+from rsoconsole.engine.operator.by_hand import ByHand, Parts
+from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
+from rsoconsole.engine.tasks.pace import Pace, Temporary
+from rsoconsole.engine.tasks.preview import PlacesOfInterest
+from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.pipeline import Cycle, Orbits, Reduction
+from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackState
+from rsoconsole.tracking.filters import estimator
+
+CLEAR_FRAMES = 2
+"""Frames in a row with their stars: the sky has cleared."""
+
+
+class FrameTurn:
+    """What is remembered from one exposure to the next, and the way of each through the loop."""
+
+    def __init__(
+        self,
+        control: Control,
+        parts: Parts,
+        *,
+        exposures: Exposures,
+        cycle: Cycle,
+        orbits: Orbits,
+        leaping: Leaping,
+        by_hand: ByHand,
+        faults: Faults,
+        forgive: Callable[[], None],
+        on_cycle: Callable[[Reduction], None],
+    ) -> None:
+        """``forgive``: instruments work again; ``on_cycle`` is given each frame that is done."""
+        self._control = control
+        self._parts = parts
+        self._exposures, self._cycle, self._orbits = exposures, cycle, orbits
+        self._leaping, self._by_hand, self._faults = leaping, by_hand, faults
+        self._forgive, self._on_cycle = forgive, on_cycle
+        self._plan: Plan | None = None
+        self._is_first_look = False
+        self._must_check_pointing = True
+        self.clear_frames = 0
+        """In a row, up to the last one."""
+        self.last_track: TrackState | None = None
+        """What was followed last this night."""
+        self.ahead: AimAhead | None = None
+        """Where the exposure after the next one would look."""
+        self._pace = Pace()
+        self.temporary = Temporary(self._pace.of_night)
+        """Settings that hold for some frames only."""
+        self._places = PlacesOfInterest()
+
+    def begin_search(self, *, checks_pointing: bool) -> None:
+        """The next exposure is taken where the telescope points.
+
+        ``checks_pointing``: its stars must agree with the mount's word.
+        """
+        self._is_first_look, self._must_check_pointing = True, checks_pointing
+        self._parts.planner.start_search(
+            self._parts.instrument_controller.mount_report(),
+            self._parts.instrument_controller.now_utc_ns(),
+        )
+
+    def forget_plan(self) -> None:
+        """Something from outside: what was planned leads nowhere."""
+        self._plan = self._exposures.next_start_utc_ns = None
+
+    def end_autonomy(self) -> None:
+        """The next arming looks where it stands, with the night's own exposure."""
+        self._is_first_look = False
+        self._parts.slews.forget()
+        self._leaping.forget()
+        self.set_pace(None)
+
+    def look_ahead(self) -> None:
+        """Where the exposure after the next one would look, before the mount goes there."""
+        ahead = None
+        if self._control.authority.is_autonomous:
+            now_ns = self._parts.instrument_controller.now_utc_ns()
+            ahead = self._parts.planner.ahead(self._control.following, self._plan, now_ns)
+        self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
+
+    def one_exposure(self) -> None:
+        """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
+        plan = self._plan or self._order_next()
+        self._plan = None
+        poll_ns, settle_s = POLL_NS, None
+        if self._leaping.is_on:
+            poll_ns, settle_s = LEAP_POLL_NS, self._leaping.times.settle_s()
+        is_held = self._control.authority.is_held
+        if self._parts.slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
+            self._cycle.forget_plate()
+        self._leaping.times.arrived()
+        place_px: tuple[float, float] | None = None
+        frame: Frame | None = None
+        try:
+            frame, read_ms = self._exposures.take(plan)
+            self._exposures.pass_readout_time(frame)
+            self._leaping.read_out(frame)
+            self._exposures.pass_processing_time()
+            reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
+            place_px = self._places.of(frame, reduction, self._control.following)
+        finally:
+            self._leaping.drop_early()
+            # Also the frame that could not be used: it is the one somebody will want to see.
+            if frame is not None:
+                self._exposures.keep(frame, self._control.following.state, place_px)
+
+    def _order_next(self) -> Plan:
+        """Where and when the next exposure is; the mount is on its way when this returns."""
+        if self._is_first_look:
+            return self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
+        if self._leaping.is_on:
+            return self._leaping.order_next(is_held=self._control.authority.is_held)
+        return self._parts.slews.order_next(
+            self._control.following, is_held=self._control.authority.is_held
+        )
+
+    def one_look(self) -> None:
+        """An exposure while the operator has the mount: shown and measured, not followed."""
+        if self._by_hand.move is not None:
+            report = self._parts.instrument_controller.wait_for_arrival(*self._by_hand.move.command)
+            self._by_hand.move = None
+            self._parts.planner.moved_by_hand(report)
+            self._parts.session_log.say("info", "the mount has arrived")
+        frame, _ = self._exposures.take(
+            self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
+        )
+        place_px: tuple[float, float] | None = None
+        try:
+            self._exposures.pass_readout_time(frame)
+            self._exposures.pass_processing_time()
+            reduction, records = self._cycle.look(frame)
+            place_px = self._places.of(frame, reduction, self._control.following)
+            if isinstance(reduction.solution, Solution):
+                self._parts.planner.solved(reduction.solution)
+            self._parts.session_log.append_all(records)
+            self._forgive()
+            self._count_frame()
+        finally:
+            self._exposures.keep(frame, self._control.following.state, place_px)
+
+    def _count_frame(self) -> None:
+        """One frame is done: what holds for some frames, or until the sky clears, may be over."""
+        config, changes = self.temporary.count(self._control.config)
+        self._parts.session_log.append_all(changes)
+        if changes:
+            self._control.configure(config)
+        if not self._leaping.is_on:
+            self.set_pace(self._control.following.track)
+        if self._control.following.track is not None:
+            self.last_track = self._control.following.track
+        is_cloudy = self._cycle.cloud is not None
+        self.clear_frames = 0 if is_cloudy else self.clear_frames + 1
+        if self._control.authority.resumes_when_clear and self.clear_frames >= CLEAR_FRAMES:
+            self._parts.session_log.say("info", "the stars are back: slews again")
+            self._control.handle(Resumed(by="the sky"))
+
+    def set_pace(self, track: TrackState | None) -> None:
+        """Exposure and cadence for what is followed; the night's own where nothing is."""
+        config, changes = self._pace.after(self._control.config, track)
+        self._parts.session_log.append_all(changes)
+        if changes:
+            self._control.configure(config)
+
+    def _reduce_and_go_on(
+        self, frame: Frame, read_ms: float, blocked: SlewRefusal | None
+    ) -> Reduction:
+        began_s = time.perf_counter()
+        before = self._control.following
+        result = self._cycle.run(frame, before, blocked, self._orbits.last)
+        folded_s = time.perf_counter()
+        self._parts.session_log.append_all(result.records)
+        self._control.handle(Followed(after=result.after))
+        if isinstance(result.reduction.solution, Solution):
+            self._parts.planner.solved(result.reduction.solution)
+        self._parts.planner.followed(
+            before, result.after, self._parts.instrument_controller.now_utc_ns()
+        )
+        self._count_frame()
+        is_first_look, self._is_first_look = self._is_first_look, False
+        if is_first_look and self._must_check_pointing:
+            self._check_pointing(result.reduction)
+        self._leaping.saw(frame, result.reduction)
+        if self._control.authority.is_autonomous:
+            self._plan = self._order_next()
+            self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns
+        ordered_s = time.perf_counter()
+        reduce_ms = result.reduction.stage_ms
+        stages = {
+            "read": read_ms,
+            **self._leaping.take_stage_ms(),
+            **reduce_ms,
+            "filter": (folded_s - began_s) * 1e3 - sum(reduce_ms.values()),
+            "order": (ordered_s - folded_s) * 1e3,
+            "total": (ordered_s - began_s) * 1e3 + read_ms,
+        }
+        # The mount is on its way: nobody waits for this.
+        self._leaping.record()
+        estimator.make_ready(self._control.config.filter)
+        self._parts.session_log.append_all(self._orbits.refine())
+        self._parts.guide.prepare(self._parts.instrument_controller.now_utc_ns())
+        self.look_ahead()
+        stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
+        self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
+        self._faults.clear()
+        self._on_cycle(result.reduction)
+        return result.reduction
+
+    def _check_pointing(self, reduction: Reduction) -> None:
+        """The first frame after arming must agree with where the mount says it looks."""
+        check = pointing_check(
+            reduction.solution,
+            self._parts.instrument_controller.mount_report(),
+            self._control.config,
+        )
+        if check.ok:
+            self._parts.session_log.say("info", check.detail)
+        elif "pointing" in self._parts.watch.lifted:
+            self._parts.session_log.say("warning", f"{check.detail}: overridden")
+        else:
+            words = f"{check.detail}; {check.remedy}"
+            self._parts.session_log.say("alarm", f"not armed: {words}")
+            self._control.handle(NotPointing(words=words))

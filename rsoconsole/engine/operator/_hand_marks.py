@@ -1,0 +1,184 @@
+"""A streak that the operator marks by hand: the decision that it makes, and what came of it."""
+
+import math
+from dataclasses import replace
+
+from rsoconsole.config import Config
+from rsoconsole.control import MarkByHand
+from rsoconsole.pipeline import Shown, measure
+from rsoconsole.records import (
+    CommandResult,
+    Detection,
+    Measurement,
+    NotFollowed,
+    Record,
+    RuledKind,
+    Ruling,
+    Solution,
+    TrackState,
+    mark_id_of,
+)
+from rsoconsole.sky import largest_sigma, separation_deg
+
+MARK_SIGMA_PX = 2.0
+"""One sigma of a hand's mark, where it does not say how finely it was made."""
+SHORTEST_MARK_PX = 3.0
+WIDEST_MARK_PX = 10_000.0
+BETTER = 1.5
+"""A mark whose sigma is this factor above a measurement's asks before it takes its place."""
+SAME_STREAK_ARCSEC = 30.0
+"""An automatic measurement farther from the mark is of something else, if the mark is sure."""
+
+
+def marked_decision(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
+    """A streak between two ends that the operator has pointed at."""
+    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
+    taken = shown.taken
+    if not isinstance(shown.solution, Solution):
+        raise ValueError(_not_solved(taken.frame_id))
+    # What was refined where the frame cuts it ends at its rim.
+    rim = 0.5 if mark.sigma_across_px is not None else 0.0
+    if not all(-rim <= x <= taken.width_px - 1 + rim for x in (x_a, x_b)) or not all(
+        -rim <= y <= taken.height_px - 1 + rim for y in (y_a, y_b)
+    ):
+        raise ValueError(f"the ends must lie in the frame, {taken.width_px} x {taken.height_px} px")
+    detection = detection_of(mark, taken.frame_id)
+    if detection.length_px < SHORTEST_MARK_PX:
+        raise ValueError("the two ends are the same place: mark one end, then the other")
+    for sigma_px in (detection.sigma_along_px, detection.sigma_across_px):
+        if not 0.0 < sigma_px <= WIDEST_MARK_PX:
+            raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
+    made = measured(detection, mark_id_of(taken.frame_id, shown.decisions), shown, config)
+    return Ruling(frame_id=taken.frame_id, taken=made, by=by)
+
+
+def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
+    """The streak between its two ends, as sure as they were made."""
+    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
+    sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
+    across_px = sigma_px if mark.sigma_across_px is None else mark.sigma_across_px
+    return Detection(
+        frame_id=frame_id,
+        confidence=1.0,
+        x_px=(x_a + x_b) / 2.0,
+        y_px=(y_a + y_b) / 2.0,
+        x_a_px=x_a,
+        y_a_px=y_a,
+        x_b_px=x_b,
+        y_b_px=y_b,
+        box_px=(min(x_a, x_b), min(y_a, y_b), max(x_a, x_b), max(y_a, y_b)),
+        length_px=math.hypot(x_b - x_a, y_b - y_a),
+        width_px=0.0,
+        snr=0.0,
+        sigma_along_px=sigma_px,
+        sigma_across_px=across_px,
+        is_clipped=bool(mark.is_clipped),
+        method="operator",
+    )
+
+
+def refined_as(mark: MarkByHand, found: Detection) -> MarkByHand:
+    """The same mark where the light is."""
+    return replace(
+        mark,
+        x_a_px=found.x_a_px,
+        y_a_px=found.y_a_px,
+        x_b_px=found.x_b_px,
+        y_b_px=found.y_b_px,
+        sigma_px=found.sigma_along_px,
+        sigma_across_px=found.sigma_across_px,
+        is_clipped=found.is_clipped or None,
+    )
+
+
+def sigma_arcsec(measurement: Measurement) -> float:
+    """One sigma of a direction where it is known worst."""
+    return largest_sigma(*measurement.cov_sky_arcsec2)
+
+
+def better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+    """What a mark would replace and is known much better; None where there is no such thing."""
+    sigma = sigma_arcsec(mark)
+    near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
+    known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
+    best = min(known, key=sigma_arcsec, default=None)
+    return best if best is not None and BETTER * sigma_arcsec(best) < sigma else None
+
+
+def _is_at(one: Measurement, other: Measurement, within_arcsec: float) -> bool:
+    return _away_arcsec(one, other) <= within_arcsec
+
+
+def _away_arcsec(one: Measurement, other: Measurement) -> float:
+    away_deg = separation_deg(
+        one.ra_icrs_deg, one.dec_icrs_deg, other.ra_icrs_deg, other.dec_icrs_deg
+    )
+    return away_deg * 3600.0
+
+
+def measured(
+    detection: Detection, measurement_id: str, shown: Shown, config: Config
+) -> Measurement:
+    """A detection that is taken on the operator's word, as a direction."""
+    if not isinstance(shown.solution, Solution):
+        raise ValueError(_not_solved(shown.taken.frame_id))
+    made = measure(
+        detection,
+        shown.solution,
+        shown.taken,
+        config.exposure,
+        measurement_id=measurement_id,
+        source="operator",
+    )
+    if made is None:
+        raise ValueError(f"frame {shown.taken.frame_id} has no time: nothing can be measured on it")
+    return made
+
+
+def _not_solved(frame_id: int) -> str:
+    return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
+
+
+def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+    """What the detector measured of the streak that is marked; None where it did not.
+
+    ``taken``: what the track has of the frame.
+    """
+    known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
+    within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
+    near = [m for m in known if _is_at(m, mark, within)]
+    return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
+
+
+def with_figures(
+    result: CommandResult, mark: Measurement, automatic: Measurement | None
+) -> CommandResult:
+    """With how good a mark is, and how far from what the detector measured."""
+    east, _, north = mark.cov_sky_arcsec2
+    return replace(
+        result,
+        sigma_arcsec=(math.sqrt(east), math.sqrt(north)),
+        off_arcsec=None if automatic is None else _away_arcsec(automatic, mark),
+    )
+
+
+def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
+    """What a word on a frame came to that nobody followed."""
+    states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
+    result = result_of(decision, ())
+    kinds = {each.kind for each in states}
+    if decision.taken is None or ("updated" in kinds and "initial" not in kinds):
+        return result
+    return replace(result, ruled="second of a track" if "initial" in kinds else "first of a track")
+
+
+def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
+    """What a decision came to."""
+    taken, left_alone = decision.taken, 0
+    ruled: RuledKind = "rejected" if decision.refused else "taken back"
+    if taken is not None:
+        ruled = "taken by hand" if taken.source == "operator" else "taken"
+        left_alone = sum(isinstance(record, NotFollowed) for record in records)
+    return CommandResult(
+        kind="ruled", ruled=ruled, frame_id=decision.frame_id, left_alone=left_alone
+    )

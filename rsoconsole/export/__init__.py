@@ -1,9 +1,0 @@
-"""The night for others: tables, CCSDS tracking messages, IOD lines, solved frames, DS9 regions.
-
-Reads sessions and branches, writes files beside them, and reads what others wrote. May touch
-session, pipeline and all below; the report is drawn by ``notebook.report``, a floor above.
-"""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,161 @@
+"""Which part of its sensor a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
+
+A driver answers an order twice as a rule: with what it made of it, in the state it was in before,
+then in the state it is in now. One that cannot read parts may say nothing at all. Drivers round
+places and sides as they like, some again when pixels are joined.
+"""
+
+import contextlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from rsoconsole.base import InstrumentError
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+
+_FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
+_SIDES = ("X", "Y", "WIDTH", "HEIGHT")
+_GRID_PX = 16
+"""Places and sides of a part, joined, are multiples of it."""
+_ROUNDED_PX = 64
+"""By more than that a driver has not rounded, but done something else."""
+_ANSWER_S, _SECOND_WORD_S = 3.0, 1.0
+
+Window = list[int]
+"""x, y, width, height."""
+
+
+class SensorWindow:
+    """Orders parts of one camera's sensor, and gives back what was read before."""
+
+    def __init__(self, client: IndiClient, answer_s: float) -> None:
+        """``answer_s``: how long the driver may take over an answer, at most."""
+        self._client, self._answer_s = client, min(answer_s, _ANSWER_S)
+        self._remembered: Window | None = None
+
+    def take_share(self, share: float, own: Window, size_px: Sequence[int]) -> dict[str, Any]:
+        """Read only ``share`` of each side, about the middle of what the driver read before.
+
+        ``own``: what that was, where it is known already; it is in the answer. Else it is the whole
+        sensor where that has the configured ``size_px``: an engine that was killed has left the
+        driver in another. Raises InstrumentError where the camera does not.
+        """
+        now = _window_of(self._client.get(_FRAME))
+        if now is None:
+            raise InstrumentError(
+                "the camera's driver cannot read a part of the sensor: set leap.subframe to 1"
+            )
+        joined = _joined(self._client.get(_BINNING))
+        own = own or self._own_of(now, joined, size_px)
+        wanted = middle_of(own, share, _GRID_PX * joined)
+        if wanted != now:
+            now = self._take(wanted)
+        share = 1.0 if wanted == own else max(now[2] / own[2], now[3] / own[3])
+        return {"own": own, "share": share, "window": now}
+
+    def give_back(self, size_px: Sequence[int]) -> None:
+        """What an engine that was killed has left: a part where all of the sensor is configured."""
+        now = _window_of(self._client.get(_FRAME))
+        whole = whole_sensor(self._client.get(_INFO), size_px)
+        if now is None or whole is None or not _is_about_its_middle(now, whole):
+            return
+        print(f"the camera was left with {now} of its sensor: it reads all", file=sys.stderr)
+        with contextlib.suppress(InstrumentError):
+            self._take(whole)
+
+    def remember(self) -> None:
+        """What is read before pixels are joined: some drivers round it to what joined ones fill."""
+        self._remembered = _window_of(self._client.get(_FRAME))
+
+    def restore(self) -> None:
+        """That again."""
+        before, self._remembered = self._remembered, None
+        if before is not None and before != _window_of(self._client.get(_FRAME)):
+            with contextlib.suppress(InstrumentError):
+                self._take(before)
+
+    def _own_of(self, now: Window, joined: int, size_px: Sequence[int]) -> Window:
+        """What the driver reads by the operator's own wish."""
+        whole = whole_sensor(self._client.get(_INFO), size_px)
+        if whole is not None:
+            return whole
+        if any(
+            abs(side - joined * px) >= 2 * joined for side, px in zip(now[2:], size_px, strict=True)
+        ):
+            raise InstrumentError(
+                f"the camera reads {now[2]} x {now[3]} pixels of its sensor, not optics.width_px x"
+                " optics.height_px: correct them, or set leap.subframe to 1"
+            )
+        return now
+
+    def _take(self, wanted: Window) -> Window:
+        """What is read from now on. Raises InstrumentError where it is not that."""
+        before = self._client.send_numbers(
+            _FRAME, dict(zip(_SIDES, map(float, wanted), strict=True))
+        )
+
+        def has_taken(vector: Vector) -> bool:
+            now = _window_of(vector)
+            return now is not None and _off_px(now, wanted) <= _ROUNDED_PX
+
+        answer = self._client.wait(
+            _FRAME, lambda each: has_taken(each) or each.state == "Alert", self._answer_s, before
+        )
+        if answer is not None and not has_taken(answer):
+            # The state may be that of the order before.
+            answer = self._client.wait(_FRAME, has_taken, _SECOND_WORD_S, answer.serial)
+        if answer is None:
+            raise InstrumentError(
+                f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
+                f" ({self._client.reason_since(before)}): set leap.subframe to 1"
+            )
+        return _window_of(answer) or wanted
+
+
+def middle_of(window: Window, share: float, grid_px: int) -> Window:
+    """A share of each side about the middle; 1 is the window itself."""
+    if share >= 1.0:
+        return list(window)
+    x, y, width, height = window
+    sides = [max(int(share * side) // grid_px, 1) * grid_px for side in (width, height)]
+    corner = [
+        start + (side - part) // 2 // grid_px * grid_px
+        for start, side, part in zip((x, y), (width, height), sides, strict=True)
+    ]
+    return [*corner, *sides]
+
+
+def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
+    """All of it, where the configured size is that of all of it, joined or not."""
+    if info is None:
+        return None
+    sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]
+    if len(size_px) != 2 or min(*sensor, *size_px) <= 0:
+        return None
+    joined = round(sensor[0] / size_px[0])
+    is_all = joined >= 1 and all(
+        abs(all_px - joined * px) < joined for all_px, px in zip(sensor, size_px, strict=True)
+    )
+    return [0, 0, *sensor] if is_all else None
+
+
+def _window_of(vector: Vector | None) -> Window | None:
+    if vector is None or not all(side in vector.values for side in _SIDES):
+        return None
+    return [int(float(vector.values[side])) for side in _SIDES]
+
+
+def _joined(vector: Vector | None) -> int:
+    """Pixels joined on each axis by now."""
+    return 1 if vector is None else max(int(float(vector.values.get("HOR_BIN", 1.0))), 1)
+
+
+def _off_px(window: Window, wanted: Window) -> int:
+    return max(abs(a - b) for a, b in zip(window, wanted, strict=True))
+
+
+def _is_about_its_middle(window: Window, whole: Window) -> bool:
+    """Whether it is a part as this program has them read."""
+    return window[2] < whole[2] and all(
+        abs((whole[n + 2] - window[n + 2]) // 2 - window[n]) <= _ROUNDED_PX for n in (0, 1)
+    )

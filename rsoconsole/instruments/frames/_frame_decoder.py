@@ -1,0 +1,116 @@
+"""Decodes pictures, and FITS files that are not plain, in a process with limits of time and memory.
+
+Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
+length may keep them busy for ever. The process is started with the first such file, kept for the
+next, and restarted when one has ended it.
+"""
+
+import atexit
+import os
+import threading
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.base import ChildProcess, FrameError
+from rsoconsole.instruments.frames._decoder_child import DecodeReply, DecodeRequest
+from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+
+START_S = 60.0
+MIN_S, BYTES_A_S = 15.0, 8_000_000
+"""A file is given this, and more by its length. A compressed frame of 8 MB takes 0.5 s on an idle
+core, 2 s beside six busy processes, and a Pi is slower than that machine."""
+_MODULE = "rsoconsole.instruments.frames._decoder_child"
+
+
+class FrameDecoder:
+    """The decoding process; one file at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._child: ChildProcess | None = None
+
+    def decode(
+        self, content: Content, name: str, extension: str | None, min_side_px: int
+    ) -> FitsImage:
+        """As ``image_by_astropy``. Raises FrameError, also where the file ends the process."""
+        request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
+        return self._decoded(request, content)
+
+    def decode_picture(self, content: Content, name: str) -> npt.NDArray[Any]:
+        """As ``picture_by_opencv``. Raises FrameError, also where the file ends the process."""
+        return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
+
+    def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
+        with self._lock:
+            try:
+                return self._ask(request, content)
+            except (EOFError, OSError) as error:
+                self._end()
+                raise FrameError(
+                    f"{request.name} is damaged: it crashed the decoder;"
+                    " copy it again or leave it out"
+                ) from error
+            except FrameError:
+                raise
+            except BaseException:
+                self._end()  # what was asked would be the answer to the next question
+                raise
+
+    def _ask(self, request: DecodeRequest, content: Content) -> FitsImage:
+        connection = self._connected()
+        connection.send(request)
+        connection.send_bytes(content)
+        patience_s = MIN_S + len(content) / BYTES_A_S
+        if not connection.poll(patience_s):
+            self._end()
+            raise FrameError(
+                f"{request.name} is damaged: the decoder is not done after {patience_s:.0f} s;"
+                " copy it again or leave it out"
+            )
+        reply: DecodeReply = connection.recv()
+        if reply.fault:
+            raise FrameError(reply.fault)
+        pixels = np.empty(reply.shape, np.dtype(reply.dtype))
+        if pixels.nbytes:
+            connection.recv_bytes_into(pixels.data.cast("B"))
+        return FitsImage(
+            raw=pixels, header=dict(reply.header or {}), label=reply.label, others=reply.others
+        )
+
+    def _connected(self) -> Connection:
+        if self._child is not None:
+            if self._child.pid is not None:
+                return self._child.connection
+            self._end()
+        self._child = ChildProcess(_MODULE)
+        if not self._child.connection.poll(START_S):
+            raise OSError("the decoder does not start")
+        self._child.connection.recv()
+        return self._child.connection
+
+    def _end(self) -> None:
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._end()
+
+
+_decoders: dict[int, FrameDecoder] = {}
+"""By process: what a fork inherits is its parent's."""
+
+
+def decoder() -> FrameDecoder:
+    """This process's."""
+    found = _decoders.get(os.getpid())
+    if found is None:
+        _decoders.clear()
+        found = _decoders[os.getpid()] = FrameDecoder()
+        atexit.register(found.close)
+    return found

@@ -1,0 +1,123 @@
+"""ABORT in the mount's process: until the driver answers, then tracking, then the measurement."""
+
+import contextlib
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from rsoconsole.base import InstrumentError
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
+from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.motion import AfterStop
+from rsoconsole.instruments.mount._mount_watch import MountWatch
+from rsoconsole.instruments.mount._stop_measurement import StopMeasurement, is_answered
+from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES, MountMirror
+
+_STOP_S = 2.0
+_REPEAT_ABORT_S = 0.5
+# A driver says on and off again within one look at the mount: ask again rather than wait long.
+_TRACKING_S = 2.0
+
+
+class Halt:
+    """Ends the motion of one mount, as often as it is asked to."""
+
+    def __init__(
+        self,
+        client: IndiClient,
+        mirror: MountMirror,
+        motion: ReportedMotion,
+        watch: MountWatch,
+        *,
+        track: Callable[[bool], bool | None],
+        await_report: Callable[[int], None],
+        say: Callable[[dict[str, Any]], None],
+        monotonic_s: Callable[[], float],
+    ) -> None:
+        """``track`` turns tracking on or off, and tells which it is; ``await_report`` is called
+        behind an update of that number; ``say`` hears what is measured."""
+        self._client, self._mirror, self._motion, self._watch = client, mirror, motion, watch
+        self._track, self._await_report = track, await_report
+        self._say, self._monotonic_s = say, monotonic_s
+
+    def end_motion(
+        self,
+        after_stop: AfterStop,
+        *,
+        had_tracking: bool = False,
+        on_progress: Callable[[str], None] = lambda _what: None,
+    ) -> dict[str, Any]:
+        """ABORT, again while its driver says that it moves; then tracking as wanted.
+
+        From then on it is measured how the mount moves. ``had_tracking``: there was some when STOP
+        was called for, whatever came meanwhile; ``on_progress`` hears at once of the order and of
+        the driver's answer.
+        """
+        client, mirror = self._client, self._mirror
+        was_moving = mirror.says_moving or client.get(COORDINATES) is None
+        wanted = mirror.tracking_after(after_stop)
+        if had_tracking and after_stop == "track" and not mirror.says_parked:
+            wanted = True
+        first, aborts = client.serial(), 0
+        answer: Vector | None = None
+        mirror.order_begins()
+        ends_s = self._monotonic_s() + _STOP_S
+        while answer is None and (left_s := ends_s - self._monotonic_s()) > 0:
+            client.send_switch(ABORT, "ABORT")
+            aborts += 1
+            if aborts == 1:
+                on_progress("stop ordered")
+                self._measure(wanted)
+            awaited = COORDINATES if was_moving else ABORT
+            answer = client.wait(
+                awaited,
+                lambda v: is_answered(client) and (v.name == COORDINATES or v.state != "Alert"),
+                min(left_s, _REPEAT_ABORT_S),
+                first,
+            )
+        is_tracking = None
+        if answer is not None:
+            on_progress("stop answered")
+            if not was_moving:
+                self._await_report(answer.serial)
+            self._watch.hold_tracking(wanted)
+            is_tracking = mirror.says_tracking if wanted is None else self._settled(wanted)
+            # Not before: what it is to be is asked for now.
+            self._watch.hold_tracking(wanted)
+        detail = "" if answer is not None else self._why_unanswered(aborts, first)
+        return {"is_answered": answer is not None, "is_tracking": is_tracking, "detail": detail}
+
+    def _measure(self, wanted: bool | None) -> None:
+        hold = functools.partial(self._watch.hold_tracking, wanted)
+        self._watch.measure_stop(
+            StopMeasurement(
+                self._client,
+                self._motion,
+                self._say,
+                hold_tracking=hold,
+                monotonic_s=self._monotonic_s,
+            )
+        )
+
+    def _why_unanswered(self, aborts: int, first: int) -> str:
+        client, mirror = self._client, self._mirror
+        if not mirror.abilities.can_abort:
+            return "its driver has no ABORT"
+        abort = client.get(ABORT)
+        if abort is not None and abort.state == "Alert":
+            said = client.words_since(first)
+            return f"its driver answers ABORT with Alert{': ' if said else ''}{said}"
+        if mirror.says_moving:
+            return f"its driver says that it still moves after {aborts} aborts in {_STOP_S:g} s"
+        return f"its driver has not answered {aborts} aborts in {_STOP_S:g} s"
+
+    def _settled(self, is_on: bool) -> bool | None:
+        """Whether it tracks; again where the driver goes back to its own idea at its next look."""
+        ends_s = self._monotonic_s() + _TRACKING_S
+        is_tracking: bool | None = None
+        # A driver that refuses has stopped all the same.
+        with contextlib.suppress(InstrumentError):
+            while (is_tracking := self._track(is_on)) is not is_on and is_tracking is not None:
+                if self._monotonic_s() > ends_s:
+                    break
+        return is_tracking

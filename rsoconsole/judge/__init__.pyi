@@ -1,2 +1,0 @@
-from .summary import read_truth as read_truth
-from .summary import summarise as summarise

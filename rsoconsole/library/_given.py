@@ -1,0 +1,250 @@
+"""What a caller may give: numbers with units, times, places. Units are dealt with here alone."""
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+
+from rsoconsole.base import InputError
+from rsoconsole.config import Config, effective_settings, load_config, with_changes
+from rsoconsole.library.notebook.tables import as_table
+from rsoconsole.night import Row, rows_of
+from rsoconsole.records import TABLES, Column, Record, Site
+from rsoconsole.sky import IntArray, iso_to_utc_ns
+
+_SITE_SETTINGS = ("site.latitude_deg", "site.longitude_deg")
+
+
+@runtime_checkable
+class QuantityLike(Protocol):
+    """An astropy ``Quantity`` (or ``Angle``, ``Longitude``, a column with a unit)."""
+
+    @property
+    def unit(self) -> Any: ...
+
+    def to_value(self, unit: Any, /) -> Any: ...
+
+
+@runtime_checkable
+class TimeLike(Protocol):
+    """An astropy ``Time``."""
+
+    @property
+    def scale(self) -> Any: ...
+
+    @property
+    def jd1(self) -> Any: ...
+
+    @property
+    def jd2(self) -> Any: ...
+
+
+@runtime_checkable
+class SkyCoordLike(Protocol):
+    """An astropy ``SkyCoord``."""
+
+    @property
+    def icrs(self) -> Any: ...
+
+
+@runtime_checkable
+class EarthLocationLike(Protocol):
+    """An astropy ``EarthLocation``."""
+
+    @property
+    def geodetic(self) -> Any: ...
+
+
+Number: TypeAlias = float | QuantityLike
+"""A quantity; a plain number is of the unit that the parameter's description names."""
+Instant: TypeAlias = TimeLike | datetime
+"""``Time``, or a ``datetime`` that knows its zone."""
+Place: TypeAlias = EarthLocationLike | Site | tuple[float, float, float]
+"""``EarthLocation``, or (latitude, longitude east positive, metres) in degrees."""
+ConfigLike: TypeAlias = Config | str | PathLike[str] | None
+"""A configuration, its file, or None: the user's own file where there is one."""
+
+
+def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Config:
+    """The configuration meant. Raises ConfigError with every fault."""
+    wanted = {name: value for name, value in (overrides or {}).items() if value is not None}
+    if isinstance(config, Config):
+        return with_changes(config, wanted)
+    return load_config(None if config is None else Path(config).expanduser(), wanted)
+
+
+def number(value: Number, unit: str, name: str) -> float:
+    """One finite number in that unit; plain ones are in it already. Raises InputError."""
+    found = numbers(value, unit, name)
+    if found.ndim:
+        raise InputError(f"{name}: one value is needed, not {found.size}")
+    return float(found)
+
+
+def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """An array of finite numbers in that unit. Raises InputError."""
+    if isinstance(value, QuantityLike) and value.unit is not None:
+        from astropy.units import UnitConversionError
+
+        try:
+            value = value.to_value(unit)
+        except UnitConversionError as error:
+            raise InputError(
+                f"{name} is in {value.unit or 'no unit'}: give it in {unit}, or what converts to it"
+            ) from error
+    try:
+        if value is None or isinstance(value, str | bytes | bool) or np.ma.is_masked(value):
+            raise TypeError(value)
+        found = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {value!r} is no number of {unit}") from error
+    if not np.all(np.isfinite(found)):
+        raise InputError(f"{name} is NaN or infinite")
+    return found
+
+
+def instants_utc_ns(value: Any, name: str) -> IntArray:
+    """(N,) or () UTC nanoseconds. Raises InputError for what has no time scale or zone."""
+    if isinstance(value, TimeLike):
+        return _of_time(value, name)
+    if isinstance(value, datetime):
+        return np.asarray(_of_datetime(value, name), np.int64)
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
+        return np.array([int(instants_utc_ns(each, name)) for each in value], np.int64)
+    raise InputError(
+        f"{name}: {value!r} has no time scale: give an astropy Time, such as"
+        " Time('2026-01-01T00:00:00', scale='utc')"
+    )
+
+
+def _of_time(value: Any, name: str) -> IntArray:
+    from astropy.time import ScaleValueError
+
+    if np.any(value.mask):
+        raise InputError(f"{name} is missing (masked)")
+    try:
+        utc = value.utc.copy(format="isot")
+    except ScaleValueError as error:
+        raise InputError(
+            f"{name} is of the scale {value.scale!r}, which is not tied to UTC: give UTC or TAI"
+        ) from error
+    utc.precision = 9
+    texts = np.asarray(utc.value)
+    whole = [iso_to_utc_ns(str(each)) for each in texts.ravel()]
+    return np.array(whole, np.int64).reshape(texts.shape)
+
+
+def _of_datetime(value: datetime, name: str) -> int:
+    if value.tzinfo is None:
+        raise InputError(
+            f"{name}: {value.isoformat()} has no time zone: write"
+            " datetime(..., tzinfo=timezone.utc), or give an astropy Time"
+        )
+    since = value - datetime.fromisoformat("1970-01-01T00:00:00+00:00")
+    return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
+
+
+def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
+    """ICRS degrees of one direction. Raises InputError."""
+    try:
+        icrs = value.icrs
+        if icrs.size != 1:
+            raise InputError(f"{name}: one direction is needed, not {icrs.size}")
+        return float(np.ravel(icrs.ra.deg)[0]), float(np.ravel(icrs.dec.deg)[0])
+    except (AttributeError, TypeError) as error:
+        raise InputError(f"{name}: {value!r} is no SkyCoord") from error
+
+
+def site_of(place: Place, name: str = "site") -> Site:
+    """Where that is. Raises InputError for what is no place on the Earth."""
+    if isinstance(place, Site):
+        return place
+    if isinstance(place, EarthLocationLike):
+        lon, lat, height = place.geodetic
+        if np.ndim(lat):
+            raise InputError(f"{name}: one place is needed, not {np.size(lat)}")
+        triple = (float(lat.deg), float(lon.deg), float(height.to_value("m")))
+    else:
+        try:
+            latitude, longitude, metres = place
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"{name}: {place!r}: give an EarthLocation, or (latitude, longitude, metres)"
+            ) from error
+        triple = (
+            number(latitude, "deg", f"{name}, latitude"),
+            number(longitude, "deg", f"{name}, longitude"),
+            number(metres, "m", f"{name}, height"),
+        )
+    latitude_deg, longitude_deg, elevation_m = triple
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0):
+        raise InputError(
+            f"{name}: latitude {latitude_deg:g}, longitude {longitude_deg:g} deg is no place:"
+            " latitude comes first, -90 to 90"
+        )
+    if not (math.isfinite(elevation_m) and abs(elevation_m) < 1e5):
+        raise InputError(f"{name}: a height of {elevation_m:g} m is on no ground: metres are meant")
+    return Site(
+        latitude_deg=latitude_deg,
+        longitude_deg=(longitude_deg + 180.0) % 360.0 - 180.0,
+        elevation_m=elevation_m,
+    )
+
+
+def needed_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
+    """As given, else the observations' own, else as configured. Raises InputError without any."""
+    site = own if given is None else site_of(given)
+    site = configured_site(config) if site is None else site
+    if site is None:
+        raise InputError(
+            "nobody says where this was seen from: site=EarthLocation.of_site(...), or (latitude,"
+            " longitude, metres)"
+        )
+    return site
+
+
+def configured_site(config: ConfigLike) -> Site | None:
+    """The site that somebody has set; None where only the default one is there."""
+    if isinstance(config, Config):
+        is_set = {"latitude_deg", "longitude_deg"} <= config.site.model_fields_set
+        return config.site.to_site() if is_set else None
+    path = None if config is None else Path(config).expanduser()
+    origins = {each.name: each.origin for each in effective_settings(path)}
+    if any(origins[name] == "default" for name in _SITE_SETTINGS):
+        return None
+    return load_config(path).site.to_site()
+
+
+if TYPE_CHECKING:
+    from astropy.table import QTable
+
+_OF_THE_LOG = ("seq", "t_utc_ns", "is_superseded")
+FRAME = Column(name="frame", type="text", meaning="The frame by its name.")
+
+
+def table_of(
+    name: str,
+    records: Sequence[Record],
+    meta: dict[str, Any],
+    *,
+    names: Mapping[int, str] | None = None,
+    extra: Sequence[Column] = (),
+    more: Sequence[Row] = (),
+) -> "QTable":
+    """The view of that name over these records, a ``QTable``; ``sessions/README.md`` describes it.
+
+    ``names``: of the frames, by their numbers, for a first column ``frame``. ``extra``: further
+    columns, whose values ``more`` has for each row.
+    """
+    rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
+    columns = [each for each in TABLES[name].columns if each.name not in _OF_THE_LOG]
+    if names is not None:
+        columns.insert(0, FRAME)
+        rows = [{**row, "frame": names.get(row["frame_id"])} for row in rows]
+    if extra:
+        rows = [{**row, **added} for row, added in zip(rows, more, strict=True)]
+    return as_table((*columns, *extra), rows, meta)

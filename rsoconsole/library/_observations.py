@@ -1,0 +1,249 @@
+"""A table of directions as a caller has it: from ``rso.measure``, or with columns of its own."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.base import InputError
+from rsoconsole.library._given import (
+    Number,
+    QuantityLike,
+    SkyCoordLike,
+    instants_utc_ns,
+    number,
+    numbers,
+)
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky import IntArray
+
+META = "rsoconsole"
+"""Where in a table's ``meta`` lies what its rows do not say: the site, the frames."""
+TIMES = ("t_mid_utc", "time", "t_utc", "obstime", "t", "date_obs", "epoch")
+RAS = ("ra_icrs", "ra")
+DECS = ("dec_icrs", "dec")
+_OBJECTS = ("object", "track_id", "target", "norad_id")
+
+
+@runtime_checkable
+class TableLike(Protocol):
+    """An astropy ``Table`` or ``QTable``."""
+
+    @property
+    def colnames(self) -> Any: ...
+
+    def __getitem__(self, item: Any, /) -> Any: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Directions:
+    """N measured directions, in the order of the rows."""
+
+    t_utc_ns: IntArray
+    """(N,) mid-exposure."""
+    ra_icrs_deg: FloatArray
+    dec_icrs_deg: FloatArray
+    cov_sky_arcsec2: FloatArray
+    """(N, 3): east-east, east-north, north-north."""
+    site: Site | None
+    """As the table's ``meta`` has it."""
+
+    def __len__(self) -> int:
+        return len(self.t_utc_ns)
+
+
+def expect_table(value: Any, what: str) -> Any:
+    """The table; a pandas data frame as one. Raises InputError."""
+    if isinstance(value, TableLike):
+        return value
+    if hasattr(value, "to_records") and hasattr(value, "columns"):
+        from astropy.table import QTable
+
+        return QTable.from_pandas(value)
+    raise InputError(
+        f"{type(value).__name__} is no {what}: give an astropy table with the columns time, ra and"
+        " dec (or a SkyCoord), as rso.measure makes it"
+    )
+
+
+def directions_of(table: Any, sigma: Number | None) -> Directions:
+    """Its rows. ``sigma``: of those that state none, arcsec; None: every row must state it.
+
+    Raises InputError naming the column that is missing, has no unit or holds what is none.
+    """
+    count = len(table)
+    if not count:
+        raise InputError("the table has no rows: nothing was measured")
+    ra, dec = _directions(table)
+    for name, values in (("ra", ra), ("dec", dec)):
+        if np.shape(values) != (count,):
+            raise InputError(f"{name}: one number a row is needed, not {np.shape(values)}")
+    if np.any(np.abs(dec) > 90.0) or np.any(np.abs(ra) > 360.0):
+        raise InputError("ra, dec: beyond 360 or 90 degrees: is the unit right?")
+    return Directions(
+        t_utc_ns=times_of(table),
+        ra_icrs_deg=ra % 360.0,
+        dec_icrs_deg=dec,
+        cov_sky_arcsec2=_covariances(table, count, sigma),
+        site=site_in(table),
+    )
+
+
+def site_in(table: Any) -> Site | None:
+    """Where it was seen from, where its ``meta`` says so."""
+    # The second: an exported table.
+    said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
+    if not isinstance(said, dict):
+        return None
+    try:
+        return Site(**{each.name: float(said[each.name]) for each in fields(Site)})
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the table's meta has a site that is none: {said!r}") from error
+
+
+def own_meta(table: Any) -> dict[str, Any]:
+    """What ``rso.measure`` wrote into its table beside the rows; empty for others."""
+    own = (getattr(table, "meta", None) or {}).get(META)
+    return own if isinstance(own, dict) else {}
+
+
+def expect_one_object(table: Any) -> None:
+    """Raises InputError where the rows are of several, or two of one instant."""
+    for name in _OBJECTS:
+        if name in table.colnames:
+            names = sorted({str(each) for each in table[name]})
+            if len(names) > 1:
+                listed = ", ".join(names[:8])
+                raise InputError(
+                    f"the table holds {len(names)} objects by its column {name!r}: {listed};"
+                    f" give one of them, as in table[table[{name!r}] == ...]"
+                )
+    t = times_of(table)
+    if len(np.unique(t)) < len(t):
+        raise InputError(
+            "the table has several directions of one instant, so of several objects: rso.track"
+            " tells which belong together"
+        )
+
+
+def times_of(table: Any) -> IntArray:
+    """(N,) UTC ns. Raises InputError."""
+    column = _first(table, TIMES)
+    if column is None:
+        found = [each for each in table.colnames if hasattr(table[each], "utc")]
+        column = found[0] if len(found) == 1 else None
+    if column is None:
+        raise InputError(
+            f"the table has no times: a Time column is needed, called {' or '.join(TIMES[:2])}; it"
+            f" has {_listed(table)}"
+        )
+    values = table[column]
+    if not hasattr(values, "utc"):
+        values = list(values)
+    return np.atleast_1d(instants_utc_ns(values, column))
+
+
+def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | None:
+    """(N,) a column in that unit: of a quantity, or of plain numbers whose name says the unit.
+
+    None where there is none. Raises InputError for plain numbers whose unit nobody says.
+    """
+    for name in names:
+        ending = f"{name}_{unit}"
+        for each in (name, ending):
+            if each not in table.colnames:
+                continue
+            values = table[each]
+            if _is_masked(values):
+                raise InputError(f"column {each!r} has missing values: leave those rows out")
+            if getattr(values, "unit", None) is None and each != ending:
+                raise InputError(
+                    f"column {each!r} has no unit: table[{each!r}].unit = {unit!r} gives it one"
+                )
+            quantity = (
+                values if isinstance(values, QuantityLike) else getattr(values, "quantity", None)
+            )
+            if getattr(values, "unit", None) is None:
+                quantity = np.asarray(values, np.float64)
+            return numbers(quantity, unit, f"column {each!r}")
+    return None
+
+
+def _is_masked(values: Any) -> bool:
+    mask = getattr(values, "mask", None)
+    return mask is not None and bool(np.any(mask))
+
+
+def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
+    sky = [name for name in table.colnames if isinstance(table[name], SkyCoordLike)]
+    if sky:
+        name = "direction" if "direction" in sky else sky[0]
+        if len(sky) > 1 and name != "direction":
+            raise InputError(f"the table has {len(sky)} SkyCoord columns: call one 'direction'")
+        icrs = table[name].icrs
+        ra, dec = np.asarray(icrs.ra.deg, np.float64), np.asarray(icrs.dec.deg, np.float64)
+        if not (np.all(np.isfinite(ra)) and np.all(np.isfinite(dec))):
+            raise InputError(f"column {name!r} holds a direction that is NaN")
+        return ra, dec
+    ra_deg, dec_deg = column_of(table, RAS, "deg"), column_of(table, DECS, "deg")
+    if ra_deg is None or dec_deg is None:
+        raise InputError(
+            "the table has no directions: a SkyCoord column, or ra and dec with units (ra_deg and"
+            f" dec_deg) are needed; it has {_listed(table)}"
+        )
+    return ra_deg, dec_deg
+
+
+def _covariances(table: Any, count: int, sigma: Number | None) -> FloatArray:
+    if {"cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"} <= set(table.colnames):
+        parts = [column_of(table, (f"cov_{axes}",), "arcsec2") for axes in ("ee", "en", "nn")]
+        found = np.stack([each for each in parts if each is not None], axis=-1)
+        if np.any(found[:, 0] * found[:, 2] <= found[:, 1] ** 2):
+            raise InputError("cov_ee, cov_en, cov_nn: not the covariance of a direction in a row")
+        return found
+    both = column_of(table, ("sigma",), "arcsec")
+    east, north = (column_of(table, (f"sigma_{axis}",), "arcsec") for axis in ("ra", "dec"))
+    east, north = (both if each is None else each for each in (east, north))
+    if east is None or north is None:
+        if sigma is None:
+            raise InputError(
+                "the table states no errors: add a column 'sigma' with its unit (or sigma_ra and"
+                " sigma_dec, on the sky), or say sigma="
+            )
+        plain = number(sigma, "arcsec", "sigma")
+        east = north = np.full(count, plain)
+    if np.any(east <= 0.0) or np.any(north <= 0.0):
+        raise InputError("sigma: every one must be above 0")
+    correlation = np.zeros(count)
+    if "correlation" in table.colnames:
+        correlation = np.asarray(table["correlation"], np.float64)
+    if not np.all(np.abs(correlation) < 1.0):
+        raise InputError("correlation: every one must be within -1 and 1")
+    return np.stack([east**2, correlation * east * north, north**2], axis=-1)
+
+
+def plain_column(table: Any, name: str, kind: type) -> npt.NDArray[Any] | None:
+    """A column without a unit; None where there is none."""
+    if name not in table.colnames:
+        return None
+    try:
+        return np.asarray(table[name]).astype(kind)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"column {name!r} holds what is no {kind.__name__}: {error}") from error
+
+
+def _first(table: Any, names: tuple[str, ...]) -> str | None:
+    return next((name for name in names if name in table.colnames), None)
+
+
+def _listed(table: Any) -> str:
+    return ", ".join(map(str, table.colnames)) or "no columns"
+
+
+def sigmas_of(cov_arcsec2: tuple[float, float, float]) -> tuple[float, float, float]:
+    """(sigma_ra, sigma_dec, correlation) of a covariance on the sky."""
+    ee, en, nn = cov_arcsec2
+    east, north = math.sqrt(ee), math.sqrt(nn)
+    return east, north, en / (east * north)

@@ -1,0 +1,122 @@
+"""Of whatever was observed, the directions of one object from one site: what orbits are made of."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rsoconsole.base import InputError, raised_as
+from rsoconsole.library._given import ConfigLike, Number, Place, needed_site, number, site_of
+from rsoconsole.library._observations import (
+    TableLike,
+    directions_of,
+    expect_one_object,
+    expect_table,
+)
+from rsoconsole.library.formats.observed import ReadAs, read_observations
+from rsoconsole.library.notebook.session import Session
+from rsoconsole.library.tracking import Track
+from rsoconsole.night import NightTrack
+from rsoconsole.orbits import sightings
+from rsoconsole.pipeline import Observed, sightings_of
+from rsoconsole.records import Measurement, Site
+
+Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
+"""A session or a file of observations by its path, a session, a track, a table of one object."""
+Group: TypeAlias = tuple[Observed, ...]
+"""A session's tracks, the longest first, or one object alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What the caller says of observations that do not say it themselves."""
+
+    sigma: Number | None = None
+    site: Place | None = None
+    track: int | None = None
+    target: str | None = None
+    radians: bool | None = None
+    config: ConfigLike = None
+
+
+def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[Group]:
+    """One after another, as ``rsoconsole orbit`` reads its arguments.
+
+    Raises InputError for what holds no observations, and as reading files and sessions does.
+    """
+    if isinstance(what, list | tuple):
+        if not what:
+            raise InputError("no observations: the list is empty")
+        return [group for each in what for group in _groups(each, ask)]
+    return _groups(what, ask)
+
+
+def _groups(what: Any, ask: Asked) -> list[Group]:
+    if isinstance(what, Session | str | PathLike):
+        path = what.path if isinstance(what, Session) else Path(fspath(what)).expanduser()
+        groups = list(read_observations(path, _read_as(ask)))
+        return groups if ask.track is None else [_only(groups, ask.track)]
+    if isinstance(what, Track):
+        return [(_of_taken(f"track {what.number}", what.number, what.site, what.taken),)]
+    if isinstance(what, NightTrack):
+        if ask.site is None:
+            raise InputError(
+                "a session's track does not say where it was seen from: give the session,"
+                f" rso.orbit(night, track={what.number}), or site="
+            )
+        name = f"track {what.number}"
+        return [(_of_taken(name, what.number, site_of(ask.site), what.measurements),)]
+    if isinstance(what, Mapping):
+        raise InputError(
+            f"{len(what)} tracks: an orbit is of one object; take one of them, as in tracks[1]"
+        )
+    return [(_of_table(what, ask),)]
+
+
+def _read_as(ask: Asked) -> ReadAs:
+    sigma = 1.0 if ask.sigma is None else number(ask.sigma, "arcsec", "sigma")
+    if sigma <= 0.0:
+        raise InputError(f"sigma: {sigma:g} arcsec must be above 0")
+    return ReadAs(
+        sigma_arcsec=sigma,
+        site=None if ask.site is None else site_of(ask.site),
+        target=ask.target,
+        is_radians=ask.radians,
+    )
+
+
+def _only(groups: list[Group], track: int) -> Group:
+    """The track of that number, as ``night.tracks`` has it."""
+    known = [each for group in groups for each in group if each.track_id is not None]
+    if not known:
+        raise InputError("track: a file has none; only sessions do")
+    chosen = [each for each in known if each.track_id == track]
+    if not chosen:
+        numbers = ", ".join(str(n) for n in sorted(each.track_id or 0 for each in known))
+        raise InputError(f"there is no track {track}: there are {numbers}")
+    return (chosen[0],)
+
+
+def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
+    with raised_as(InputError):
+        seen = sightings_of(site, taken)
+    return Observed(name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_)
+
+
+def _of_table(value: Any, ask: Asked) -> Observed:
+    table = expect_table(value, "file, session, track or table of observations")
+    # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
+    for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
+        if name in table.colnames:
+            table = table[np.asarray(table[name], bool) == is_wanted]
+    rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
+    expect_one_object(table)
+    site = needed_site(ask.site, rows.site, ask.config)
+    with raised_as(InputError):
+        seen = sightings(
+            site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
+        )
+    return Observed(name="the table", site=site, limits=None, seen=seen)

@@ -1,0 +1,256 @@
+"""IOD lines read back, of all angle formats; what is not said is None.
+
+Strict in the columns, as the format is: a line that is one column off is none, also in those of
+sky, behaviour, magnitude and flash period, which are not read. Digits that are missing at
+the end of a time or an angle are zeros, and ``t_step_ns`` says how fine the time is.
+"""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rsoconsole.base import ExportError, raised_as
+from rsoconsole.library.formats.target import piece_letters
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.words import NS_PER_S
+
+_LINE = re.compile(
+    r"""
+    (?:(?P<norad>\d{5})[ ](?P<year>\d{2})[ ](?P<launch>\d{3})
+       (?P<piece>[A-Z]{3}|[A-Z]{2}[ ]|[A-Z][ ][ ])[ ]|[ ]{16})
+    (?P<station>[0-9A-HJ-NP-Z]{4})[ ]
+    [EGFPBTCO ][ ]
+    (?P<date>\d{8})
+    (?:(?P<short_time>\d{0,9})[ ]*$
+       |(?=[\d ]{9}[ ])(?P<time>\d{0,9})[ ]*(?<=^.{41})
+        (?P<time_mx>\d{2})[ ]
+        (?:(?P<code>[1-7])(?P<epoch>[0-6 ])[ ]
+           (?=[\d ]{7}[+-])(?P<first>\d{1,7})[ ]*
+           (?P<sign>[+-])(?=[\d ]{6}(?:[ ]|$))(?P<second>\d{1,6})[ ]*(?<=^.{62})
+           (?P<position_mx>\d{2})
+           |[ ]{20})
+        (?:[ ][EFIRSXBHPADMNV]
+           (?:[+-](?=[\d ]{3}(?:[ ]|$))\d{1,3}[ ]*(?<=^.{70})
+              (?:[ ](?=[\d ]{2}|\d$)\d{1,2}[ ]*
+                 (?:(?<=^.{74})(?=[\d ]{1,6}[ ]*$)[ ]*\d{1,6})?
+              )?
+           )?
+        )?[ ]*$
+    )
+    """,
+    re.VERBOSE | re.ASCII,
+)
+EPOCHS = {"1": 1855, "2": 1875, "3": 1900, "4": 1950, "5": 2000, "6": 2050}
+"""Years of the equinox; 0 and blank are that of date."""
+_FIRST_SATELLITE = 57
+"""Two digits of a year from here on are of the last century."""
+_ARCSEC_BY_CODE = {1: 1.0, 2: 60.0, 3: 3600.0, 4: 1.0, 5: 60.0, 6: 3600.0, 7: 3600.0}
+"""Unit of the position's uncertainty."""
+HORIZONTAL = (4, 5, 6)
+"""Angle formats of azimuth and elevation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IodObservation:
+    """One line."""
+
+    norad_id: int | None
+    cospar: str | None
+    """As in ``1998-123A``."""
+    station: str
+    t_utc_ns: int
+    t_step_ns: int
+    """What the time's last digit is worth."""
+    time_sigma_s: float | None
+    angle_format: int | None
+    """4 to 6: azimuth and elevation, else right ascension and declination."""
+    epoch_year: int | None
+    """Of the equinox; None: that of date, or no angles."""
+    first_deg: float | None
+    """Right ascension, or azimuth."""
+    second_deg: float | None
+    """Declination, or elevation."""
+    position_sigma_arcsec: float | None
+
+
+def parse_iod(line: str) -> IodObservation:
+    """The observation in one line. Raises ExportError."""
+    match = _LINE.match(line.rstrip("\r\n"))
+    if match is None:
+        raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of an IOD line")
+    found = match.groupdict()
+    t_utc_ns, t_step_ns = _instant(found["date"], found["time"] or found["short_time"] or "")
+    code = None if found["code"] is None else int(found["code"])
+    first, second = None, None
+    if code is not None:
+        first, second = angles_of(code, found["first"], found["sign"], found["second"])
+    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
+    return IodObservation(
+        norad_id=None if found["norad"] is None else int(found["norad"]),
+        cospar=None if found["norad"] is None else _cospar(found),
+        station=found["station"],
+        t_utc_ns=t_utc_ns,
+        t_step_ns=t_step_ns,
+        time_sigma_s=None if found["time_mx"] is None else _mx(found["time_mx"]),
+        angle_format=code,
+        epoch_year=EPOCHS.get(found["epoch"] or ""),
+        first_deg=first,
+        second_deg=second,
+        position_sigma_arcsec=position,
+    )
+
+
+def _cospar(found: dict[str, str]) -> str:
+    return f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
+
+
+def full_year(two_digits: str) -> int:
+    """Of a satellite's launch or an observation: none is from before the first satellite."""
+    year = int(two_digits)
+    return year + (1900 if year >= _FIRST_SATELLITE else 2000)
+
+
+def _instant(day: str, clock: str) -> tuple[int, int]:
+    full = clock.ljust(9, "0")
+    text = f"{day[:4]}-{day[4:6]}-{day[6:]}T{full[:2]}:{full[2:4]}:{full[4:6]}.{full[6:]}Z"
+    with raised_as(ExportError):
+        t_utc_ns = iso_to_utc_ns(text)
+    steps_s = (86_400.0, 36_000.0, 3600.0, 600.0, 60.0, 10.0, 1.0, 0.1, 0.01, 0.001)
+    return t_utc_ns, round(steps_s[len(clock)] * NS_PER_S)
+
+
+def _mx(text: str) -> float:
+    return int(text[0]) * 10.0 ** (int(text[1]) - 8)
+
+
+def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, float]:
+    """Both angles in degrees, of IOD and UK lines; missing digits at the end are zeros.
+
+    Minutes and seconds above 59 are carried over as written. Raises ExportError beyond the range.
+    """
+    first_of, second_of = _FORMATS[code]
+    one = first_of(first)
+    other = math.copysign(second_of(second), float(sign + "1"))
+    what = "azimuth and elevation" if code in HORIZONTAL else "right ascension and declination"
+    if not (0.0 <= one < 360.0 and abs(other) <= 90.0):
+        raise ExportError(f"{what} of {one:.4f} and {other:+.4f} deg are beyond their range")
+    return one, other
+
+
+def _sexagesimal(text: str, wholes: int) -> float:
+    """Wholes, two digits of minutes, two of seconds, then decimals of these."""
+    text = text.ljust(wholes + 4, "0")
+    minutes, seconds = int(text[wholes : wholes + 2]), text[wholes + 2 : wholes + 4]
+    decimals = text[wholes + 4 :] or "0"
+    return int(text[:wholes]) + minutes / 60.0 + float(f"{seconds}.{decimals}") / 3600.0
+
+
+def _minutes(text: str, wholes: int) -> float:
+    """Wholes, two digits of minutes, then decimals of these."""
+    text = text.ljust(wholes + 2, "0")
+    minutes, decimals = text[wholes : wholes + 2], text[wholes + 2 :] or "0"
+    return int(text[:wholes]) + float(f"{minutes}.{decimals}") / 60.0
+
+
+def _decimal(text: str, wholes: int) -> float:
+    text = text.ljust(wholes, "0")
+    return float(f"{text[:wholes]}.{text[wholes:] or '0'}")
+
+
+_Read = Callable[[str], float]
+_FORMATS: dict[int, tuple[_Read, _Read]] = {
+    1: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _sexagesimal(t, 2)),
+    2: (lambda t: 15.0 * _minutes(t, 2), lambda t: _minutes(t, 2)),
+    3: (lambda t: 15.0 * _minutes(t, 2), lambda t: _decimal(t, 2)),
+    4: (lambda t: _sexagesimal(t, 3), lambda t: _sexagesimal(t, 2)),
+    5: (lambda t: _minutes(t, 3), lambda t: _minutes(t, 2)),
+    6: (lambda t: _decimal(t, 3), lambda t: _decimal(t, 2)),
+    7: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _decimal(t, 2)),
+}
+"""Readers of both angles, by angle format."""
+
+
+_UK_LINE = re.compile(
+    r"""
+    (?P<year>\d{2})(?P<launch>\d{3})(?P<piece>\d{2})
+    (?P<station>[0-9A-HJ-NP-Z]{4})
+    (?P<date>\d{6})(?=[\d ]{10})(?P<time>\d{6,10})[ ]*(?<=^.{27})
+    (?:(?=[\d ]{5})\d{1,5}[ ]*|[ ]{5})(?<=^.{32})
+    (?P<standard>[1-3 ])
+    (?P<code>[1-7])
+    (?=[\d ]{8})(?P<first>\d{4,8})[ ]*(?<=^.{42})
+    (?P<sign>[+-])(?=[\d ]{7})(?P<second>\d{2,7})[ ]*(?<=^.{50})
+    (?P<position>[\d ]\d[\d ]{2}|\d[ ]{3}|[ ]{3}\d|[ ]{4})
+    (?P<epoch>[0-6 ])
+    (?:[ \d]{0,13}
+      |[ \d]{13}(?:[+-]\d[ \d]|[ ]{2}\d|[ ]\d[ \d]|\d{3}|\d\d[ ]|\d[ ]{2}|[ ]{3})
+       (?:[+-]\d[ \d]|[ ]{2}\d|[ ]\d[ \d]|\d{3}|\d\d[ ]|\d[ ]{2}|INV|[ ]{3})
+       (?:(?=[\d ]{5})(?:[ ]{0,3}\d{2,5}[ ]{0,3}|[ ]{5})(?<=^.{79})[EFIRSXBHPADMNV]?|[ ]{0,4})
+    )[ ]*$
+    """,
+    re.VERBOSE | re.ASCII,
+)
+
+
+def parse_uk(line: str) -> IodObservation:
+    """The observation in one line. Raises ExportError."""
+    match = _UK_LINE.match(line.rstrip("\r\n"))
+    if match is None:
+        raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of a UK line")
+    found = match.groupdict()
+    t_utc_ns, step_ns = _uk_instant(found["date"], found["time"])
+    code = int(found["code"])
+    first, second = angles_of(code, found["first"], found["sign"], found["second"])
+    return IodObservation(
+        norad_id=None,
+        cospar=f"{full_year(found['year'])}-{found['launch']}{_piece(int(found['piece']))}",
+        station=found["station"],
+        t_utc_ns=t_utc_ns,
+        t_step_ns=step_ns,
+        time_sigma_s=_time_sigma_s(match.string[27:32]),
+        angle_format=code,
+        epoch_year=EPOCHS.get(found["epoch"]),
+        first_deg=first,
+        second_deg=second,
+        position_sigma_arcsec=_position_arcsec(code, found["position"]),
+    )
+
+
+def is_uk(line: str) -> bool:
+    """Whether it has the columns of a UK line."""
+    return _UK_LINE.match(line.rstrip("\r\n")) is not None
+
+
+def _piece(number: int) -> str:
+    if number == 0:
+        raise ExportError("piece 00 is none: the first is 01")
+    return piece_letters(number)
+
+
+def _uk_instant(day: str, clock: str) -> tuple[int, int]:
+    year, fraction = full_year(day[:2]), clock[6:]
+    text = f"{year}-{day[2:4]}-{day[4:]}T{clock[:2]}:{clock[2:4]}:{clock[4:6]}.{fraction or '0'}Z"
+    with raised_as(ExportError):
+        return iso_to_utc_ns(text), NS_PER_S // 10 ** len(fraction)
+
+
+def _time_sigma_s(field: str) -> float | None:
+    """``Sssss``: a digit of seconds, then decimals of them."""
+    digits = field.strip()
+    if not digits:
+        return None
+    return float(f"{field[0].strip() or '0'}.{field[1:].strip() or '0'}") or None
+
+
+def _position_arcsec(code: int, field: str) -> float | None:
+    """``SSSs`` of formats 1 and 4, ``MMmm`` of 2 and 5, ``Dddd`` of 3, 6 and 7."""
+    if not field.strip():
+        return None
+    digits = field.rstrip()
+    if " " in digits.strip():
+        raise ExportError(f"its error of position {field!r} has a blank inside")
+    digits = digits.replace(" ", "0")
+    wholes = {1: 3, 2: 2, 4: 3, 5: 2}.get(code, 1)
+    scale = {1: 1.0, 2: 60.0, 4: 1.0, 5: 60.0}.get(code, 3600.0)
+    return float(f"{digits[:wholes]}.{digits[wholes:] or '0'}") * scale or None

@@ -1,0 +1,280 @@
+"""Observations in tables with named columns: CSV, ECSV and JSON lines of this program or of others.
+
+A column is known by its name, capitals and units' spelling aside. Degrees are taken unless a name
+says ``_rad`` or ``_hours``; sigmas are in arcsec on the sky unless a name says ``_deg``.
+"""
+
+import csv
+import io
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.base import ExportError, json_of, raised_as
+from rsoconsole.records import Site
+from rsoconsole.sky import iso_to_utc_ns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedRow:
+    """One direction: astrometric, ICRS."""
+
+    where: str
+    """File and line, for people."""
+    t_utc_ns: int
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    sigma_ra_arcsec: float | None = None
+    """On the sky. None: the file states none."""
+    sigma_dec_arcsec: float | None = None
+    correlation: float = 0.0
+    time_sigma_s: float | None = None
+    """Beside the direction's own error; None where that is in it."""
+    target: str | None = None
+    """What the file calls the object; None where it names none."""
+    station: str | None = None
+    """What the file calls the station."""
+    site: Site | None = None
+    """Where it stands, where the file says so."""
+    is_degrees: bool = False
+    """Whether the form that it was written in leaves no doubt about the unit."""
+
+
+_TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
+_RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")
+_DEC = ("dec_icrs_deg", "dec_deg", "dec", "dec_j2000_deg", "declination_deg", "declination")
+_BARE = {"ra", "right_ascension", "dec", "declination"}
+"""Names without a unit: what was meant may be asked."""
+_RADIANS = (("ra_rad", "ra_icrs_rad"), ("dec_rad", "dec_icrs_rad", "declination_rad"))
+_HOURS = ("ra_hours", "ra_h", "ra_hour")
+_RA_SCALES = {
+    **{name: 1.0 for name in _RA if name not in _BARE},
+    **dict.fromkeys(_RADIANS[0], math.degrees(1.0)),
+    **dict.fromkeys(_HOURS, 15.0),
+    **{name: 1.0 for name in _RA if name in _BARE},
+}
+"""What makes degrees of it, the one with precedence first: a name with its unit."""
+_DEC_SCALES = {
+    **{name: 1.0 for name in _DEC if name not in _BARE},
+    **dict.fromkeys(_RADIANS[1], math.degrees(1.0)),
+    **{name: 1.0 for name in _DEC if name in _BARE},
+}
+_SIGMA_RA = ("sigma_ra_arcsec", "ra_sigma_arcsec", "sigma_arcsec")
+_SIGMA_DEC = ("sigma_dec_arcsec", "dec_sigma_arcsec", "sigma_arcsec")
+_TARGET = ("object", "target", "norad_id", "norad", "norad_cat_id", "satno", "track_id", "track")
+_STATION = ("station", "site", "sensor", "origsensorid")
+_LATITUDE = ("lat_deg", "latitude_deg", "site_lat_deg", "latitude", "lat", "senlat")
+_LONGITUDE = ("lon_deg", "longitude_deg", "site_lon_deg", "longitude", "lon", "senlon")
+_HEIGHT = ("alt_m", "elevation_m", "height_m", "site_alt_m", "elev_m")
+_TIME_SIGMA = ("time_sigma_s", "timing_sigma_s", "sigma_t_s")
+NEEDED = (
+    "a column of times (t_mid_utc, time or utc), of right ascension (ra_deg) and of declination"
+    " (dec_deg)"
+)
+
+
+def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
+    """The rows of such a text. Raises ExportError naming the line that is none."""
+    plain = [line for line in text.splitlines() if not line.startswith("#")]
+    first = next((line for line in plain if line.strip()), "")
+    if first.lstrip().startswith("{"):
+        records = list(_of_json_lines(text, name))
+    else:
+        records = list(_of_csv(text, first, name))
+    if not records:
+        raise ExportError(f"{name} holds no observations: {NEEDED} are needed")
+    columns = _Columns.of([key for key, _ in records[0][1].items()], name)
+    return tuple(columns.row(values, where) for where, values in records if columns.counts(values))
+
+
+def looks_like_table(text: str) -> bool:
+    """Whether its first line names columns, or is an object."""
+    for line in text.splitlines():
+        if line.startswith("#") or not line.strip():
+            continue
+        names = {_plain(each) for each in _first_names(line)}
+        known = {*_RA, *_RADIANS[0], *_HOURS}
+        return bool(names & known) and bool(names & {*_DEC, *_RADIANS[1]})
+    return False
+
+
+def _first_names(line: str) -> Sequence[str]:
+    """Columns that a first line names, or keys of the object that it is."""
+    if not line.lstrip().startswith("{"):
+        return re.split(r"[,;\t ]+", line)
+    try:
+        values = json_of(line)
+    except ValueError:
+        return ()
+    return list(values) if isinstance(values, dict) else ()
+
+
+def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+    separator = max(",;\t ", key=head.count) if not head.count(",") else ","
+    kept = [(n, line) for n, line in enumerate(text.splitlines(), 1) if _is_data(line)]
+    lines = io.StringIO("\n".join(line for _, line in kept))
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    with raised_as(ExportError, f"{name} cannot be read as CSV: ", csv.Error):
+        names = [each.strip() for each in next(reader, [])]
+        for fields in reader:
+            number = kept[min(reader.line_num, len(kept)) - 1][0]
+            where = f"{name}, line {number}"
+            if len(fields) != len(names):
+                raise ExportError(f"{where}: {len(fields)} fields where {len(names)} belong")
+            yield where, dict(zip(names, fields, strict=True))
+
+
+def _is_data(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith("#")
+
+
+def _of_json_lines(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not _is_data(line):
+            continue
+        where = f"{name}, line {number}"
+        with raised_as(ExportError, f"{where}: "):
+            values = json_of(line)
+        if not isinstance(values, dict):
+            raise ExportError(f"{where}: an object belongs there")
+        yield where, {key: "" if v is None else str(v) for key, v in values.items()}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name.strip().strip('"').lower()).strip("_")
+
+
+class _Columns:
+    """Which column is what."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._by_name = {_plain(each): each for each in names}
+
+    @classmethod
+    def of(cls, names: Sequence[str], where: str) -> "_Columns":
+        columns = cls(names)
+        has_ra = any(each in columns._by_name for each in (*_RA, *_RADIANS[0], *_HOURS))
+        has_dec = any(each in columns._by_name for each in (*_DEC, *_RADIANS[1]))
+        if not (has_ra and has_dec and columns.find(_TIME)):
+            shown = ", ".join(names)[:120]
+            raise ExportError(f"{where}: {NEEDED} are needed; it has {shown}")
+        return columns
+
+    def find(self, wanted: Sequence[str]) -> str | None:
+        """The column's own name."""
+        return next((self._by_name[each] for each in wanted if each in self._by_name), None)
+
+    def counts(self, values: Mapping[str, str]) -> bool:
+        """Whether it is a measurement that this program's own tables say was taken."""
+        taken = self._by_name.get("is_taken")
+        cut = self._by_name.get("is_clipped")
+        is_taken = taken is None or values.get(taken, "").lower() != "false"
+        return is_taken and (cut is None or values.get(cut, "").lower() != "true")
+
+    def row(self, values: Mapping[str, str], where: str) -> ObservedRow:
+        """One line of it. Raises ExportError."""
+
+        def text(wanted: Sequence[str]) -> str | None:
+            name = self.find(wanted)
+            return None if name is None else (values.get(name, "").strip() or None)
+
+        def number(wanted: Sequence[str]) -> float | None:
+            found = text(wanted)
+            return None if found is None else _number(found, f"{where}, {self.find(wanted)}")
+
+        ra, dec, is_degrees = self._direction(number, where)
+        with raised_as(ExportError, f"{where}: "):
+            t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
+        latitude, longitude = number(_LATITUDE), number(_LONGITUDE)
+        site = None
+        if latitude is not None and longitude is not None:
+            if abs(latitude) > 90.0 or abs(longitude) > 360.0:
+                raise ExportError(f"{where}: no place on Earth has {latitude:g}, {longitude:g}")
+            site = Site(
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                elevation_m=number(_HEIGHT) or 0.0,
+            )
+        return ObservedRow(
+            where=where,
+            t_utc_ns=t_utc_ns,
+            ra_icrs_deg=ra,
+            dec_icrs_deg=dec,
+            sigma_ra_arcsec=number(_SIGMA_RA),
+            sigma_dec_arcsec=number(_SIGMA_DEC),
+            correlation=number(("correlation",)) or 0.0,
+            time_sigma_s=number(_TIME_SIGMA),
+            target=text(_TARGET),
+            station=text(_STATION),
+            site=site,
+            is_degrees=is_degrees,
+        )
+
+    def _direction(
+        self, number: Callable[[Sequence[str]], float | None], where: str
+    ) -> tuple[float, float, bool]:
+        """Both angles in degrees, if they are what their names say; whether a name says a unit."""
+
+        def angle(scales: Mapping[str, float]) -> tuple[str, float]:
+            for name, scale in scales.items():
+                if (found := number((name,))) is not None:
+                    return name, scale * found
+            raise ExportError(f"{where}: it has no direction")
+
+        (ra_name, ra), (dec_name, dec) = angle(_RA_SCALES), angle(_DEC_SCALES)
+        bare = {ra_name, dec_name} & _BARE
+        if bare and {ra_name, dec_name} & {*_RADIANS[0], *_RADIANS[1]}:
+            raise ExportError(
+                f"{where}: one angle is in radians and {bare.pop()} has no unit in its name: call"
+                " it ra_rad or dec_rad, or ra_deg or dec_deg"
+            )
+        return ra, dec, len(bare) < 2
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        hint = ": write it in degrees" if ":" in text else ""
+        raise ExportError(f"{where}: {text[:30]!r} is not a number{hint}") from None
+    if not math.isfinite(value):
+        raise ExportError(f"{where}: {text} is no direction and no error")
+    return value
+
+
+def ecsv_site(text: str) -> Site | None:
+    """Where the telescope of an ECSV of this program stood, by its head."""
+    found = {
+        key: re.search(rf"^#.*\b{key}: (-?[0-9.]+)", text, re.MULTILINE)
+        for key in ("latitude_deg", "longitude_deg", "elevation_m")
+    }
+    if any(each is None for each in found.values()):
+        return None
+    values = {key: float(each[1]) for key, each in found.items() if each is not None}
+    return Site(**values)
+
+
+def stations_of(path: Path, text: str) -> dict[str, Site]:
+    """Places of stations: ``2701 ME 43.6876 -79.3924 230 Name``, as observers keep them.
+
+    Raises ExportError naming the line that is none.
+    """
+    found: dict[str, Site] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not _is_data(line):
+            continue
+        match = re.match(
+            r"(\w{4})\s+(?:[A-Za-z]\S*\s+)?(-?\d+\.\d*)\s+(-?\d+\.\d*)\s+(-?\d+\.?\d*)", line
+        )
+        if match is None:
+            raise ExportError(
+                f"{path}, line {number}: a station is '2701 ME 43.6876 -79.3924 230 Name': number,"
+                " letters, latitude, longitude (east positive), metres"
+            )
+        latitude, longitude, height = (float(match[n]) for n in (2, 3, 4))
+        if abs(latitude) > 90.0 or abs(longitude) > 360.0:
+            raise ExportError(f"{path}, line {number}: no place on Earth has that latitude")
+        found[match[1]] = Site(latitude_deg=latitude, longitude_deg=longitude, elevation_m=height)
+    return found

@@ -1,0 +1,402 @@
+"""One call for every format but the report, which the floor above draws."""
+
+import csv
+import io
+import json
+import math
+import time
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from rsoconsole.base import ExportError, said_as, write_durably
+from rsoconsole.library.formats import solved_fits as on_record
+from rsoconsole.library.formats.iod import STATION, check_station, site_line, to_iod
+from rsoconsole.library.formats.night import ExportedNight, read_night
+from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
+from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
+from rsoconsole.library.formats.target import Target
+from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, whole, xml_of
+from rsoconsole.sky import jd_utc
+from rsoconsole.words import utc_ns_to_iso
+
+MARKING = "U"
+"""Unclassified, as the UDL writes it."""
+DESCRIPTOR = (
+    "astrometric: relative to catalogue stars, no aberration in it, light time not taken out;"
+    " obTime is mid-exposure"
+)
+_DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
+
+
+def to_udl(
+    night: ExportedNight, tracks: Iterable[int], *, target: Target, source: str, sensor: str
+) -> str:
+    """The records. A streak that the frame cuts is left out.
+
+    ``source`` and ``sensor``: who makes them, and with what, in words of your own.
+    """
+    found = [
+        _record(night, track, row, place, target=target, source=source, sensor=sensor)
+        for track in tracks
+        for row, place in _placed(whole(night.of_track(track)))
+    ]
+    return json.dumps(found, indent=1, allow_nan=False) + "\n"
+
+
+def _placed(rows: tuple[MeasuredRow, ...]) -> Iterable[tuple[MeasuredRow, str]]:
+    for n, row in enumerate(rows):
+        last = n == len(rows) - 1
+        place = "SINGLE" if len(rows) == 1 else "FIRST" if n == 0 else "LAST" if last else "IN"
+        yield row, place
+
+
+def _record(
+    night: ExportedNight,
+    track: int,
+    row: MeasuredRow,
+    place: str,
+    *,
+    target: Target,
+    source: str,
+    sensor: str,
+) -> dict[str, Any]:
+    site = night.config.site.to_site()
+    east2, cross, north2 = row.cov_sky_arcsec2
+    cos_dec = max(math.cos(math.radians(row.dec_icrs_deg)), 1e-9)
+    record: dict[str, Any] = {
+        "classificationMarking": MARKING,
+        "dataMode": "SIMULATED" if night.is_simulated else "REAL",
+        "source": source,
+        "obTime": utc_ns_to_iso(row.t_mid_utc_ns, 6),
+        "origSensorId": sensor,
+        "origObjectId": target.tdm_name(track),
+        "trackId": f"{night.name}-{track}",
+        "obPosition": place,
+        "uct": not target.is_known,
+        "referenceFrame": "GCRF",
+        "ra": round(row.ra_icrs_deg % 360.0, 9) % 360.0,
+        "raUnc": row.sigma_ra_arcsec / cos_dec / 3600.0,
+        "raMeasured": True,
+        "declination": round(row.dec_icrs_deg, 9),
+        "declinationUnc": row.sigma_dec_arcsec / 3600.0,
+        "declinationMeasured": True,
+        "senlat": site.latitude_deg,
+        "senlon": site.longitude_deg,
+        "senalt": site.elevation_m / 1000.0,
+        "descriptor": DESCRIPTOR,
+        "eoobservationDetails": {
+            "raCov": east2 / cos_dec**2 * _DEG2_PER_ARCSEC2,
+            "declinationCov": north2 * _DEG2_PER_ARCSEC2,
+            "raDeclinationCov": cross / cos_dec * _DEG2_PER_ARCSEC2,
+            "timesUnc": night.time_sigma_s(row),
+        },
+    }
+    if row.exposure_s is not None:
+        record["expDuration"] = row.exposure_s
+    if target.norad_id is not None:
+        record["satNo"] = target.norad_id
+    return record
+
+
+_NAMES = tuple(column.name for column in COLUMNS)
+TIME, DIRECTION = "t_mid_utc", "direction"
+
+
+def to_csv(rows: Iterable[MeasuredRow]) -> str:
+    """A head line with the columns' names, then a line a measurement."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_NAMES)
+    for row in rows:
+        writer.writerow([_csv_field(row.value(name)) for name in _NAMES])
+    return text.getvalue()
+
+
+def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
+    """One object a measurement, a line each."""
+    return "".join(
+        json.dumps({name: row.value(name) for name in _NAMES}, allow_nan=False) + "\n"
+        for row in rows
+    )
+
+
+def to_ecsv(night: ExportedNight) -> str:
+    """A table with units, descriptions and, as ``meta``, what ``ExportedNight.facts`` tells.
+
+    Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
+    """
+    from astropy.table import MaskedColumn, Table
+
+    types = {"integer": "int64", "real": "float64", "truth": "bool"}
+    table = Table(meta=night.facts())
+    for column in COLUMNS:
+        if column.name == TIME:
+            table[TIME] = _times([row.t_mid_utc_ns for row in night.rows])
+            table[TIME].info.description = column.meaning
+            continue
+        values = [row.value(column.name) for row in night.rows]
+        blank: Any = "" if column.type == "text" else 0
+        filled = [blank if value is None else value for value in values]
+        table[column.name] = MaskedColumn(
+            filled,
+            mask=[value is None for value in values],
+            dtype=types.get(column.type, str),
+            unit=column.unit,
+            description=column.meaning,
+        )
+    table[DIRECTION] = _directions(night.rows)
+    table[DIRECTION].info.description = "ra_icrs_deg and dec_icrs_deg"
+    text = io.StringIO()
+    with warnings.catch_warnings():
+        # Astropy doubts UTC some years ahead, where leap seconds are not yet decided.
+        warnings.filterwarnings("ignore", message=".*dubious year")
+        table.write(text, format="ascii.ecsv")
+    return text.getvalue()
+
+
+def _times(t_utc_ns: Sequence[int]) -> Any:
+    import numpy as np
+    from astropy.time import Time
+
+    found = Time(*jd_utc(np.array(t_utc_ns, np.int64)), format="jd", scale="utc")
+    found.format, found.precision = "isot", 9  # what is written as text is as exact
+    return found
+
+
+def _directions(rows: Sequence[MeasuredRow]) -> Any:
+    import numpy as np
+    from astropy.coordinates import SkyCoord
+
+    ra = np.array([row.ra_icrs_deg for row in rows], float)
+    dec = np.array([row.dec_icrs_deg for row in rows], float)
+    return SkyCoord(ra, dec, unit="deg", frame="icrs")
+
+
+def _csv_field(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl"]
+FrameFormat = Literal["fits", "regions"]
+Format = Literal[TextFormat, FrameFormat]
+TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
+FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
+"""What the tracks took, for others."""
+_ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
+FOLDER = Path("branches") / "exports"
+"""Where in a session its exports lie, unless another place is named."""
+_SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """What may be asked for beside session and format."""
+
+    everything: bool = False
+    """Tables also hold what the operator refused and what their decision replaced."""
+    track: int | None = None
+    """TDM, IOD and UDL of this track alone."""
+    target: Target = field(default_factory=Target)
+    """What the track's object is called."""
+    station: str = STATION
+    """IOD: the observing site's number."""
+    sky: str = " "
+    """IOD: state of the sky, one of E, G, F, P, B, T."""
+    site_line: bool = False
+    """IOD: a line with the station and its place comes first, as in posts to SeeSat-L."""
+    originator: str = ORIGINATOR
+    """TDM and UDL: who made it."""
+    frames: tuple[int, ...] | None = None
+    """FITS and regions of these frames alone."""
+    is_forced: bool = False
+    """Existing files are written over."""
+
+    def __post_init__(self) -> None:
+        """Raises ExportError for what cannot be written."""
+        check_station(self.station, self.sky)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """What was written."""
+
+    path: Path | None = None
+    """The file; the folder where each frame has its own; None where only a text was made."""
+    files: tuple[Path, ...] = ()
+    format: str
+    measurements: int
+    tracks: int
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """How many of what is not in it, in words."""
+    is_simulated: bool
+
+
+def export(
+    session: Path, kind: Format, out: Path | None = None, options: ExportOptions | None = None
+) -> Export:
+    """Write a session or a branch in another format, whole files or none.
+
+    ``out``: a file, or for ``fits`` and ``regions`` a folder; None means ``branches/exports`` in
+    the session. Raises SessionError for what is no session, ExportError for what cannot be
+    exported, for files that exist (unless ``is_forced``) and where nothing can be written.
+    """
+    options = options or ExportOptions()
+    if kind not in (*TEXT_FORMATS, *FRAME_FORMATS):
+        formats = ", ".join((*TEXT_FORMATS, *FRAME_FORMATS))
+        raise ExportError(
+            f"{kind!r} is none of {formats}; html is made by notebook.report.render_report"
+        )
+    if kind in FRAME_FORMATS:
+        return _export_frames(session, kind, out, options)  # type: ignore[arg-type]
+    text, made = render(session, kind, options)  # type: ignore[arg-type]
+    return save_text(session, text, made, out, is_forced=options.is_forced)
+
+
+def save_text(
+    session: Path, text: str, made: Export, out: Path | None, *, is_forced: bool
+) -> Export:
+    """A text that was made of a session in its file. Raises ExportError."""
+    path = out
+    if path is None:
+        ending = _ENDINGS.get(made.format, made.format)
+        path = session / FOLDER / f"{session.resolve().name}.{ending}"
+    write_file(path, text.encode("utf-8"), is_forced=is_forced)
+    return replace(made, path=path, files=(path,))
+
+
+def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
+    """The text of a format that has one, and what is in it. Raises as ``export`` does."""
+    night = read_night(session, everything=options.everything and kind not in MESSAGES)
+    if kind in MESSAGES:
+        return _messages(night, kind, options)
+    texts = {
+        "csv": lambda: to_csv(night.rows),
+        "ecsv": lambda: to_ecsv(night),
+        "jsonl": lambda: to_jsonl(night.rows),
+    }
+    made = Export(
+        format=kind,
+        measurements=len(night.rows),
+        tracks=len(night.tracks),
+        is_simulated=night.is_simulated,
+    )
+    return texts[kind](), made
+
+
+def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
+    """A whole file in its place, or none. Raises ExportError."""
+    if path.is_dir():
+        raise ExportError(f"{path} is a folder: name a file with --out")
+    if path.exists() and not is_forced:
+        raise ExportError(f"{path} is there already: --force writes it again, --out names another")
+    with said_as(ExportError, f"{path} cannot be written: ", "; name another place with --out"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(path, content)
+
+
+def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
+    """TDM and IOD: what tracks took, and no streak that a frame's edge cuts."""
+    tracks = night.tracks if options.track is None else (options.track,)
+    if not set(tracks) <= set(night.tracks):
+        known = ", ".join(map(str, night.tracks)) or "none"
+        raise ExportError(f"the session has no track {options.track}; it has {known}")
+    if options.target.is_known and len(tracks) > 1:
+        raise ExportError(
+            f"the session has {len(tracks)} tracks: --track says which of them has that number"
+        )
+    taken = [row for track in tracks for row in night.of_track(track)]
+    sent = whole(tuple(taken))
+    if not sent:
+        raise ExportError(
+            "no track took anything in this session: there is nothing to report; "
+            "csv, ecsv and jsonl carry measurements that no track took"
+        )
+    text = _text_of(night, kind, tracks, options)
+    counted = {
+        "cut by the frame's edge": len(taken) - len(sent),
+        "taken by no track": sum(row.track is None for row in night.rows),
+        "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
+    }
+    made = Export(
+        format=kind,
+        measurements=len(sent),
+        tracks=len(tracks),
+        left_out={words: number for words, number in counted.items() if number},
+        is_simulated=night.is_simulated,
+    )
+    return text, made
+
+
+def _text_of(
+    night: ExportedNight, kind: str, tracks: tuple[int, ...], options: ExportOptions
+) -> str:
+    if kind == "iod":
+        lines = to_iod(
+            night, tracks, target=options.target, station=options.station, sky=options.sky
+        )
+        return site_line(night, options.station) + lines if options.site_line else lines
+    if kind == "udl":
+        return to_udl(
+            night,
+            tracks,
+            target=options.target,
+            source=options.originator,
+            sensor=night.config.site.name,
+        )
+    text = to_tdm(
+        night,
+        tracks,
+        target=options.target,
+        created_utc_ns=time.time_ns(),
+        originator=options.originator,
+    )
+    return xml_of(text) if kind == "tdm-xml" else text
+
+
+def _export_frames(
+    session: Path, kind: FrameFormat, out: Path | None, options: ExportOptions
+) -> Export:
+    night = read_night(session)
+    frames = on_record.frames_on_record(session, night.rows)
+    numbers = on_record.chosen(frames, options.frames)
+    left_out: dict[str, int] = {}
+    if options.frames is None:
+        usable = [n for n in numbers if kind == "regions" or frames[n].file is not None]
+        left_out["pixels not kept"] = len(numbers) - len(usable)
+        numbers = [n for n in usable if frames[n].solution is not None]
+        left_out["not solved"] = len(usable) - len(numbers)
+    if not numbers:
+        why = ", ".join(f"{number} {words}" for words, number in left_out.items() if number)
+        raise ExportError(
+            f"the session has no frame to export ({why or 'it has none'});"
+            " session.keep_frames says which frames keep their pixels"
+        )
+    folder = session / FOLDER / f"{session.resolve().name}-frames" if out is None else out
+    paths = [folder / f"{number:06d}{_SUFFIXES[kind]}" for number in numbers]
+    there = next((path for path in paths if path.exists()), None)
+    if there is not None and not options.is_forced:
+        raise ExportError(f"{there} is there already: --force writes it again, --out names another")
+    if folder.exists() and not folder.is_dir():
+        raise ExportError(f"{folder} is a file: --out names a folder for a file a frame")
+    for number, path in zip(numbers, paths, strict=True):
+        frame = frames[number]
+        is_fits = kind == "fits"
+        content = solved_fits(frame, night.config) if is_fits else to_regions(frame).encode()
+        write_file(path, content, is_forced=True)
+    return Export(
+        path=folder,
+        files=tuple(paths),
+        format=kind,
+        measurements=sum(len(frames[number].rows) for number in numbers),
+        tracks=len({row.track for n in numbers for row in frames[n].rows if row.track}),
+        left_out={words: number for words, number in left_out.items() if number},
+        is_simulated=night.is_simulated,
+    )

@@ -1,0 +1,229 @@
+"""A session gathered for others: who observed with what, and every measurement that counts."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rsoconsole import __version__
+from rsoconsole.config import Config, ExposureConfig
+from rsoconsole.library.formats.rows import MeasuredRow, row_of
+from rsoconsole.night import NightFrame, frames_of
+from rsoconsole.pipeline import shutter_time, usual_sigma_s
+from rsoconsole.records import (
+    Detections,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    Measurement,
+    NotFollowed,
+    Ruling,
+    TrackState,
+)
+from rsoconsole.session import SessionReader, clock_notes
+from rsoconsole.words import text
+
+KINDS = (
+    FrameTaken,
+    Detections,
+    Measurement,
+    TrackState,
+    NotFollowed,
+    Ruling,
+    FollowedAgain,
+    Identified,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedNight:
+    """What the writers of all formats are given."""
+
+    name: str
+    """Of the session's folder."""
+    title: str
+    config: Config
+    about: Mapping[str, Any]
+    """What the session says of itself, without its configuration."""
+    rows: tuple[MeasuredRow, ...]
+    """In order of time."""
+    clock_notes: tuple[str, ...] = ()
+    """What happened to the clock that all these times are by, a line each."""
+    names: Mapping[int, Identified] = field(default_factory=dict)
+    """The last name of each track on record, by track id."""
+    taken: Mapping[int, FrameTaken] = field(default_factory=dict)
+    """The frames, by their numbers."""
+
+    @property
+    def tracks(self) -> tuple[int, ...]:
+        """Ids of the tracks that took something."""
+        return tuple(sorted({row.track for row in self.rows if row.track is not None}))
+
+    def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
+        """What it took and what counts, in order of time."""
+        return tuple(row for row in self.rows if row.track == track and not row.is_superseded)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no telescope was there."""
+        return self.about.get("is_simulated") is True
+
+    @property
+    def is_closed(self) -> bool:
+        """False while it goes on, and where it was cut off."""
+        return self.about.get("is_closed") is True
+
+    def time_sigma_s(self, row: MeasuredRow) -> float:
+        """One sigma of a row's time by the shutter alone."""
+        taken = self.taken.get(row.frame_id)
+        exposure = self.config.exposure
+        if taken is None:
+            return exposure.timing_sigma_s
+        return shutter_time(taken, exposure).total_sigma_s
+
+    def shutter_sigma_s(self, row: MeasuredRow) -> float:
+        """What of it the row's own errors have: the shutter's scatter, without a bias's error."""
+        taken = self.taken.get(row.frame_id)
+        exposure = self.config.exposure
+        return exposure.timing_sigma_s if taken is None else shutter_time(taken, exposure).sigma_s
+
+    def facts(self) -> dict[str, Any]:
+        """What a table says of where it comes from; plain values."""
+        site, optics = self.config.site, self.config.optics
+        facts: dict[str, Any] = {
+            "session": self.name,
+            "title": self.title,
+            "is_simulated": self.is_simulated,
+            "is_closed": self.is_closed,
+            "site": site.model_dump(mode="json"),
+            "optics": optics.model_dump(mode="json"),
+            "exposure_s": self.config.exposure.exposure_s,
+            "timing_sigma_s": usual_sigma_s(self.config.exposure),
+            **_shutter_facts(self.config.exposure),
+            "clock_offset_s": self.about.get("clock_offset_s"),
+            "clock_faults": list(self.clock_notes),
+            "filter_preset": self.config.filter.preset,
+            "directions": "ICRS, astrometric: relative to catalogue stars",
+            "times": "UTC, mid-exposure by the shutter",
+            "exported_by": f"rsoconsole {__version__}",
+            "versions": self.about.get("versions"),
+        }
+        about_keys = {"branch_of", "tried"}
+        facts.update((key, value) for key, value in self.about.items() if key in about_keys)
+        # Whatever identifies the model and, where a session has one, its contents.
+        marks = ("sha256", "digest")
+        facts.update((k, v) for k, v in self.about.items() if any(mark in k for mark in marks))
+        return facts
+
+
+def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
+    """Gather a session's or a branch's measurements, no matter who took them.
+
+    Without ``everything`` only what counts: not what the operator refused, and of frames that
+    were followed again by their decision only the last reading. Raises SessionError.
+    """
+    reader = SessionReader(session)
+    about = reader.about()
+    config = reader.config()
+    about.pop("config", None)
+    frames = frames_of((record for _, _, record in reader.records(kinds=KINDS)), config)
+    rows = sorted(_rows(frames, everything), key=lambda row: row.t_mid_utc_ns)
+    name = session.resolve().name
+    return ExportedNight(
+        name=name,
+        title=str(about.get("title") or name),
+        config=config,
+        about=about,
+        rows=tuple(rows),
+        taken={each.frame_id: each.taken for each in frames if each.taken is not None},
+        clock_notes=clock_notes(reader),
+        names={found.track_id: found for frame in frames for found in frame.names},
+    )
+
+
+def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
+    """The shutter as it was calibrated; nothing where it was not."""
+    if not exposure.calibrated:
+        return {}
+    return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
+
+
+def _rows(frames: Iterable[NightFrame], everything: bool) -> Iterator[MeasuredRow]:
+    frames = [each for each in frames if each.taken is not None]
+    firsts = _firsts(frames)
+    for frame in frames:
+        folds = [frame]
+        while folds[0].first is not None:
+            folds.insert(0, folds[0].first)
+        for fold in folds if everything else folds[-1:]:
+            yield from _rows_of(frame, fold, firsts if fold is frame else {})
+
+
+def _rows_of(
+    frame: NightFrame, fold: NightFrame, firsts: Mapping[str, int]
+) -> Iterator[MeasuredRow]:
+    """``fold``: the frame, or what was made of it before it was followed again."""
+    is_last = fold is frame
+    predicted = {each.track_id: each.predicted for each in fold.tracks}
+    updates = [each.updated for each in fold.tracks if each.updated is not None]
+    corrected_by = {each.measurement_id: each for each in updates if each.shared_with is None}
+    lead = next((each.track_id for each in reversed(fold.tracks) if each.is_lead), None)
+    for measurement in _measured(frame, fold):
+        began = firsts.get(measurement.measurement_id)
+        corrected = corrected_by.get(measurement.measurement_id)
+        is_taken = corrected is not None or began is not None
+        refusal = next(
+            (each for each in fold.not_followed if each.measurement == measurement), None
+        )
+        track = began if corrected is None or began is not None else corrected.track_id
+        of_track = lead if corrected is None else corrected.track_id
+        yield row_of(
+            measurement,
+            frame,
+            track=track if is_taken and is_last else None,
+            is_taken=is_taken,
+            reason=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
+            nis=None if refusal is None or is_taken else refusal.nis,
+            predicted=None if of_track is None else predicted.get(of_track),
+            corrected=corrected,
+            is_superseded=not is_last,
+        )
+
+
+def _measured(frame: NightFrame, fold: NightFrame) -> list[Measurement]:
+    """What there was to follow: what was detected, or what the operator's word has left of it."""
+    seen = [each for each in frame.measurements if each.source == "network"]
+    if fold.first is None:
+        return seen
+    decision = fold.first.decision
+    if decision is None:
+        return seen
+    left = [each for each in seen if each not in decision.refused]
+    own = decision.taken
+    return left if own is None or own in left else [*left, own]
+
+
+def _reason(
+    frame: NightFrame, measurement: Measurement, refusal: NotFollowed | None, *, is_taken: bool
+) -> str | None:
+    """Why it does not count, or why no track took it."""
+    if is_taken:
+        return None
+    if frame.decision is not None and measurement in frame.decision.refused:
+        return f"refused by {frame.decision.by}"
+    updates = [each.updated for each in frame.tracks if each.updated is not None]
+    of = [each.track_id for each in updates if each.measurement_id == measurement.measurement_id]
+    if of:  # taken by nobody: it is shared
+        return f"one streak of tracks {' and '.join(map(str, sorted(of)))}"
+    return None if refusal is None else text(refusal.reason)
+
+
+def _firsts(frames: Iterable[NightFrame]) -> dict[str, int]:
+    """By id: the measurements of earlier frames with which tracks began, and those tracks."""
+    return {
+        each: track.track_id
+        for frame in frames
+        for track in frame.tracks
+        if track.updated is not None and track.updated.begun_with is not None
+        for each in (track.updated.begun_with[0], *track.updated.begun_through)
+    }

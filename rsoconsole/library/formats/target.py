@@ -1,0 +1,103 @@
+"""What a track's object is called in formats that want a name, also where nobody knows it."""
+
+import re
+from dataclasses import dataclass
+
+from rsoconsole.base import ExportError
+from rsoconsole.records import CatalogueMatch, Identified
+from rsoconsole.words import called, clock
+
+_COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
+LARGEST_NORAD = 999_999_999
+"""What an OMM holds."""
+LARGEST_IOD_NORAD = 99_999
+"""What five columns hold."""
+UNKNOWN_NORAD = 99_900
+"""The first number of those that stand for unknown objects: 99901 is the night's first."""
+UNKNOWN_LAUNCH = 999
+_PIECES = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+"""Letters of pieces: without I and O."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The object's numbers in the catalogues, as far as somebody gave them."""
+
+    norad_id: int | None = None
+    cospar: str | None = None
+    """As in ``2009-064A``."""
+
+    def __post_init__(self) -> None:
+        """Raises ExportError for what cannot be such a number."""
+        if self.norad_id is not None and not 1 <= self.norad_id <= LARGEST_NORAD:
+            raise ExportError(f"{self.norad_id} is no catalogue number of one to nine digits")
+        if self.cospar is not None and _COSPAR.fullmatch(self.cospar) is None:
+            raise ExportError(
+                f"{self.cospar!r} is no international designation: write it like 2009-064A"
+            )
+
+    @property
+    def is_known(self) -> bool:
+        """Whether somebody named it."""
+        return self.norad_id is not None or self.cospar is not None
+
+    def tdm_name(self, track: int) -> str:
+        """The international designation, else the catalogue number, else UNKNOWN and a number."""
+        if self.cospar is not None:
+            return self.cospar
+        return f"UNKNOWN-{track}" if self.norad_id is None else str(self.norad_id)
+
+    def iod_name(self, track: int, year: int) -> str:
+        """Columns 1 to 15 of an IOD line.
+
+        An unknown object is 999NN with NN its track, launch 999 of the year of the observation:
+        no launch has that number. Raises ExportError where more tracks are than such numbers.
+        """
+        if self.norad_id is not None and self.norad_id > LARGEST_IOD_NORAD:
+            raise ExportError(
+                f"an IOD line has five columns for a catalogue number, no room for {self.norad_id}:"
+                " leave --norad out and give --cospar, or export tdm"
+            )
+        if track > LARGEST_IOD_NORAD - UNKNOWN_NORAD:
+            raise ExportError("more than 99 tracks: give one at a time with --track")
+        norad = UNKNOWN_NORAD + track if self.norad_id is None else self.norad_id
+        match = _COSPAR.fullmatch(self.cospar or "")
+        if match is None:
+            piece = piece_letters(track)
+            return f"{norad:05d} {year % 100:02d} {UNKNOWN_LAUNCH:03d}{piece:<3}"
+        return f"{norad:05d} {int(match[1]) % 100:02d} {match[2]}{match[3]:<3}"
+
+
+def piece_letters(number: int) -> str:
+    """Of the piece of a launch with that number: 1 is A, 24 Z, 25 AA."""
+    letters = ""
+    while number > 0:
+        number, place = divmod(number - 1, len(_PIECES))
+        letters = _PIECES[place] + letters
+    return letters
+
+
+_LIKELY = 0.05
+
+
+def name_words(name: Identified) -> str:
+    """Verdict, objects and probabilities, in one line of ASCII where the names are."""
+    with_others = ""
+    if name.named_with:
+        others = "1 other track" if name.named_with == 1 else f"{name.named_with} other tracks"
+        with_others = f", named together with {others}"
+    if name.verdict == "identified" and name.matches:
+        return f"identified: {_called(name.matches[0])}{with_others}"
+    if name.verdict == "ambiguous":
+        likely = [_called(each) for each in name.matches if each.probability >= _LIKELY]
+        return f"ambiguous: {' or '.join(likely) or 'no object is likely'}{with_others}"
+    past = name.ledger
+    if past is None:
+        return "uncorrelated: no catalogued object"
+    doubt = "" if past.is_sure else "perhaps "
+    seen = clock(past.t_last_utc_ns, "day", "")
+    return f"uncorrelated: {doubt}{past.name}, seen {seen}, probability {past.probability:.3f}"
+
+
+def _called(match: CatalogueMatch) -> str:
+    return f"{called(match.name, match.norad_id)}, probability {match.probability:.3f}"

@@ -1,0 +1,142 @@
+"""A night followed with other settings, beside what was recorded."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from rsoconsole.config import Config, with_changes
+from rsoconsole.library.notebook.figures.figures import NightPlots
+from rsoconsole.library.notebook.night.night import DrawnNight, night_of
+from rsoconsole.library.notebook.night.svg import text
+from rsoconsole.night import NightFrames, Summary, shown, summary_of
+from rsoconsole.pipeline import ReplayedFrame, replay
+from rsoconsole.records import FrameTaken, ParameterChange, Record
+from rsoconsole.words import settings_words
+
+_CELL = "padding:1px 14px 1px 0;text-align:left"
+_TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
+
+
+class Recorded(Protocol):
+    """What is asked of the session that is followed otherwise."""
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """As it was named."""
+        ...
+
+    @property
+    def config(self) -> Config:
+        """As it was recorded."""
+        ...
+
+    @property
+    def records(self) -> tuple[tuple[int, int, Record], ...]:
+        """Its log."""
+        ...
+
+    @property
+    def summary(self) -> Summary:
+        """How it went."""
+        ...
+
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """Itself."""
+        ...
+
+
+class WhatIf(NightPlots):
+    """Made by ``Session.what_if``; its figures show both nights side by side."""
+
+    def __init__(self, session: Recorded, changes: Mapping[str, float | str]) -> None:
+        """Follow the night again. Raises ConfigError for a setting that cannot be."""
+        self.session = session
+        self.settings = dict(changes)
+        log = session.records
+        self.frames = tuple(replay((r for _, _, r in log), session.config, changes=changes))
+        """Every folded frame; ``recorded`` is what was made of it then, ``records`` now."""
+        config = with_changes(session.config, changes)
+        title = f"tried {self.words}" if changes else "as recorded"
+        self._night = _night_of(title, config, log, self.frames)
+        self._recorded = session.nights()[0]
+
+    @property
+    def words(self) -> str:
+        """The settings that were tried."""
+        return settings_words(self.settings)
+
+    @property
+    def recorded(self) -> Summary:
+        """How it went."""
+        return self.session.summary
+
+    @property
+    def changed(self) -> Summary:
+        """How it would have gone."""
+        return summary_of(self._night.frames)
+
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """As recorded, and as tried."""
+        return self._recorded, self._night
+
+    def save(self, name: str, *, force: bool = False) -> Path:
+        """Keep it as a branch of the session, ``branches/NAME``; returns its folder.
+
+        The session's own record is not touched. Raises SessionError for a name that is taken
+        (unless ``force``) or cannot be one, and where it cannot be written.
+        """
+        from rsoconsole.pipeline import save_branch, what_if_session
+
+        return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
+
+    def rows(self) -> Iterator[tuple[str, str, str]]:
+        """(what, as recorded, as tried) in words."""
+        old, new = self.recorded, self.changed
+        for each in shown.NIGHT:
+            yield each.label, each.words(old), each.words(new)
+
+    def __repr__(self) -> str:
+        lines = [f"what if {self.words or 'nothing were changed'}: {self.session.title}"]
+        lines.append(f"  {'':<15}{'as recorded':>16}{'if tried':>16}")
+        lines += [f"  {what:<15}{old:>16}{new:>16}" for what, old, new in self.rows()]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f'<tr style="background:none"><th scope="row" style="{_CELL};font-weight:normal;'
+            f'opacity:0.72">{text(what)}</th><td style="{_CELL}">{text(old)}</td>'
+            f'<td style="{_CELL};{"font-weight:600" if old != new else ""}">{text(new)}</td></tr>'
+            for what, old, new in self.rows()
+        )
+        return (
+            '<div class="rsoconsole-what-if" style="color:var(--jp-ui-font-color1,inherit);'
+            'font-size:13px"><div style="font-weight:600">What if '
+            f"{text(self.words or 'nothing were changed')}? {text(self.session.title)}</div>"
+            f'<table style="{_TABLE}"><tr style="background:none"><td></td>'
+            f'<th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
+            f"{rows}</table></div>"
+        )
+
+
+def _night_of(
+    title: str,
+    config: Config,
+    log: tuple[tuple[int, int, Any], ...],
+    frames: tuple[ReplayedFrame, ...],
+) -> DrawnNight:
+    """The night as followed again; what was not followed keeps its place in time."""
+    fold = NightFrames(config)
+    for _, _, record in log:
+        if isinstance(record, FrameTaken):
+            fold.take(record)
+    for each in frames:
+        tau = each.config.detector.tau
+        fold.take(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
+        for record in (each.taken, *each.shown.measurements, *each.records):
+            fold.take(record)
+    return night_of(title, config, fold.seen())

@@ -1,0 +1,356 @@
+"""Right ascension and declination against time: as the paper has it, and where more is seen."""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.library.notebook.night.night import DrawnNight, TruePlace, offset_arcsec
+from rsoconsole.night import NightFrame
+from rsoconsole.records import TrackState
+from rsoconsole.sky import wrap_180, wrap_360
+from rsoconsole.words import utc_ns_to_iso
+
+STYLE: dict[str, Any] = {
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "figure.constrained_layout.use": True,
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    # What a session calls itself is no formula.
+    "text.parse_math": False,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "svg.fonttype": "none",
+}
+MEASURED: dict[str, Any] = {
+    "marker": "s",
+    "markersize": 5.2,
+    "markerfacecolor": "none",
+    "markeredgecolor": "#c62828",
+    "markeredgewidth": 1.1,
+    "linestyle": "none",
+    "zorder": 5,
+}
+UPDATED: dict[str, Any] = {
+    "marker": "^",
+    "markersize": 3.6,
+    "markerfacecolor": "#1e55c8",
+    "markeredgecolor": "none",
+    "linestyle": "none",
+    "zorder": 6,
+}
+PREDICTED: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 6.4,
+    "markerfacecolor": "none",
+    "markeredgecolor": "#2e7d32",
+    "markeredgewidth": 1.0,
+    "linestyle": "none",
+    "zorder": 4,
+}
+BOUND: dict[str, Any] = {"color": "#333333", "linestyle": (0, (4, 2.5)), "linewidth": 0.9}
+BAND = {"color": "#5b7fb5", "alpha": 0.10, "linewidth": 0}
+MISS_COLOUR = "#f3d9b8"
+
+
+def time_axis(axis: Any, night: DrawnNight) -> None:
+    """Seconds since the first exposure, and when that was."""
+    first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0)
+    axis.set_xlabel(f"Time since the middle of the first exposure, {_to_the_second(first)} (s)")
+    last_s = night.seconds(night.frames[-1])
+    margin_s = max(0.02 * last_s, 1.0)
+    axis.set_xlim(-margin_s, last_s + margin_s)
+
+
+def _to_the_second(iso: str) -> str:
+    return iso.removesuffix("Z").replace("T", " ") + " UTC"
+
+
+def head(axis: Any, night: DrawnNight, what: str) -> None:
+    """A title: what is drawn, of which session, with which preset."""
+    axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
+
+
+def note(axis: Any, words: str) -> None:
+    """A line inside the panel's lower right corner, legible over what is drawn there."""
+    paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+    axis.text(
+        *(0.992, 0.03, words),
+        transform=axis.transAxes,
+        ha="right",
+        fontsize=8.0,
+        zorder=7,
+        bbox=paper,
+    )
+
+
+def shade_misses(axis: Any, night: DrawnNight) -> Any:
+    """A pale column for every frame in which the followed object was not measured.
+
+    Returns one of them for the legend, None when there is none.
+    """
+    column = None
+    half_s = 0.5 * median_step_s(night)
+    for frame in night.frames:
+        if frame.missed is not None:
+            t_s = night.seconds(frame)
+            column = axis.axvspan(
+                t_s - half_s, t_s + half_s, color=MISS_COLOUR, alpha=0.7, linewidth=0, zorder=0
+            )
+    return column
+
+
+def median_step_s(night: DrawnNight) -> float:
+    """Typical time from one frame to the next."""
+    times = [night.seconds(frame) for frame in night.frames]
+    steps = sorted(b - a for a, b in itertools.pairwise(times))
+    return steps[len(steps) // 2] if steps else 30.0
+
+
+def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
+    """One line of keys above the panels; those that nothing was drawn for are left out."""
+    drawn = [(handle, label) for handle, label in handles if handle is not None]
+    figure.legend(
+        [handle for handle, _ in drawn],
+        [label for _, label in drawn],
+        loc="outside upper center",
+        ncols=len(drawn),
+        columnspacing=1.4,
+        handletextpad=0.5,
+    )
+
+
+def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
+    """What stands about the panels: a title, the axis of time, the keys."""
+    panels = figure.axes
+    figure.align_ylabels(panels)
+    time_axis(panels[-1], night)
+    head(panels[0], night, what)
+    if keys:
+        legend_above(figure, keys)
+
+
+def with_track(night: DrawnNight) -> list[NightFrame]:
+    """Frames at which a track was known."""
+    return [frame for frame in night.frames if frame.track is not None]
+
+
+_FAR_WIDER = 5.0
+Where = Callable[[NightFrame, float, float], float | None]
+"""What a panel shows of a direction (RA, Dec in degrees) in a frame; None: nothing."""
+
+
+def draw_track(figure: Any, night: DrawnNight) -> None:
+    """Right ascension and declination in degrees, as in the paper."""
+    frames = with_track(night)
+    ra_0_deg = _first(frames).x[0]
+
+    def ra_deg(_frame: NightFrame, ra: float, _dec: float) -> float:
+        return ra_0_deg + float(wrap_180(ra - ra_0_deg))
+
+    def dec_deg(_frame: NightFrame, _ra: float, dec: float) -> float:
+        return dec
+
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    keys = _panel(upper, night, ra_deg, lambda state: math.sqrt(state.P[0][0]))
+    _panel(lower, night, dec_deg, lambda state: math.sqrt(state.P[2][2]))
+    upper.yaxis.set_major_formatter(lambda value, _: f"{wrap_360(value):.4g}")
+    lower.ticklabel_format(axis="y", useOffset=False)
+    upper.set_ylabel("Right ascension, ICRS (deg)")
+    lower.set_ylabel("Declination, ICRS (deg)")
+    finish(figure, night, "The track", keys)
+
+
+def draw_about_line(figure: Any, night: DrawnNight) -> None:
+    """The same about the straight line through the updated states, in seconds of arc."""
+    frames = [frame for frame in with_track(night) if frame.updated is not None]
+    ra_0_deg = _first(frames).x[0]
+    t_s = np.array([night.seconds(frame) for frame in frames])
+    states = [frame.updated for frame in frames if frame.updated is not None]
+    ras = np.array([ra_0_deg + float(wrap_180(state.x[0] - ra_0_deg)) for state in states])
+    decs = np.array([state.x[2] for state in states])
+    ra_line, dec_line = _line(t_s, ras), _line(t_s, decs)
+    cos_dec = math.cos(math.radians(float(decs.mean())))
+
+    def ra_arcsec(frame: NightFrame, ra: float, _dec: float) -> float:
+        line_deg = ra_line[0] + ra_line[1] * night.seconds(frame)
+        return float(wrap_180(ra - line_deg)) * cos_dec * 3600.0
+
+    def dec_arcsec(frame: NightFrame, _ra: float, dec: float) -> float:
+        return (dec - dec_line[0] - dec_line[1] * night.seconds(frame)) * 3600.0
+
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    _error_bars(upper, night, ra_arcsec, 0)
+    _error_bars(lower, night, dec_arcsec, 2)
+    keys = _panel(upper, night, ra_arcsec, _sigma_east_arcsec)
+    _panel(lower, night, dec_arcsec, _sigma_north_arcsec)
+    upper.set_ylabel("(α − line) cos δ (arcsec)")
+    lower.set_ylabel("δ − line (arcsec)")
+    note(upper, _line_words("α", ra_line))
+    note(lower, _line_words("δ", dec_line))
+    finish(figure, night, "The track about a straight line", _with_bars(keys))
+
+
+def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) -> None:
+    """Measured, updated and predicted directions minus where the satellite really was."""
+
+    def error(index: int) -> Where:
+        def of(frame: NightFrame, ra: float, dec: float) -> float | None:
+            true = truth.get(frame.frame_id)
+            if true is None:
+                return None
+            return offset_arcsec(ra, dec, true.ra_icrs_deg, true.dec_icrs_deg)[index]
+
+        return of
+
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    _error_bars(upper, night, error(0), 0)
+    _error_bars(lower, night, error(1), 2)
+    keys = _panel(upper, night, error(0), _sigma_east_arcsec, is_about_zero=True)
+    _panel(lower, night, error(1), _sigma_north_arcsec, is_about_zero=True)
+    upper.set_ylabel("Error in α cos δ (arcsec)")
+    lower.set_ylabel("Error in δ (arcsec)")
+    name = next((true.name for true in truth.values()), "nothing real")
+    finish(figure, night, f"Errors against the true place of {name}", _with_bars(keys))
+
+
+def _panel(
+    axis: Any,
+    night: DrawnNight,
+    where: Where,
+    sigma: Callable[[TrackState], float],
+    *,
+    is_about_zero: bool = False,
+) -> list[tuple[Any, str]]:
+    """One panel: bounds of the best state of each frame about it (or about 0), and the marks."""
+    column = shade_misses(axis, night)
+    frames = with_track(night)
+    bounds, bounds_key = _bounds(axis, night, where, sigma, is_about_zero)
+    keys: list[tuple[Any, str]] = []
+    shown: list[float] = []
+    for marks, words in ((PREDICTED, "predicted"), (MEASURED, "measured"), (UPDATED, "updated")):
+        points = [
+            (night.seconds(frame), value)
+            for frame in frames
+            for value in [_value(frame, words, where)]
+            if value is not None
+        ]
+        shown += [value for _, value in points]
+        if points:
+            (line,) = axis.plot(*zip(*points, strict=True), **marks)
+            keys.append((line, words))
+    _fit(axis, shown, bounds)
+    return [*keys, (bounds_key, "± 3 √P, frame included"), (column, "missed")]
+
+
+def _value(frame: NightFrame, words: str, where: Where) -> float | None:
+    if words == "measured":
+        m = frame.measured
+        return None if m is None else where(frame, m.ra_icrs_deg, m.dec_icrs_deg)
+    state = frame.predicted if words == "predicted" else frame.updated
+    return None if state is None else where(frame, state.x[0], state.x[2])
+
+
+def _bounds(
+    axis: Any,
+    night: DrawnNight,
+    where: Where,
+    sigma: Callable[[TrackState], float],
+    is_about_zero: bool,
+) -> tuple[list[tuple[float, float]], Any]:
+    """Dashed 3-sigma lines of the state after the frame; broken where there was no track."""
+    t_s: list[float] = []
+    low: list[float] = []
+    high: list[float] = []
+    for frame in night.frames:
+        state = frame.track
+        centre = None if state is None else where(frame, state.x[0], state.x[2])
+        t_s.append(night.seconds(frame))
+        if state is None or centre is None:
+            low.append(math.nan)
+            high.append(math.nan)
+            continue
+        middle, reach = (0.0 if is_about_zero else centre), 3.0 * sigma(state)
+        low.append(middle - reach)
+        high.append(middle + reach)
+    axis.fill_between(t_s, low, high, **BAND)
+    (key,) = axis.plot(t_s, high, **BOUND)
+    axis.plot(t_s, low, **BOUND)
+    return [pair for pair in zip(low, high, strict=True) if not math.isnan(pair[0])], key
+
+
+def _fit(axis: Any, shown: list[float], bounds: list[tuple[float, float]]) -> None:
+    """The panel holds every mark, and the bounds but those far wider than usual."""
+    if not shown or not bounds:
+        return
+    widths = sorted(high - low for low, high in bounds)
+    widest = _FAR_WIDER * widths[len(widths) // 2]
+    usual = [(low, high) for low, high in bounds if high - low <= widest]
+    low = min(*shown, *(pair[0] for pair in usual))
+    high = max(*shown, *(pair[1] for pair in usual))
+    margin = 0.08 * (high - low) or 1.0
+    axis.set_ylim(low - margin, high + margin)
+
+
+def _first(frames: list[NightFrame]) -> TrackState:
+    state = frames[0].track
+    if state is None:
+        raise ValueError("a frame without a track was taken for one with")
+    return state
+
+
+def _line(t_s: Any, degrees: Any) -> tuple[float, float]:
+    """(value at 0 s in deg, slope in deg/s) of the line through the points."""
+    if len(t_s) < 2:
+        return float(degrees[0]), 0.0
+    slope, start = np.polyfit(t_s, degrees, 1)
+    return float(start), float(slope)
+
+
+def _line_words(letter: str, line: tuple[float, float]) -> str:
+    start = wrap_360(line[0]) if letter == "α" else line[0]
+    sign = "+" if line[1] >= 0.0 else "−"
+    words = f"line: {letter} = {start:.5f}° {sign} {abs(line[1]) * 3600.0:.4f}″/s · t"
+    return words.replace("-", "−")
+
+
+def _sigma_east_arcsec(state: TrackState) -> float:
+    return math.sqrt(state.P[0][0]) * math.cos(math.radians(state.x[2])) * 3600.0
+
+
+def _sigma_north_arcsec(state: TrackState) -> float:
+    return math.sqrt(state.P[2][2]) * 3600.0
+
+
+def _with_bars(keys: list[tuple[Any, str]]) -> list[tuple[Any, str]]:
+    return [(key, "measured, ± 1 σ" if words == "measured" else words) for key, words in keys]
+
+
+def _error_bars(axis: Any, night: DrawnNight, where: Where, index: int) -> None:
+    """One sigma of each measurement that was taken, as it says of itself."""
+    points = [
+        (night.seconds(frame), value, math.sqrt(m.cov_sky_arcsec2[index]))
+        for frame in night.frames
+        if (m := frame.measured) is not None
+        and (value := where(frame, m.ra_icrs_deg, m.dec_icrs_deg)) is not None
+    ]
+    if points:
+        t_s, values, sigmas = zip(*points, strict=True)
+        colour = MEASURED["markeredgecolor"]
+        axis.errorbar(
+            t_s, values, yerr=sigmas, fmt="none", ecolor=colour, elinewidth=0.8, alpha=0.6
+        )

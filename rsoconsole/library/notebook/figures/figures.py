@@ -1,0 +1,176 @@
+"""The paper's figures, from a session: confidence, right ascension and declination, residuals.
+
+Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue triangles,
+predicted green circles, 3-sigma bounds dashed. At the scale of a night the three marks coincide
+and the bounds vanish, so the same is drawn again about a straight line, and the innovations with
+their own bounds by themselves.
+"""
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from rsoconsole.base import SessionError, said_as
+from rsoconsole.control import one_line
+from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.library.notebook.figures.draw_time import (
+    draw_confidence,
+    draw_nis,
+    draw_quality,
+    draw_residuals,
+)
+from rsoconsole.library.notebook.night.night import DrawnNight, read_night, read_truth
+from rsoconsole.session import SessionReader, clock_notes
+
+FigureFormat = Literal["png", "svg", "pdf"]
+WIDTH_IN = 6.6
+MOST_NOTES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """One of the figures: its name, what draws it, and what it needs."""
+
+    name: str
+    draw: Callable[[Any, DrawnNight], None]
+    """Draws a night into an empty matplotlib figure."""
+    height_in: float = 5.0
+    needs_track: bool = True
+
+
+DRAWINGS = {
+    each.name: each
+    for each in (
+        Drawing(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
+        Drawing(name="track", draw=draw_track),
+        Drawing(name="track_about_line", draw=draw_about_line),
+        Drawing(name="residuals", draw=draw_residuals),
+        Drawing(name="nis", draw=draw_nis, height_in=3.0),
+    )
+}
+"""In the order in which they are written."""
+QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
+
+
+def has_track(night: DrawnNight) -> bool:
+    """Whether anything was followed in it: a measurement has updated a track."""
+    return any(frame.updated is not None for frame in night.frames)
+
+
+_UNDATED: Mapping[FigureFormat, dict[str, Any]] = {
+    "png": {},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+"""The file says nothing of when it was drawn."""
+
+
+def write_figures(
+    session: Path, out: Path, *, truth: Path | None = None, file_format: FigureFormat = "png"
+) -> tuple[Path, ...]:
+    """Draw a session's figures into the folder ``out`` and return their paths, in order.
+
+    ``truth`` is a simulated observatory's truth, one JSON object an exposure; with it there is
+    one figure more, the errors against what really was. A session without a track gives the
+    confidences alone. Raises SessionError when the session cannot be read, holds no frame, or
+    ``out`` cannot be written.
+    """
+    night = read_night(session)
+    drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
+    if truth is not None and has_track(night):
+        places = read_truth(truth, night)
+        drawings.append(
+            Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
+        )
+    notes = clock_notes(SessionReader(session))
+    # Half a second of imports: only who draws pays for them. No window system is asked for.
+    from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+
+    paths = []
+    with styled(salt=night.title), warnings.catch_warnings():
+        # A sign that the font lacks is a box in the picture, nothing to print code lines for.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        for number, drawing in enumerate(drawings, start=1):
+            figure = NightFigure(WIDTH_IN, drawing.height_in)
+            drawing.draw(figure, night)
+            if notes:
+                # Times on both sides of such an instant do not go together.
+                words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MOST_NOTES])
+                figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
+            path = out / f"{number}_{drawing.name}.{file_format}"
+            with said_as(SessionError, f"{path} cannot be written: "):
+                out.mkdir(parents=True, exist_ok=True)
+                figure.savefig(path, metadata=_UNDATED[file_format])
+            paths.append(path)
+    return tuple(paths)
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class NightPlots(ABC):
+    """What a session, a branch and a what-if have in common.
+
+    Every method draws into ``figure`` (a matplotlib Figure or SubFigure of your own, empty) or
+    into a new one, and returns it; the last line of a cell shows it. Nothing needs pyplot or a
+    window. Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue
+    triangles, predicted green circles, 3-sigma bounds dashed; frames that were missed are shaded.
+    Raises SessionError where there is no frame with a time, or no track to draw.
+    """
+
+    @abstractmethod
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """What is drawn, side by side."""
+
+    def plot_confidence(self, figure: Any = None) -> "Figure":
+        """Confidence of what the track took and of what it did not, and tau."""
+        return self._plot(DRAWINGS["confidence"], figure)
+
+    def plot_track(self, figure: Any = None) -> "Figure":
+        """Right ascension and declination in degrees against time, as in the paper."""
+        return self._plot(DRAWINGS["track"], figure)
+
+    def plot_about_line(self, figure: Any = None) -> "Figure":
+        """The same in seconds of arc about the straight line through the updated states."""
+        return self._plot(DRAWINGS["track_about_line"], figure)
+
+    def plot_residuals(self, figure: Any = None) -> "Figure":
+        """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
+        return self._plot(DRAWINGS["residuals"], figure)
+
+    def plot_nis(self, figure: Any = None) -> "Figure":
+        """Normalised innovation squared against its 95 % band, and its running mean."""
+        return self._plot(DRAWINGS["nis"], figure)
+
+    def plot_quality(self, figure: Any = None) -> "Figure":
+        """What each frame says of image and sky: width of its stars, background and so on."""
+        return self._plot(QUALITY, figure)
+
+    def _plot(self, drawing: Drawing, figure: Any) -> "Figure":
+        nights = self.nights()
+        if drawing.needs_track and not any(has_track(night) for night in nights):
+            raise SessionError(
+                f"{nights[0].title}: nothing was followed, there is no {drawing.name} to draw; "
+                "plot_confidence() shows what was detected"
+            )
+        # Half a second of imports: only who draws pays for them.
+        from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+
+        if figure is None:
+            figure = NightFigure(WIDTH_IN * len(nights), drawing.height_in)
+        elif hasattr(figure, "set_layout_engine") and figure.get_layout_engine() is None:
+            figure.set_layout_engine("constrained")  # the keys stand outside the panels
+        with styled():
+            if len(nights) == 1:
+                drawing.draw(figure, nights[0])
+                return figure  # type: ignore[no-any-return]
+            for night, part in zip(nights, figure.subfigures(1, len(nights)), strict=True):
+                if not drawing.needs_track or has_track(night):
+                    drawing.draw(part, night)
+                else:
+                    part.suptitle(f"{night.title}: nothing followed", fontsize=9.5)
+        return figure  # type: ignore[no-any-return]

@@ -1,0 +1,48 @@
+"""A matplotlib figure that shows itself in a notebook, whichever backend is set, or none.
+
+No window system is asked for, and pyplot is not told: nothing is shown twice, nothing to close.
+"""
+
+import io
+from contextlib import AbstractContextManager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from rsoconsole.library.notebook.figures.draw_sky import STYLE
+
+SHOWN_DPI = 100
+SAVED_DPI = 144
+"""For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
+
+
+def styled(salt: str | None = None) -> AbstractContextManager[None]:
+    """While it holds, matplotlib draws in the product's type and colours.
+
+    ``salt``: by which the same drawing gives the same SVG.
+    """
+    style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
+    return mpl.rc_context(style)
+
+
+class NightFigure(Figure):
+    """A figure with the product's own type and colours."""
+
+    def __init__(self, width_in: float, height_in: float) -> None:
+        with styled():
+            super().__init__(figsize=(width_in, height_in))
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """The picture, and how large it is to be shown."""
+        buffer = io.BytesIO()
+        with styled():
+            self.savefig(buffer, format="png", dpi=SAVED_DPI, metadata={"Software": None})
+        width_in, height_in = self.get_size_inches()
+        size: dict[str, Any] = {
+            "width": round(width_in * SHOWN_DPI),
+            "height": round(height_in * SHOWN_DPI),
+        }
+        return buffer.getvalue(), size

@@ -1,0 +1,140 @@
+"""One session, gathered frame by frame for the figures."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.base import SessionError, json_of
+from rsoconsole.config import Config
+from rsoconsole.control import one_line
+from rsoconsole.night import NightFrame, NightFrames
+from rsoconsole.records import Measurement
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import wrap_180
+
+SAME_FRAME_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnNight:
+    """A session's frames in order of time, and how it was set up."""
+
+    title: str
+    frames: tuple[NightFrame, ...]
+    config: Config
+    firsts: frozenset[str] = frozenset()
+    """Measurements with which tracks began, by their ids, where they are drawn as taken."""
+
+    def seconds(self, frame: NightFrame) -> float:
+        """From the middle of the first exposure to that of this one."""
+        return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
+
+    def taken_of(self, frame: NightFrame) -> Measurement | None:
+        """The measurement that counts as taken by the lead."""
+        first = (m for m in frame.measurements if m.measurement_id in self.firsts)
+        return frame.measured or next(first, None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruePlace:
+    """Where a simulated satellite really was at mid-exposure, astrometric ICRS."""
+
+    name: str
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+
+
+def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
+    """Of the frames that have a time."""
+    in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
+    return DrawnNight(title=title, frames=tuple(in_order), config=config)
+
+
+def read_night(session: Path) -> DrawnNight:
+    """Gather a session's frames; those without a time are left out.
+
+    Raises SessionError when the folder is no session or holds no frame with a time.
+    """
+    reader = SessionReader(session)
+    config = reader.config()
+    frames = NightFrames(config).take_all(record for _, _, record in reader.records())
+    return with_frames(night_of(title_of(reader.about(), session), config, frames.seen()), session)
+
+
+def title_of(about: Mapping[str, Any], folder: Path) -> str:
+    """What a session calls itself, else its folder's name; nothing that steers a terminal."""
+    return one_line(str(about.get("title") or folder.resolve().name))
+
+
+def with_frames(night: DrawnNight, session: Path) -> DrawnNight:
+    """The night. Raises SessionError where it holds no frame with a time."""
+    if not night.frames:
+        raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
+    return night
+
+
+def offset_arcsec(
+    ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
+) -> tuple[float, float]:
+    """(east, north) on the sky of one direction from another, small angles, safe across RA 0h."""
+    cos_dec = math.cos(math.radians(from_dec_deg))
+    return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
+
+
+def read_truth(path: Path, night: DrawnNight) -> dict[int, TruePlace]:
+    """True place of the followed satellite by frame, from a simulated observatory's truth.
+
+    One JSON object an exposure. The followed one is that on which most of the track's states lie.
+    Raises SessionError when the file is no such truth.
+    """
+    try:
+        with path.open(encoding="utf-8") as lines:
+            exposures = [json_of(line) for line in lines if line.strip()]
+        by_instant = {
+            each["t_start_utc_ns"] / 1e9 + each["exposure_s"] / 2.0: each["satellites"]
+            for each in exposures
+        }
+        places = {
+            frame.frame_id: [_place(each) for each in _at(by_instant, frame.t_mid_utc_ns / 1e9)]
+            for frame in night.frames
+        }
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SessionError(f"{path} cannot be read as a simulation's truth: {error}") from error
+    name = _followed(night.frames, places)
+    return {
+        frame_id: each
+        for frame_id, satellites in places.items()
+        for each in satellites
+        if each.name == name
+    }
+
+
+def _at(by_instant: Mapping[float, Any], t_s: float) -> Any:
+    nearest = min(by_instant, key=lambda instant: abs(instant - t_s), default=math.inf)
+    return by_instant[nearest] if abs(nearest - t_s) < SAME_FRAME_S else ()
+
+
+def _place(satellite: Mapping[str, Any]) -> TruePlace:
+    return TruePlace(
+        name=str(satellite["name"]),
+        ra_icrs_deg=float(satellite["ra_icrs_deg"]),
+        dec_icrs_deg=float(satellite["dec_icrs_deg"]),
+    )
+
+
+def _followed(frames: Iterable[NightFrame], places: Mapping[int, list[TruePlace]]) -> str | None:
+    votes: dict[str, int] = {}
+    for frame in frames:
+        if frame.updated is None or not places[frame.frame_id]:
+            continue
+        x = frame.updated.x
+        nearest = min(
+            places[frame.frame_id],
+            key=lambda true: math.hypot(
+                *offset_arcsec(x[0], x[2], true.ra_icrs_deg, true.dec_icrs_deg)
+            ),
+        )
+        votes[nearest.name] = votes.get(nearest.name, 0) + 1
+    return max(votes, key=lambda name: votes[name], default=None)

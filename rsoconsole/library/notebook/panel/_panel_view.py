@@ -1,0 +1,283 @@
+"""What the live panel shows, in words and small drawings; the page only puts it in place."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.base import ConfigError
+from rsoconsole.config import Config, with_setting
+from rsoconsole.control import (
+    Status,
+    fault_words,
+    holder_words,
+    limit_words,
+    mount_words,
+    printable,
+    shutter_words,
+)
+from rsoconsole.library.notebook.figures.draw_time import NIS_BAND
+from rsoconsole.library.notebook.night import svg
+from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of
+from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
+from rsoconsole.night import LogLine, Night, NightFrame, consistency_of
+from rsoconsole.records import Record, SlewCommand
+from rsoconsole.session import SessionReader
+from rsoconsole.words import altaz, clock, direction
+
+LOG_LINES = 12
+_FRAMES = 3
+"""Newest frames whose picture may be shown: it may come later than its records."""
+
+
+class LiveNight:
+    """Everything that a panel shows of one session. Raises SessionError as its reader does."""
+
+    def __init__(self, folder: Path) -> None:
+        self._reader = SessionReader(folder)
+        self.folder = folder
+        self.begun_with = self._reader.config()
+        """The configuration of the session's beginning."""
+        self.records: list[Record] = []
+        self.picture: tuple[int, bytes] | None = None
+        """(frame, PNG) of the newest preview that is there."""
+        about = self._reader.about()
+        self._title = title_of(about, folder)
+        self._night = Night(folder, about, self.begun_with, newest=None)
+
+    def read(self) -> bool:
+        """Read what is new; True where there was anything."""
+        before = self._night.seq
+        for seq, t_utc_ns, record in self._reader.records(since_seq=before):
+            self.records.append(record)
+            self._night.take(t_utc_ns, record, seq)
+        return self._read_picture() or self._night.seq != before
+
+    def night(self) -> DrawnNight:
+        """Its frames so far."""
+        return night_of(self._title, self.begun_with, self._night.frames.seen())
+
+    def frame(self, frame_id: int) -> NightFrame:
+        """What is on record of a frame."""
+        return self._night.frame(frame_id)
+
+    @property
+    def slew(self) -> SlewCommand | None:
+        """The last order to the mount."""
+        return self._night.slew
+
+    @property
+    def log(self) -> tuple[LogLine, ...]:
+        """Its last lines, the newest last."""
+        return self._night.log[-LOG_LINES:]
+
+    @property
+    def config(self) -> Config:
+        """In force now."""
+        config = self.begun_with
+        for name, value in self._night.frames.settings.items():
+            try:
+                config = with_setting(config, name, value)
+            except ConfigError:
+                continue  # a setting of a later version
+        return config
+
+    def _read_picture(self) -> bool:
+        for frame_id in self._night.newest_frames()[:_FRAMES]:
+            if self.picture is not None and self.picture[0] >= frame_id:
+                return False
+            path = self._reader.preview_path(frame_id)
+            if path is None:
+                continue
+            try:
+                self.picture = frame_id, path.read_bytes()
+            except OSError:
+                continue  # the next frame's may be read
+            return True
+        return False
+
+
+SHOWN_FRAMES = 60
+NIS_TOP = 14.0
+TUNED = (
+    ("detector.tau", "τ", ""),
+    ("filter.preset", "preset", ""),
+    ("filter.sigma_arcsec", "σ", "″"),
+    ("filter.q_arcsec2_s3", "q", "″²/s³"),
+    ("filter.q_multiplier", "Q ×", ""),
+    ("filter.r_multiplier", "R ×", ""),
+    ("filter.gate_nis", "gate NIS", ""),
+    ("filter.max_coast_s", "lost after", "s"),
+)
+"""(setting, label, unit) of what can be tuned here; the console has the rest."""
+CHOICES = {"filter.preset": ("adaptive", "tuned", "paper")}
+
+
+def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
+    """The engine in words: ``status`` as it last told it; ``seat``: this panel's name."""
+    is_attached = reach == "attached"
+    holder, is_ours = status.holder, bool(seat) and status.seat == seat
+    return {
+        "reach": reach,
+        "detail": detail,
+        "state": status.state or "-",
+        "is_held": status.is_held,
+        "holder": holder_words(holder, "plain"),
+        "is_autonomous": holder == "autonomy",
+        "wants_resuming": status.is_held or holder == "operator",
+        "frame": status.frame_id,
+        "clock": clock(status.now_utc_ns),
+        "alerts": fault_words(status) if is_attached else [],
+        "facts": _facts(status),
+        "health": [[each.name, each.ok, each.text] for each in status.health],
+        "seat": {
+            "holder": status.seat or "",
+            "is_ours": is_ours,
+            "asker": (status.seat_asked_by or "") if is_ours else "",
+            "waits": bool(seat) and status.seat_asked_by == seat,
+        },
+    }
+
+
+def night_view(live: LiveNight) -> dict[str, Any]:
+    """The record: plots of the newest frames, marks over the picture, the log."""
+    night = live.night()
+    frame_id = None if live.picture is None else live.picture[0]
+    frame = None if frame_id is None else live.frame(frame_id)
+    return {
+        "title": night.title,
+        "plots": plots(night),
+        "overlay": "" if frame is None else overlay_svg(frame),
+        "caption": "no picture yet" if frame is None else words_of(frame),
+        "slew": _slew_words(live),
+        "nis": _nis_words(night),
+        "log": [[clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
+        "tunables": [
+            [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
+            for name, label, unit in TUNED
+        ],
+    }
+
+
+def plots(night: DrawnNight) -> dict[str, str]:
+    """Confidence, both residuals and NIS of the newest frames, as SVG by name."""
+    frames = night.frames[-SHOWN_FRAMES:]
+    if not frames:
+        return {}
+    t_0, t_1 = night.seconds(frames[0]), night.seconds(frames[-1])
+    span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
+    ends = clock(frames[0].t_mid_utc_ns), clock(frames[-1].t_mid_utc_ns)
+    newest = _Newest(night=night, frames=frames, span=span, ends=ends)
+    return {
+        "confidence": _confidence(newest),
+        "east": _residual(newest, 0, "Δα cos δ"),
+        "north": _residual(newest, 1, "Δδ"),
+        "nis": _nis(newest),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Newest:
+    """The frames that are drawn, over which time, and the words at its ends."""
+
+    night: DrawnNight
+    frames: Sequence[NightFrame]
+    span: tuple[float, float]
+    ends: tuple[str, str]
+
+
+def _confidence(newest: _Newest) -> str:
+    night, frames = newest.night, newest.frames
+    axis = svg.Axis(x=newest.span, y=(0.0, 1.0))
+    taken = [
+        (
+            night.seconds(f),
+            f.measured.confidence,
+            f"frame {f.frame_id}: {f.measured.confidence:.2f}",
+        )
+        for f in frames
+        if f.measured is not None
+    ]
+    missed = [
+        (night.seconds(f), 0.0, f"frame {f.frame_id}: {f.missed}") for f in frames if f.missed
+    ]
+    tau = svg.line(axis, [(night.seconds(f), f.tau) for f in frames], colour=svg.GREY, dashed=True)
+    marks = svg.dots(axis, taken, colour=svg.RED)
+    holes = svg.dots(axis, missed, colour=svg.AMBER, hollow=True)
+    label = f"confidence of {len(taken)} measurements, {len(missed)} missed, tau {frames[-1].tau:g}"
+    return svg.drawing(axis, (tau, marks, holes), label=label, ends=newest.ends)
+
+
+def _residual(newest: _Newest, index: int, what: str) -> str:
+    night, frames, span = newest.night, newest.frames, newest.span
+    points: list[tuple[float, float, str]] = []
+    bounds: list[tuple[float, float]] = []
+    for frame in frames:
+        t_s, state = night.seconds(frame), frame.updated
+        if state is None or not state.innovation_arcsec or not state.sigma_innovation_arcsec:
+            bounds.append((t_s, math.nan))
+            continue
+        value = state.innovation_arcsec[index]
+        points.append((t_s, value, f"frame {frame.frame_id}: {value:+.2f}″"))
+        bounds.append((t_s, 3.0 * state.sigma_innovation_arcsec[index]))
+    widths = sorted(bound for _, bound in bounds if math.isfinite(bound)) or [1.0]
+    # A single far wider bound, after a poor measurement, may leave the plot.
+    usual = min(2.0 * widths[len(widths) // 2], widths[-1])
+    reach = 1.15 * max([usual, *(abs(value) for _, value, _ in points)])
+    axis = svg.Axis(x=span, y=(-reach, reach))
+    parts = (
+        svg.line(axis, [(span[0], 0.0), (span[1], 0.0)], colour=svg.GREY, dashed=False),
+        svg.line(axis, bounds, colour=svg.GREY, dashed=True),
+        svg.line(axis, [(t, -bound) for t, bound in bounds], colour=svg.GREY, dashed=True),
+        svg.dots(axis, points, colour=svg.RED),
+    )
+    label = f"residuals {what} of {len(points)} updates in their 3 sigma bounds, arcseconds"
+    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+
+
+def _nis(newest: _Newest) -> str:
+    night, frames, span = newest.night, newest.frames, newest.span
+    axis = svg.Axis(x=span, y=(0.0, NIS_TOP))
+    points = [
+        (night.seconds(f), f.updated.nis, f"frame {f.frame_id}: NIS {f.updated.nis:.2f}")
+        for f in frames
+        if f.updated is not None and f.updated.nis is not None
+    ]
+    ideal = svg.line(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
+    parts = (svg.band(axis, *NIS_BAND), ideal, svg.dots(axis, points, colour=svg.BLUE))
+    label = f"NIS of {len(points)} updates against its 95 % band"
+    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+
+
+def _nis_words(night: DrawnNight) -> str:
+    said = consistency_of(night.frames)
+    mean = "" if said.mean is None else f"NIS {said.mean:.2f} (ideal 2), "
+    return f"{mean}{said.words}"
+
+
+def _facts(status: Status) -> list[list[str]]:
+    rows = []
+    ra, dec = status.ra_icrs_deg, status.dec_icrs_deg
+    if ra is not None and dec is not None:
+        high = altaz(status.alt_deg, status.az_deg)
+        rows.append(["track", f"{direction(ra, dec)}  {high}".rstrip()])
+    if mount := mount_words(status, name=""):
+        pier = (f"{status.pier_side} of the pier",) if status.pier_side else ()
+        rows.append(["mount", " · ".join((*mount, *pier))])
+    rows.append(["next limit", limit_words(status) or "none in sight"])
+    rows.append(["shutter", shutter_words(status) or "closed"])
+    return rows
+
+
+def _slew_words(live: LiveNight) -> str:
+    slew = live.slew
+    if slew is None:
+        return "none ordered yet"
+    place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)
+    return f"{place} for {clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
+
+
+def _setting(config: Any, name: str) -> Any:
+    section, _, key = name.partition(".")
+    return getattr(getattr(config, section), key)

@@ -1,0 +1,156 @@
+"""The live panel: a seat on the running engine inside a notebook. Needs anywidget."""
+
+import contextlib
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextvars import Context, copy_context
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import anywidget
+import traitlets
+
+from rsoconsole.base import resource
+from rsoconsole.control import ControlClient, Found, Sender, Wire
+from rsoconsole.instruments import stop_past_engine
+from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
+from rsoconsole.library.notebook.panel.link import Link
+
+UNSEEN_S = 12.0
+"""A page that has not been heard of for so long is closed: its panel lets go of the engine."""
+SUBSHELLS_SINCE = 7
+"""The version of ipykernel from which on a page is heard while a cell runs."""
+
+
+class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
+    """Shows the running engine and carries orders to it; STOP goes past it where it is silent.
+
+    It looks on a thread of its own while its page is open, and ends with ``close()``. Orders go
+    by the control socket: seats, checklist and limits are the engine's. While a cell runs, its
+    page is heard where both ends know subshells (JupyterLab 4.4 and ipykernel 7, or later);
+    elsewhere STOP would wait for the cell, and the page says so at once.
+    """
+
+    _esm = resource("library", "notebook", "static", "panel.js")
+    _css = resource("library", "notebook", "static", "panel.css")
+
+    read_only = traitlets.Bool(False).tag(sync=True)
+    answers_while_busy = traitlets.Bool(True).tag(sync=True)
+    status = traitlets.Dict().tag(sync=True)
+    """The engine in words, at every look."""
+    night = traitlets.Dict().tag(sync=True)
+    """Its record: plots, marks, log; where it has changed."""
+    picture = traitlets.Bytes(b"").tag(sync=True)
+    said = traitlets.Dict().tag(sync=True)
+    asked = traitlets.Dict().tag(sync=True)
+    stop_news = traitlets.Dict().tag(sync=True)
+    goto = traitlets.Dict().tag(sync=True)
+    effect = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self, socket: Path | str | None = None, *, read_only: bool = False, wire: Wire | None = None
+    ) -> None:
+        """``socket``: the engine's, None for this user's own; ``wire``: another way to it."""
+        sender = Sender.at(f"notebook-{os.getpid()}")
+        path = None if socket is None else Path(socket).expanduser()
+        client = wire or ControlClient(path, sender=sender)
+        self._seen_s = time.monotonic()
+        self._ticks = 0
+        self._lock = threading.RLock()
+        self._answering: Context | None = None
+        """That of the page's last message; None before it has spoken."""
+        self._unsent: dict[str, Any] = {}
+        self._link = Link(
+            client,
+            seat=sender.name,
+            is_watched=lambda: time.monotonic() - self._seen_s < UNSEEN_S,
+            on_status=self._show_status,
+            on_night=self._show_night,
+        )
+        self._orders = PanelOrders(
+            client,
+            self._link,
+            self._put,
+            read_only=read_only,
+            stop_directly=self._stop_directly,
+        )
+        super().__init__(read_only=read_only, answers_while_busy=_answers_while_busy())
+        _release_reply_subshell(self.comm)
+        self.on_msg(self._receive)
+        self._link.start()
+
+    def stop(self) -> None:
+        """STOP, as the button does it; returns at once, ``stop_news`` tells what came of it."""
+        self._orders.stop()
+
+    def close(self) -> None:
+        """End: nothing is asked of the engine any more, the page goes blank."""
+        self._link.close()
+        super().close()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it still looks."""
+        return self._link.is_running
+
+    def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:
+        if not isinstance(content, dict):
+            return
+        with self._lock:
+            # What is told from now on answers this message: its subshell, not the main shell,
+            # then goes on hearing the page, also while a cell runs.
+            self._answering = copy_context()
+            untold, self._unsent = self._unsent, {}
+            for name, value in untold.items():
+                self._put(name, value)
+        was_unseen = time.monotonic() - self._seen_s >= UNSEEN_S
+        self._seen_s = time.monotonic()
+        if content.get("kind") != "here":
+            self._orders.receive(content)
+        elif was_unseen:
+            self._link.look_now()
+
+    def _stop_directly(self, on_found: Callable[[Found], None]) -> None:
+        live = self._link.live
+        stop_past_engine(on_found, None if live is None else live.begun_with.indi)
+
+    def _show_status(self, view: dict[str, Any]) -> None:
+        self._ticks += 1
+        self._put("status", {**view, "tick": self._ticks})
+
+    def _show_night(self, view: dict[str, Any], picture: bytes) -> None:
+        self._put("night", view)
+        if picture != self.picture:
+            self._put("picture", picture)
+
+    def _put(self, name: str, value: Any) -> None:
+        """Give the page something, from any thread, as an answer to what it said last.
+
+        Before it has spoken nothing is told: ipykernel would have the main shell hear its answer.
+        """
+        with self._lock:
+            if self._answering is None:
+                self._unsent[name] = value
+            else:
+                self._answering.copy().run(setattr, self, name, value)
+                _release_reply_subshell(self.comm)
+
+
+def _release_reply_subshell(comm: Any) -> None:
+    """Let every message of the page go to the subshell that it names.
+
+    ipykernel 7.4 sends it instead to the shell of the message that was answered last: the main
+    shell, where the page has not spoken yet or its own subshell was not there when it did.
+    """
+    with contextlib.suppress(AttributeError):
+        del comm._reply_subshell_id
+
+
+def _answers_while_busy() -> bool:
+    try:
+        return int(version("ipykernel").partition(".")[0]) >= SUBSHELLS_SINCE
+    except (PackageNotFoundError, ValueError):
+        return False

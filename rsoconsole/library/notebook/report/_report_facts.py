@@ -1,0 +1,110 @@
+"""What the report says: figures of the night, its tracks, its course, what the operator did."""
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.library.formats.rows import MeasuredRow
+from rsoconsole.library.notebook.night.night import DrawnNight
+from rsoconsole.night import LogLine, Night, NightTrack, consistency_of, line_of
+from rsoconsole.records import OperatorAction, ParameterChange
+from rsoconsole.session import SessionReader
+
+GEO_RATE_ARCSEC_S = 15.041
+GEO_WITHIN_ARCSEC_S = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """What happened, in the order of the record, as the log has it."""
+
+    entries: tuple[LogLine, ...]
+    actions: tuple[LogLine, ...]
+    changes: tuple[LogLine, ...]
+    locked_frame: int | None
+    """The frame with which a track was first had."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackFacts:
+    """One track at a glance."""
+
+    known: NightTrack
+    first: MeasuredRow
+    last: MeasuredRow
+    count: int
+    sigma_arcsec: tuple[float, float]
+    """Median one sigma of its measurements, right ascension on the sky and declination."""
+    rate_arcsec_s: tuple[float, float] | None
+    """On the sky at its end."""
+
+    @property
+    def minutes(self) -> float:
+        """From its first measurement to its last."""
+        return (self.last.t_mid_utc_ns - self.first.t_mid_utc_ns) / 6e10
+
+    @property
+    def is_geostationary(self) -> bool:
+        """Whether it moves as what stands still over the turning Earth."""
+        if self.rate_arcsec_s is None:
+            return False
+        east, north = self.rate_arcsec_s
+        still = GEO_RATE_ARCSEC_S * math.cos(math.radians(self.last.dec_icrs_deg))
+        return math.hypot(east - still, north) < GEO_WITHIN_ARCSEC_S
+
+
+def filter_words(night: DrawnNight) -> str:
+    """Whether the filter believed itself rightly at the end, in words."""
+    judged = consistency_of(night.frames)
+    words = {
+        "sound": "the filter's errors are as large as it says",
+        "too few": "too few updates to judge the filter",
+        "over-confident": f"the filter trusts itself too much: {judged.words}",
+        "under-confident": f"the filter trusts itself too little: {judged.words}",
+    }
+    return words[judged.verdict]
+
+
+def track_facts(
+    rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
+) -> tuple[TrackFacts, ...]:
+    """Every track that took something, in order; ``known``: what the record has of each."""
+    taken = {number: [row for row in rows if row.track == number] for number in known}
+    return tuple(_track(known[number], own) for number, own in taken.items() if own)
+
+
+def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
+    last = rows[-1]
+    rate = (last.rate_ra_arcsec_s, last.rate_dec_arcsec_s)
+    return TrackFacts(
+        known=known,
+        first=rows[0],
+        last=last,
+        count=len(rows),
+        sigma_arcsec=(
+            statistics.median(row.sigma_ra_arcsec for row in rows),
+            statistics.median(row.sigma_dec_arcsec for row in rows),
+        ),
+        rate_arcsec_s=None if rate[0] is None or rate[1] is None else (rate[0], rate[1]),
+    )
+
+
+def read_course(session: Path) -> Course:
+    """What happened, with every order and every changed setting. Raises SessionError."""
+    reader = SessionReader(session)
+    night = Night(session, reader.about(), reader.config())
+    done: list[LogLine] = []
+    for seq, t_utc_ns, record in reader.records():
+        night.take(t_utc_ns, record, seq)
+        if isinstance(record, OperatorAction | ParameterChange):
+            done += filter(None, [line_of(record, t_utc_ns)])
+    actions, changes = OperatorAction.__name__, ParameterChange.__name__
+    locked = (line.frame_id for line in night.log if line.change[1:2] == ("TRACK",))
+    return Course(
+        entries=tuple(line for line in night.log if line.kind not in {actions, changes}),
+        actions=tuple(line for line in done if line.kind == actions),
+        changes=tuple(line for line in done if line.kind == changes),
+        locked_frame=next(locked, None),
+    )

@@ -1,0 +1,379 @@
+"""The night as one page: what was followed, how well, the paper's figures, every measurement.
+
+One HTML file that asks for nothing outside itself, by day, by night and on paper. Whatever people
+wrote (titles, notes) stands in it as text and never as markup.
+"""
+
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rsoconsole import __version__
+from rsoconsole.control import one_line
+from rsoconsole.library.formats.api import Export
+from rsoconsole.library.formats.night import ExportedNight
+from rsoconsole.library.formats.night import read_night as read_rows
+from rsoconsole.library.formats.rows import MeasuredRow
+from rsoconsole.library.notebook.night.night import DrawnNight, read_night
+from rsoconsole.library.notebook.report._report_facts import (
+    Course,
+    TrackFacts,
+    filter_words,
+    read_course,
+    track_facts,
+)
+from rsoconsole.library.notebook.report._report_pictures import inline_figures, shown_frames
+from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
+from rsoconsole.pipeline import usual_sigma_s
+from rsoconsole.records import (
+    ExpectedMembers,
+    LeapDone,
+    LowPass,
+    PairMotion,
+    PairMotions,
+    Record,
+    UnseenMember,
+)
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import day_of
+from rsoconsole.words import (
+    clock,
+    counted,
+    format_dec,
+    format_ra,
+    settings_words,
+    shutter_words,
+    when,
+)
+
+MOST_PAIRS = 40
+"""In the page's table, those that came nearest first; the rest stand in the session."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairFacts:
+    """Two tracks, as their last motion on record has them, and how near they had been."""
+
+    last: PairMotion
+    nearest_arcsec: float
+    """Least separation of a frame."""
+    nearest_utc_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnseenFacts:
+    """A catalogued object that stood in frames and was not followed there."""
+
+    looks: int
+    """How often the catalogue was asked while it should have been there, and no track was of it."""
+    of_looks: int
+    """How often the catalogue was asked on record."""
+    lit: int
+    """Of ``looks`` those in which the Sun shone on it."""
+    last: UnseenMember
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldFacts:
+    """Of the whole field."""
+
+    pairs: tuple[PairFacts, ...] = ()
+    """Nearest first."""
+    unseen: tuple[UnseenFacts, ...] = ()
+    """Those that were missed most often first."""
+
+
+def field_facts(records: Iterable[Record]) -> FieldFacts:
+    """From the records of a session, in order of time."""
+    pairs: dict[tuple[int, int], PairFacts] = {}
+    unseen: dict[int, tuple[int, int, UnseenMember]] = {}
+    looks = 0
+    for record in records:
+        match record:
+            case PairMotions():
+                for each in record.pairs:
+                    ids = each.track_id, each.other_track_id
+                    pairs[ids] = _nearer(pairs.get(ids), each)
+            case ExpectedMembers():
+                looks += 1
+                for member in record.unseen:
+                    count, lit, _ = unseen.get(member.norad_id, (0, 0, member))
+                    unseen[member.norad_id] = (count + 1, lit + member.is_lit, member)
+            case _:
+                pass
+    return FieldFacts(
+        pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
+        unseen=tuple(
+            UnseenFacts(looks=count, of_looks=looks, lit=lit, last=member)
+            for _, (count, lit, member) in sorted(
+                unseen.items(), key=lambda item: (-item[1][0], item[0])
+            )
+        ),
+    )
+
+
+def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
+    if before is not None and before.nearest_arcsec <= now.separation_arcsec:
+        return replace(before, last=now)
+    return PairFacts(last=now, nearest_arcsec=now.separation_arcsec, nearest_utc_ns=now.t_utc_ns)
+
+
+PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
+"""Of a leap's time, in order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassFacts:
+    """One pass, with what came of its leaps."""
+
+    over: LowPass
+    leaps: int
+    """Ordered."""
+    met: int
+    at_close: int
+    """Ordered as the shutter of the one before closed."""
+    unmet: str
+    """What came of the others, counted: ``2 another streak, 1 not solved``."""
+    total_s: float | None
+    """Median from order to order; None where none was over."""
+    parts_s: tuple[float, ...]
+    """Medians, as ``PARTS`` has them."""
+    along_arcsec: float | None
+    """Median distance from the prediction along the way; None where none was met."""
+    across_arcsec: float | None
+
+
+def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
+    """Every pass of a session's records, in order of time."""
+    leaps: dict[int, list[LeapDone]] = {}
+    passes: list[LowPass] = []
+    for record in records:
+        if isinstance(record, LeapDone):
+            leaps.setdefault(record.begun_frame_id, []).append(record)
+        elif isinstance(record, LowPass):
+            passes.append(record)
+    return tuple(_facts(each, leaps.get(each.begun_frame_id, [])) for each in passes)
+
+
+def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
+    met = [each for each in leaps if each.result == "met"]
+    others = [each.result for each in leaps if each.result != "met"]
+    counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
+    return PassFacts(
+        over=over,
+        leaps=len(leaps),
+        met=len(met),
+        at_close=sum(each.ordered == "at close" for each in leaps),
+        unmet=", ".join(counted),
+        total_s=_median([each.total_s for each in leaps]),
+        parts_s=tuple(_median([getattr(each, part) for each in leaps]) or 0.0 for part in PARTS)
+        if leaps
+        else (),
+        along_arcsec=_median(
+            [abs(off) for each in met if (off := each.off_along_arcsec) is not None]
+        ),
+        across_arcsec=_median(
+            [abs(off) for each in met if (off := each.off_across_arcsec) is not None]
+        ),
+    )
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return statistics.median(values) if values else None
+
+
+TEMPLATE = "report.html.j2"
+MOST_ROWS = 2000
+"""Measurements in the page's table; the rest stand in the CSV."""
+MOST_ENTRIES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """The page, and what is in it."""
+
+    html: str
+    made: Export
+
+
+def render_report(session: Path) -> Report:
+    """The report of a session or a branch.
+
+    Raises SessionError when the session cannot be read or holds no frame.
+    """
+    night, exported = read_night(session), read_rows(session)
+    known = tracks_of(night.frames)
+    field = field_facts(record for _, _, record in SessionReader(session).records())
+    course = read_course(session)
+    figures = summary_of(night.frames)
+    tracks = track_facts(exported.rows, known)
+    said = filter_words(night)
+    shown = shown_frames(session, night, exported.rows)
+    rows, changes = exported.rows, exported.about.get("tried")
+    html = (
+        _environment()
+        .get_template(TEMPLATE)
+        .render(
+            night=night,
+            span=when(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
+            changes=settings_words(changes) if isinstance(changes, Mapping) else "",
+            exported=exported,
+            course=course,
+            entries=course.entries[:MOST_ENTRIES],
+            entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
+            figures=figures,
+            verdict=_conclusion(night, figures, tracks, said),
+            key_figures=_key_figures(figures, course),
+            tracks=tracks,
+            pairs=field.pairs[:MOST_PAIRS],
+            pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
+            unseen=field.unseen,
+            passes=pass_facts(record for _, _, record in SessionReader(session).records()),
+            drawings=inline_figures(night, _with_firsts(night, rows)),
+            alts=_alts(night, figures),
+            pictures=shown,
+            pictures_left_out=len(night.frames) - len(shown),
+            rows=rows[:MOST_ROWS],
+            rows_left_out=max(len(rows) - MOST_ROWS, 0),
+            shutter=_shutter(exported),
+            quality=_quality(night),
+            version=__version__,
+        )
+    )
+    made = Export(
+        format="html",
+        measurements=len(rows),
+        tracks=len(tracks),
+        is_simulated=exported.is_simulated,
+    )
+    return Report(html=html, made=made)
+
+
+def _environment() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("rsoconsole.library.notebook"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["ra"] = lambda deg: format_ra(deg, 3)
+    environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
+    environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
+    environment.policies["truncate.leeway"] = 0
+    environment.filters["fixed"] = _fixed
+    environment.filters["one_line"] = one_line
+    environment.filters["g"] = "{:g}".format
+    environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
+    environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
+    return environment
+
+
+def _fixed(value: float | None, digits: int = 2, sign: str = "") -> str:
+    return "–" if value is None else _minus(f"{value:{sign}.{digits}f}")
+
+
+def _minus(text: str) -> str:
+    """With a minus sign, but none before what rounds to nothing."""
+    if text.startswith(("-", "+")) and not text.strip("+-0:."):
+        return text[1:]
+    return text.replace("-", "−")
+
+
+def _conclusion(
+    night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
+) -> str:
+    """The night in a sentence or three."""
+    exposures = counted(len(night.frames), "exposure")
+    if not tracks:
+        measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
+        return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
+    objects = "One object was" if len(tracks) == 1 else f"{len(tracks)} objects were"
+    first, last = tracks[0].first.t_mid_utc_ns, tracks[-1].last.t_mid_utc_ns
+    count = sum(track.count for track in tracks)
+    words = (
+        f"{objects} followed from {clock(first, zone='')} to {clock(last, zone='')} UTC"
+        f" and measured {counted(count, 'time')} in {exposures}, {_misses(figures.misses)}."
+    )
+    if len(tracks) == 1 and tracks[0].is_geostationary:
+        words += " It moves as a geostationary satellite does."
+    if figures.residual_rms_arcsec is not None:
+        words += (
+            f" Predictions met the next measurement within"
+            f" {figures.residual_rms_arcsec:.2f} arcsec (rms on the sky); {said}."
+        )
+    else:
+        words += f" {said[0].upper()}{said[1:]}."
+    return words
+
+
+def _misses(number: int) -> str:
+    if number == 0:
+        return "without a miss"
+    return "with one miss" if number == 1 else f"with {number} misses"
+
+
+def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
+    """(what, figure, beside it) of the head's row."""
+    beside = {
+        shown.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
+        shown.MISSES: "frames without the object",
+        shown.RMS: "measured − predicted",
+        shown.NIS_MEAN: f"{shown.BAND.label} {shown.BAND.words(figures)}",
+        shown.INSIDE: "of residuals, on both axes",
+    }
+    return [
+        ("exposures", str(figures.frames), f"{figures.updates} updates of the track"),
+        *((each.label, each.words(figures), words) for each, words in beside.items()),
+    ]
+
+
+def _with_firsts(night: DrawnNight, rows: tuple[MeasuredRow, ...]) -> DrawnNight:
+    """The night with the measurement from which a track began among those that it took."""
+    taken = {(row.frame_id, row.x_px, row.y_px) for row in rows if row.is_taken}
+    firsts = (
+        each.measurement_id
+        for frame in night.frames
+        for each in frame.measurements
+        if (each.frame_id, each.x_px, each.y_px) in taken
+    )
+    return replace(night, firsts=frozenset(firsts))
+
+
+def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
+    """The figures in words."""
+    measured = [f.measured.confidence for f in night.frames if f.measured is not None]
+    alts: dict[str, str] = {}
+    if measured:
+        alts["confidence"] = (
+            f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
+            f" {counted(len(measured), 'frame')}, {_misses(figures.misses)}."
+        )
+    if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
+        share = f"{100.0 * figures.inside_3sigma:.0f} per cent"
+        alts["residuals"] = (
+            f"Residuals against time: {figures.residual_rms_arcsec:.2f} arcsec rms, {share}"
+            " within three sigma on both axes."
+        )
+    if figures.nis_mean is not None:
+        alts["nis"] = f"Normalised innovation squared against time: mean {figures.nis_mean:.2f}."
+    return alts
+
+
+def _shutter(exported: ExportedNight) -> str:
+    exposure = exported.config.exposure
+    if not exposure.calibrated or not exported.rows:
+        return f"shutter known to {usual_sigma_s(exposure) * 1e3:g} ms"
+    return shutter_words(exposure, day_of(exported.rows[0].t_mid_utc_ns))
+
+
+def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
+    """What the night's frames say of image and sky."""
+    facts = [facts_of(frame.detections) for frame in night.frames]
+    for fact in FRAME_FACTS:
+        if said := span_text(fact, [each[fact.name] for each in facts]):
+            yield f"{fact.label[0].upper()}{fact.label[1:]}", said

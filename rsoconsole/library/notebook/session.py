@@ -1,0 +1,327 @@
+"""A session in Python: ``open_session`` for notebooks and scripts, live or closed.
+
+What it gives is read from the record and never written back; derived data go to ``branches/``.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.base import SessionError
+from rsoconsole.config import Config, load_config
+from rsoconsole.library.notebook import card
+from rsoconsole.library.notebook._pictures import SessionPictures
+from rsoconsole.library.notebook.figures.figures import NightPlots
+from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of, with_frames
+from rsoconsole.night import (
+    Logged,
+    NightFrames,
+    NightTrack,
+    Row,
+    Summary,
+    rows_of,
+    spells_of,
+    summary_of,
+    tracks_of,
+)
+from rsoconsole.records import TABLES, Column
+from rsoconsole.session import SessionReader, folders_in
+from rsoconsole.session.log import schema
+from rsoconsole.words import settings_words, when
+
+if TYPE_CHECKING:
+    from rsoconsole.library.notebook._what_if import WhatIf
+    from rsoconsole.library.notebook.panel.panel import LivePanel
+    from rsoconsole.pipeline import ReplayedFrame
+
+BRANCHES = "branches"
+
+
+def open_session(path: Path | str | None = None) -> "Session":
+    """A session by its folder; without one the newest of your own (``session.root``).
+
+    The folder may be that of a branch, or of a night that still goes on: ``refresh()`` reads what
+    is new. Raises SessionError when the folder holds no session, it cannot be read, or there is
+    none yet.
+
+    >>> night = open_session("sessions/intelsat-14")
+    >>> night.measurements["direction"], night.plot_residuals()
+    """
+    if path is None:
+        return Session(_newest(load_config().session.root))
+    folder = Path(path).expanduser()
+    return Session(folder.parent if folder.name == schema.DATABASE else folder)
+
+
+def _newest(root: Path) -> Path:
+    """The session that was written to last."""
+
+    def written_ns(folder: Path) -> int:
+        parts = (folder / schema.DATABASE, folder / f"{schema.DATABASE}-wal")
+        return max(part.stat().st_mtime_ns for part in parts if part.exists())
+
+    found = [folder for folder in folders_in(root) if (folder / schema.DATABASE).exists()]
+    if not found:
+        raise SessionError(
+            f"there is no session in {root} yet: name a folder, as in "
+            "open_session('sessions/intelsat-14'), or let 'rsoconsole demo' make one"
+        )
+    return max(found, key=written_ns)
+
+
+def _table(name: str, words: str) -> Any:
+    return property(lambda self: self.table(name), doc=f"{words}, an astropy QTable.")
+
+
+class Session(SessionPictures, NightPlots):
+    """One observing session; made by ``open_session``."""
+
+    frames = _table("frames", "Every exposure")
+    detections = _table("detections", "Every streak")
+    rejections = _table("rejections", "Every candidate that was not taken, and why")
+    solutions = _table("solutions", "Every plate solution")
+    not_solved = _table("not_solved", "Every frame without one, and why")
+    measurements = _table("measurements", "Every direction measured, with its covariance")
+    not_followed = _table("not_followed", "Measurements that the track did not take, and why")
+    track = _table("track", "The filter's states: predicted, initial, updated")
+    slews = _table("slews", "Orders to the mount")
+    misses = _table("misses", "Exposures without the object, and why")
+    orbits = _table("orbits", "The orbit after each measurement")
+    identifications = _table("identifications", "Which catalogued object a track is of")
+    states = _table("states", "Changes of the loop's state")
+    parameters = _table("parameters", "Settings that were changed")
+    actions = _table("actions", "What operators wanted, and what came of it")
+    events = _table("events", "The log in words")
+    timings = _table("timings", "Wall time of every stage of every cycle")
+
+    def __init__(self, folder: Path) -> None:
+        self._reader = SessionReader(folder)
+        self._about = self._reader.about()
+        self._log: list[Logged] = []
+        self._frames = NightFrames(self._reader.config())
+        self.refresh()
+
+    def refresh(self) -> "Session":
+        """Read what has been recorded since; for a session that goes on. Returns itself."""
+        self._about = self._reader.about()
+        since = self._log[-1][0] if self._log else 0
+        for seq, t_utc_ns, record in self._reader.records(since_seq=since):
+            self._log.append((seq, t_utc_ns, record))
+            self._frames.take(record)
+        return self
+
+    # -- what it is -----------------------------------------------------------------------------
+
+    @property
+    def title(self) -> str:
+        """What it calls itself."""
+        return title_of(self._about, self.path)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What it said of itself when it began: versions, the network's hash and so on."""
+        return dict(self._about)
+
+    @property
+    def config(self) -> Config:
+        """The configuration it began with."""
+        return self._reader.config()
+
+    @property
+    def is_closed(self) -> bool:
+        """False while it goes on, and where it was cut off."""
+        return self._about.get("is_closed") is True
+
+    @property
+    def summary(self) -> Summary:
+        """The night in a handful of figures."""
+        return summary_of(self._night().frames)
+
+    @property
+    def tracks(self) -> dict[int, NightTrack]:
+        """Every track by its number, with its orbit and its name.
+
+        >>> night.tracks[2].orbit.a_km, night.tracks[2].name
+        """
+        return tracks_of(self._frames.seen())
+
+    @property
+    def records(self) -> tuple[Logged, ...]:
+        """(seq, t_utc_ns, record) of everything read so far, in the order of the log."""
+        return tuple(self._log)
+
+    # -- tables ---------------------------------------------------------------------------------
+
+    @property
+    def table_names(self) -> tuple[str, ...]:
+        """What ``table`` and ``frame`` know."""
+        return tuple(TABLES)
+
+    def table(self, name: str) -> Any:
+        """One of the session's views as an astropy ``QTable``, floats as exact as the log's.
+
+        Columns are named as in ``sessions/README.md`` and carry their units; instants ``*_utc_ns``
+        are ``Time`` columns ``*_utc``, directions have a ``SkyCoord`` column ``direction`` beside
+        their degrees. Raises SessionError for a name that there is not.
+        """
+        from rsoconsole.library.notebook.tables import as_table
+
+        columns, rows = self._rows(name)
+        return as_table(columns, rows, {"session": self.title, "table": name})
+
+    def frame(self, name: str) -> Any:
+        """The same as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
+        from rsoconsole.library.notebook.tables import as_frame
+
+        return as_frame(*self._rows(name))
+
+    def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
+        if name not in TABLES:
+            raise SessionError(f"there is no table {name!r}; there are {', '.join(TABLES)}")
+        files = self._reader.view("frames") if name == "frames" else ()
+        return TABLES[name].columns, rows_of(name, self._log, files)
+
+    # -- again, and otherwise -------------------------------------------------------------------
+
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """The night that is drawn."""
+        return (with_frames(self._night(), self.path),)
+
+    def replay(self) -> "tuple[ReplayedFrame, ...]":
+        """Every folded frame once more, from what is on record, with the session's settings.
+
+        A frame's ``is_as_recorded`` tells whether that gave the same bits as it did then.
+        On another processor the last digits may differ: ``is_alike`` allows for that.
+        """
+        from rsoconsole.pipeline import replay
+
+        return tuple(replay((record for _, _, record in self._log), self.config))
+
+    def what_if(
+        self,
+        settings: Mapping[str, float | str] | None = None,
+        *,
+        tau: float | None = None,
+        q: float | None = None,
+        sigma: float | None = None,
+        r: float | None = None,
+        preset: str | None = None,
+        **others: float | str,
+    ) -> "WhatIf":
+        """The same night followed with other settings, old and new side by side.
+
+        ``tau``: the confidence a detection must exceed. ``q``: white-noise acceleration,
+        arcsec²/s³. ``sigma``: the paper's, arcsec, which acts with preset "paper". ``r``:
+        factor of all of R. ``preset``: "tuned" or "paper". ``others``: any setting of
+        ``[filter]`` by its name, e.g. ``gate_nis=9``; ``settings``: any setting by its dotted
+        name. Raises ConfigError for one that there is not or that cannot be so.
+        """
+        from rsoconsole.library.notebook._what_if import WhatIf
+
+        named = {
+            "detector.tau": tau,
+            "filter.q_arcsec2_s3": q,
+            "filter.sigma_arcsec": sigma,
+            "filter.r_multiplier": r,
+            "filter.preset": preset,
+        }
+        changes: dict[str, float | str] = {n: v for n, v in named.items() if v is not None}
+        changes |= {f"filter.{name}": value for name, value in others.items()} | dict(
+            settings or {}
+        )
+        return WhatIf(self, changes)
+
+    @property
+    def branches(self) -> "dict[str, Session]":
+        """What-ifs that were saved, by name; each is a session of its own."""
+        root = self.path / BRANCHES
+        folders = sorted(root.iterdir()) if root.is_dir() else []
+        return {f.name: Session(f) for f in folders if (f / schema.DATABASE).is_file()}
+
+    def export(
+        self,
+        format: str,  # noqa: A002 -- as the verb has it
+        out: Path | str | None = None,
+        *,
+        force: bool = False,
+    ) -> Path:
+        """The night for others, as ``rsoconsole export`` writes it; returns where.
+
+        ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html. Raises ExportError for
+        another one, and for a file that is there already (unless ``force``).
+        """
+        from rsoconsole.library.formats.api import ExportOptions, export, save_text
+
+        place = None if out is None else Path(out).expanduser()
+        if format == "html":
+            from rsoconsole.library.notebook.report.report import render_report
+
+            report = render_report(self.path)
+            made = save_text(self.path, report.html, report.made, place, is_forced=force)
+        else:
+            kind: Any = format
+            made = export(self.path, kind, place, ExportOptions(is_forced=force))
+        assert made.path is not None
+        return made.path
+
+    def live(self, socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
+        """The panel on the engine that writes this session (needs ``rsoconsole[notebook]``).
+
+        Raises ControlError when no engine runs, or where it writes another session.
+        """
+        from rsoconsole.base import ControlError
+        from rsoconsole.control import ControlClient, Sender, status_of
+        from rsoconsole.library.notebook.live import live_panel
+
+        path = None if socket is None else Path(socket)
+        written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session
+        if written is None or not _is_same(written, self.path):
+            raise ControlError(
+                f"the running engine writes {written}, not {self.path}: live_panel() shows that one"
+            )
+        return live_panel(path, read_only=read_only)
+
+    # -- what a notebook shows of it ------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        return f"<Session {self.title!r}, {len(self._night().frames)} frames, {self.path}>"
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        printer.text(repr(self) if cycle else card.card_text(self._card()))
+
+    def _repr_html_(self) -> str:
+        return card.card_html(self._card())
+
+    def _card(self) -> card.Card:
+        night = self._night()
+        try:
+            picture = self.picture()
+        except SessionError:
+            picture = None
+        parent, changes = self._about.get("branch_of"), self._about.get("tried")
+        changes = changes if isinstance(changes, Mapping) else {}
+        t_first, t_last = (self._log[0][1], self._log[-1][1]) if self._log else (None, None)
+        return card.Card(
+            title=self.title,
+            folder=str(self.path),
+            when=when(t_first, t_last),
+            is_live=not self.is_closed,
+            branch_of=None if parent is None else (self.path / str(parent)).resolve().name,
+            changes=settings_words(changes),
+            frames=self._reader.counts().frames,
+            kept=len(self._kept()),
+            summary=summary_of(night.frames),
+            spells=spells_of(self._log),
+            misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
+            picture=picture,
+        )
+
+    def _night(self) -> DrawnNight:
+        return night_of(self.title, self.config, self._frames.seen())
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:
+        return one.absolute() == other.absolute()

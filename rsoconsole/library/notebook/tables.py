@@ -1,0 +1,107 @@
+"""Rows as tables for analysis: astropy's with units, times and directions, or pandas'.
+
+A column is named as in the session's views, with its type and unit (``records/columns.py``), with
+two exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (pandas: a timestamp) named ``*_utc``,
+and where a row is a direction there is also ``direction``, a ``SkyCoord``. Missing is masked, never
+NaN.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.library.notebook._extra import needed
+from rsoconsole.night import Row
+from rsoconsole.records import Column
+from rsoconsole.sky import jd_utc
+
+NS = "_utc_ns"
+
+
+def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any]) -> Any:
+    """An astropy ``QTable``: quantities, times in UTC (to the nanosecond), ICRS directions."""
+    from astropy.table import QTable
+
+    table = QTable(meta=meta)
+    for column in columns:
+        values = [row[column.name] for row in rows]
+        if column.name.endswith(NS):
+            table[column.name.removesuffix("_ns")] = _times(values)
+        else:
+            table[column.name] = _column(column, values)
+    if {"ra_icrs_deg", "dec_icrs_deg"} <= {column.name for column in columns}:
+        from astropy.coordinates import SkyCoord
+
+        table["direction"] = SkyCoord(table["ra_icrs_deg"], table["dec_icrs_deg"], frame="icrs")
+    return table
+
+
+def _times(values: Sequence[int | None]) -> Any:
+    from astropy.time import Time
+
+    present = np.array([0 if value is None else value for value in values], np.int64)
+    times = Time(*jd_utc(present), format="jd", scale="utc")
+    times.format = "isot"
+    times.precision = 9  # what is written as text is as exact
+    missing = np.array([value is None for value in values], bool)
+    if missing.any():
+        times[missing] = np.ma.masked
+    return times
+
+
+def _column(column: Column, values: Sequence[Any]) -> Any:
+    """A quantity where there is a unit, else a plain column; masked where values miss."""
+    from astropy import units
+    from astropy.table import Column as Plain
+    from astropy.table import MaskedColumn
+    from astropy.utils.masked import Masked
+
+    missing = np.array([value is None for value in values], bool)
+    data = _array(column, values)
+    missing = np.broadcast_to(missing.reshape(-1, *(1 for _ in column.shape)), data.shape)
+    if column.unit is not None and not column.shape:
+        quantity = data * units.Unit(column.unit)
+        return Masked(quantity, mask=missing) if missing.any() else quantity
+    return MaskedColumn(data, mask=missing) if missing.any() else Plain(data)
+
+
+def _array(column: Column, values: Sequence[Any]) -> Any:
+    """The values in an array of the column's type; what is missing as nothing of that type."""
+    if column.shape:
+        filled = [np.zeros(column.shape) if value is None else value for value in values]
+        return np.array(filled, float).reshape(len(values), *column.shape)
+    if column.type == "real" or (column.type == "integer" and column.unit is not None):
+        return np.array([0.0 if value is None else value for value in values], float)
+    if column.type == "integer":
+        return np.array([0 if value is None else value for value in values], np.int64)
+    if column.type == "truth":
+        return np.array([bool(value) for value in values], bool)
+    return np.array(["" if value is None else str(value) for value in values], str)
+
+
+def as_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
+    """A pandas ``DataFrame``. Raises RsoconsoleError where pandas is not installed."""
+    pandas = needed("pandas", "a data frame")
+    series = {}
+    for column in columns:
+        name = column.name
+        values = [row[name] for row in rows]
+        if name.endswith(NS):
+            series[name.removesuffix("_ns")] = _timestamps(pandas, values)
+        elif column.type == "integer":
+            is_whole = all(value is not None for value in values)
+            series[name] = pandas.Series(values, dtype="int64" if is_whole else "Int64")
+        elif column.type == "real" and not column.shape:
+            series[name] = pandas.Series(values, dtype="float64")
+        elif column.type == "truth":
+            series[name] = pandas.Series(map(bool, values), dtype="bool")
+        else:
+            series[name] = pandas.Series(values, dtype="object")
+    return pandas.DataFrame(series, columns=list(series))
+
+
+def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
+    nothing = np.datetime64("NaT", "ns").astype(np.int64)
+    whole = np.array([nothing if value is None else value for value in values], np.int64)
+    return pandas.Series(whole.view("datetime64[ns]")).dt.tz_localize("UTC")

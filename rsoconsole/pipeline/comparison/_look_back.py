@@ -1,0 +1,226 @@
+"""A frame's streaks against the frame before it: what the sky or the sensor had there already.
+
+A light that the telescope keeps pace with stays at its pixels too: it draws a streak as long, in
+the direction, as the sky's own motion between the frames makes it. What does not is the sensor's.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Solution
+from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
+from rsoconsole.vision import (
+    Box,
+    Compared,
+    EarlierLight,
+    Mapping2d,
+    Profile,
+    StarList,
+    agreement,
+    earlier_light,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SolvedField:
+    """A solved frame."""
+
+    frame: Frame
+    stars: StarList
+    solution: Solution
+    streaks: tuple[Detection, ...] = ()
+    """What was detected in it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Word:
+    """What a comparison says of a streak."""
+
+    comparison: Compared | None = None
+    reason: NotAStreak | None = None
+    """Why it is none."""
+
+
+def to_field(
+    here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The same places of the sky in another frame."""
+    return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
+
+
+def places_px(stars: StarList) -> FloatArray:
+    """(n, 2) of x, y."""
+    return np.stack([stars.x_px, stars.y_px], axis=1)
+
+
+def ends_of(streak: Detection) -> Box:
+    """x_a, y_a, x_b, y_b in pixels."""
+    return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
+
+
+_ONE_WAY_DEG, _ONE_LENGTH = 10.0, 1.4
+"""Turn and ratio of lengths up to which two streaks are of one motion."""
+_BESIDE_SHARE, _BESIDE_FWHM = 0.12, 2.0
+"""Of its way, or in widths of a star, by which what has moved on may lie beside where it should:
+where the mount drifts, a streak is as long and as turned as the drift makes it, the way is not."""
+
+
+def has_moved_on(streak: Detection, here: SolvedField, before: SolvedField, later_s: float) -> bool:
+    """Whether what lay at a streak's place in the frame before is another streak of this frame.
+
+    ``later_s``: from the middle of that exposure to the middle of this one.
+    """
+    exposure_s = before.frame.exposure_s
+    if not exposure_s:
+        return False
+    way_per_length = later_s / exposure_s
+    others = [each for each in here.streaks if each != streak and _is_alike(each, streak)]
+    return any(
+        _leads(earlier, other, streak, way_per_length, here.stars)
+        for earlier in _at_its_place(streak, here, before)
+        for other in others
+    )
+
+
+def _is_alike(one: Detection, other: Detection) -> bool:
+    if one.kind != "streak" or min(one.length_px, other.length_px) <= 0.0:
+        return False
+    ratio = one.length_px / other.length_px
+    turned = abs(turn_deg(one.angle_deg, other.angle_deg))
+    return 1.0 / _ONE_LENGTH < ratio < _ONE_LENGTH and turned < _ONE_WAY_DEG
+
+
+def _at_its_place(
+    streak: Detection, here: SolvedField, before: SolvedField
+) -> list[tuple[float, float, float]]:
+    """Middles (x, y) on this frame, and lengths, of earlier streaks that overlap with it."""
+    found = []
+    for each in before.streaks:
+        if not _is_alike(each, streak):
+            continue
+        x, y = to_field(before, here, _one(each.x_px), _one(each.y_px))
+        if math.hypot(x[0] - streak.x_px, y[0] - streak.y_px) < streak.length_px:
+            found.append((float(x[0]), float(y[0]), each.length_px))
+    return found
+
+
+def _leads(
+    earlier: tuple[float, float, float],
+    other: Detection,
+    streak: Detection,
+    way_per_length: float,
+    stars: StarList,
+) -> bool:
+    """Whether the other one lies where the earlier streak's own motion has brought it."""
+    x, y, length_px = earlier
+    way_px = length_px * way_per_length
+    dx, dy = other.x_px - x, other.y_px - y
+    angle = math.radians(streak.angle_deg)
+    along = dx * math.cos(angle) + dy * math.sin(angle)
+    across = dy * math.cos(angle) - dx * math.sin(angle)
+    beside_px = max(_BESIDE_SHARE * way_px, _BESIDE_FWHM * stars.median_fwhm_px)
+    return max(abs(abs(along) - way_px), abs(across)) < beside_px
+
+
+def _one(value: float) -> FloatArray:
+    return np.array([value])
+
+
+LATEST_S = 600.0
+"""An older frame is not asked."""
+_BRIGHTEST = slice(120)
+"""Stars of a frame that are looked for in the other."""
+_MOVED_PX, _MOVED_FWHM = 4.0, 2.0
+"""By how much the sky has to have moved, at least, for the sensor to be told from it."""
+_SAME_WAY_DEG, _SAME_LENGTH = 15.0, 2.0
+"""Turn and ratio of lengths up to which a streak is that of what the telescope keeps pace with."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LookBack:
+    """The frame before one, where the two can be compared."""
+
+    here: SolvedField
+    before: SolvedField
+    flux_ratio: float
+    later_s: float
+
+    @classmethod
+    def of(cls, here: SolvedField, before: SolvedField) -> "LookBack | None":
+        """None where the field is another, the frames overlap in time, or their stars disagree."""
+        later_s = _later_s(here.frame, before.frame)
+        is_alike = here.frame.pixels.shape == before.frame.pixels.shape
+        if later_s is None or not is_alike or before.stars.trail is not None:
+            return None
+        bright = np.flatnonzero(~here.stars.is_saturated)[_BRIGHTEST]
+        x, y = to_field(here, before, here.stars.x_px[bright], here.stars.y_px[bright])
+        agree = agreement(
+            np.stack([x, y], axis=1),
+            here.stars.flux[bright],
+            places_px(before.stars),
+            before.stars.flux,
+            before.stars.median_fwhm_px,
+        )
+        if agree is None or not agree.is_good:
+            return None
+        return cls(here=here, before=before, flux_ratio=agree.flux_ratio, later_s=later_s)
+
+    def word(self, streak: Detection) -> Word | None:
+        """What the earlier frame says of one streak; None where nothing."""
+        here, before = self.here, self.before
+        width_px = max(streak.width_px, here.stars.median_fwhm_px, before.stars.median_fwhm_px)
+        profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
+        if profile is None:
+            return None
+        light = self._light(profile, streak, self._to_earlier, self.flux_ratio)
+        found = "unclear" if light is None else light.found
+        if found == "same" and has_moved_on(streak, here, before, self.later_s):
+            return None
+        if found == "same":
+            return Word(comparison="same light", reason=NotAStreak(kind="fixed in the sky"))
+        if self._may_be_sensors(streak):
+            exposures = (before.frame.exposure_s or 1.0) / (here.frame.exposure_s or 1.0)
+            there = self._light(profile, streak, None, exposures)
+            if there is not None and there.is_identical:
+                return Word(reason=NotAStreak(kind="fixed on the sensor"))
+        return Word(comparison="new light") if found == "new" else None
+
+    def _to_earlier(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return to_field(self.here, self.before, x, y)
+
+    def _light(
+        self, profile: Profile, streak: Detection, to_earlier: Mapping2d | None, flux_ratio: float
+    ) -> EarlierLight | None:
+        pixels = self.before.frame.pixels
+        return earlier_light(profile, pixels, to_earlier, snr=streak.snr, flux_ratio=flux_ratio)
+
+    def _may_be_sensors(self, streak: Detection) -> bool:
+        """Whether the sky has moved enough to tell, and a light that moves is no explanation."""
+        x, y = np.array([streak.x_px]), np.array([streak.y_px])
+        was_x, was_y = to_field(self.before, self.here, x, y)
+        # From where the sky that was at its pixels is now: what a light that stayed there has gone.
+        dx, dy = float(x[0] - was_x[0]), float(y[0] - was_y[0])
+        least_px = max(_MOVED_PX, _MOVED_FWHM * self.here.stars.median_fwhm_px)
+        return math.hypot(dx, dy) > least_px and not self._keeps_pace(streak, dx, dy)
+
+    def _keeps_pace(self, streak: Detection, dx: float, dy: float) -> bool:
+        """Whether a light that went so far between the frames draws such a streak."""
+        angle_deg = math.degrees(math.atan2(dy, dx)) % 180.0
+        if turn_deg(angle_deg, streak.angle_deg) > _SAME_WAY_DEG:
+            return False
+        expected_px = math.hypot(dx, dy) * (self.here.frame.exposure_s or 0.0) / self.later_s
+        is_as_long = 1.0 / _SAME_LENGTH < streak.length_px / max(expected_px, 0.1) < _SAME_LENGTH
+        return streak.is_clipped or is_as_long
+
+
+def _later_s(frame: Frame, before: Frame) -> float | None:
+    """Between the middles of two exposures that follow each other; None where they do not."""
+    times = frame.t_start_utc_ns, before.t_start_utc_ns
+    if times[0] is None or times[1] is None or not frame.exposure_s or not before.exposure_s:
+        return None
+    from_start_s = (times[0] - times[1]) / 1e9
+    if not before.exposure_s <= from_start_s < LATEST_S:
+        return None
+    return from_start_s + 0.5 * (frame.exposure_s - before.exposure_s)

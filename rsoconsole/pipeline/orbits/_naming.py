@@ -1,0 +1,187 @@
+"""Which catalogued objects are followed, asked again and again while more of them is seen."""
+
+import threading
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from rsoconsole.base import OrbitError
+from rsoconsole.config import Config
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    Compared,
+    Identification,
+    Match,
+    Sightings,
+    compared_with,
+    name_together,
+)
+from rsoconsole.pipeline.orbits.elements_used import read_catalogue
+from rsoconsole.pipeline.orbits.expected import errors_of
+from rsoconsole.pipeline.orbits.track_measurements import longest_arc
+from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
+from rsoconsole.records import CatalogueMatch, Identified, LedgerName
+from rsoconsole.words import ledger_words
+
+FIRST_AT = 3
+_MORE = 1.5
+"""Growth of the number of directions until it is asked again."""
+_MOST_MATCHES = 3
+_MOST_TRACKS = 24
+"""Tracks that are named together, those that were compared last."""
+
+
+class Catalogue:
+    """The element sets of the configuration's files, read beside whatever else is done."""
+
+    def __init__(self, files: Sequence[Path]) -> None:
+        self._files = tuple(files)
+        self._entries: tuple[CatalogueEntry, ...] = ()
+        self._fault: OrbitError | None = None
+        self._reading = threading.Thread(target=self._read, name="catalogue", daemon=True)
+        self._reading.start()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Where it is from."""
+        return self._files
+
+    def entries(self) -> tuple[CatalogueEntry, ...]:
+        """All of them, as soon as they are read. Raises OrbitError for a file that cannot be."""
+        self._reading.join()
+        if self._fault is not None:
+            raise self._fault
+        return self._entries
+
+    def _read(self) -> None:
+        try:
+            self._entries = read_catalogue(self._files)
+        except OrbitError as error:
+            self._fault = error
+        except Exception as error:  # the caller is given it
+            self._fault = OrbitError(f"the catalogue cannot be read: {error}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Asked:
+    """A track as it was compared with the catalogue last."""
+
+    begun_utc_ns: int
+    due: int
+    """Number of directions with which it is compared again."""
+    compared: Compared
+    said: tuple[str, int | None] = ("", None)
+    """Verdict and best match that are on record."""
+
+
+class Naming:
+    """Names all tracks together; knows with how many directions each is to be compared again."""
+
+    def __init__(self, config: Config, past: Past | None = None) -> None:
+        """``past``: what no catalogue knew on earlier nights."""
+        self._config = config
+        self._past = past
+        self._catalogue = Catalogue(config.catalogue.tle_files)
+        self._errors = errors_of(config.catalogue)
+        self._asked: dict[int, _Asked] = {}
+        """By track id."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        if config.catalogue.tle_files != self._catalogue.files:
+            self._catalogue = Catalogue(config.catalogue.tle_files)
+            self._asked = {}
+        self._config, self._errors = config, errors_of(config.catalogue)
+
+    def forget(self) -> None:
+        """The clock was wrong until now."""
+        self._asked = {}
+
+    def entries(self) -> tuple[CatalogueEntry, ...]:
+        """The catalogue. Raises OrbitError where it cannot be read."""
+        return self._catalogue.entries()
+
+    def ask(
+        self, frame_id: int, seen: Mapping[int, Sightings], tracks: Collection[int]
+    ) -> tuple[Identified, ...]:
+        """Names where it is time to ask and there is a catalogue.
+
+        ``seen``: what the tracks that took something new have seen, by track id; ``tracks``: all
+        that there have been. Beside the tracks that are due, those whose name changes by it.
+        Raises OrbitError where the catalogue cannot be read.
+        """
+        if not self._catalogue.files:
+            return ()
+        due = [track_id for track_id, each in seen.items() if self._is_due(track_id, each)]
+        if not due:
+            return ()
+        entries, gate_deg = self._catalogue.entries(), self._config.catalogue.gate_deg
+        for track_id in due:
+            arc = longest_arc(seen[track_id])
+            self._asked.pop(track_id, None)  # the latest last
+            self._asked[track_id] = _Asked(
+                begun_utc_ns=int(seen[track_id].t_utc_ns[0]),
+                due=max(round(_MORE * len(seen[track_id])), len(seen[track_id]) + 1),
+                compared=compared_with(
+                    arc,
+                    self._config.site.to_site(),
+                    entries,
+                    gate_deg=gate_deg,
+                    errors=self._errors,
+                ),
+            )
+        kept = [each for each in self._asked if each in tracks or each in due][-_MOST_TRACKS:]
+        self._asked = {track_id: self._asked[track_id] for track_id in kept}
+        compared = [each.compared for each in self._asked.values()]
+        answers = name_together(compared, gate_deg=gate_deg)
+        return tuple(self._said(frame_id, due, dict(zip(kept, answers, strict=True))))
+
+    def _is_due(self, track_id: int, seen: Sightings) -> bool:
+        asked = self._asked.get(track_id)
+        if asked is None or asked.begun_utc_ns != int(seen.t_utc_ns[0]):
+            return len(seen) >= FIRST_AT
+        return len(seen) >= asked.due
+
+    def _said(
+        self, frame_id: int, due: Collection[int], answers: Mapping[int, Identification]
+    ) -> Iterator[Identified]:
+        unknown = {n: self._asked[n].compared.seen for n in due if _is_unknown(answers[n])}
+        past = self._past.names_of(unknown, self._config.site.to_site()) if self._past else {}
+        for track_id, found in answers.items():
+            best = found.matches[0].norad_id if found.matches else None
+            said, asked = (found.verdict, best), self._asked[track_id]
+            if track_id in due or said != asked.said:
+                self._asked[track_id] = replace(asked, said=said)
+                name = on_record(frame_id, track_id, found, len(asked.compared.seen))
+                yield _with_past(name, past.get(track_id))
+
+
+def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
+    """What is put on record of an identification."""
+    return Identified(
+        frame_id=frame_id,
+        track_id=track_id,
+        verdict=found.verdict,
+        reason=found.reason,
+        hint=found.hint,
+        observations=observations,
+        catalogued=found.catalogued,
+        matches=tuple(_match(each) for each in found.matches[:_MOST_MATCHES]),
+        not_catalogued=found.not_catalogued,
+        named_with=found.named_with,
+    )
+
+
+def _is_unknown(found: Identification) -> bool:
+    return found.verdict == "unknown"
+
+
+def _with_past(name: Identified, past: LedgerName | None) -> Identified:
+    """What it was called before, where no catalogue has a name for it."""
+    if past is None or name.verdict != "unknown":
+        return name
+    return replace(name, ledger=past, reason=f"{ledger_words(past)}: {name.reason}")
+
+
+def _match(match: Match) -> CatalogueMatch:
+    return CatalogueMatch(**{f.name: getattr(match, f.name) for f in fields(CatalogueMatch)})

@@ -1,0 +1,270 @@
+"""The directions of one object, from a session's track or from a file of observations."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raised_as
+from rsoconsole.config import Config, LimitsConfig
+from rsoconsole.orbits import Sightings, sightings, together
+from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
+from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
+from rsoconsole.session import SessionReader
+from rsoconsole.sky import iso_to_utc_ns
+from rsoconsole.tracking import (
+    Motion,
+    expected_motion,
+    motion_in_exposure,
+    remembered_with,
+    with_part_error,
+)
+
+_BESIDE, _BESIDE_S = 5, 600.0
+"""Measurements to either side, and seconds, over which a satellite's rate is taken for one."""
+
+
+class Exposures:
+    """How long each frame was exposed: what a streak's length is compared with."""
+
+    def __init__(self) -> None:
+        self._of_frame_s: dict[int, float] = {}
+
+    def receive(self, record: Record) -> None:
+        """One record of the log."""
+        if isinstance(record, FrameTaken) and record.exposure_s is not None:
+            self._of_frame_s[record.frame_id] = record.exposure_s
+
+    def of(self, measurement: Measurement) -> float | None:
+        """Seconds; None where the frame did not say."""
+        return self._of_frame_s.get(measurement.frame_id)
+
+
+class PartErrors:
+    """Knows the lengths of the streaks that one track has taken."""
+
+    def __init__(self) -> None:
+        self._excesses: tuple[float, ...] = ()
+        self._added_arcsec2: tuple[float, ...] = (0.0, 0.0, 0.0)
+        """To the covariance of the last one."""
+
+    def widened(
+        self,
+        fresh: Sequence[Measurement],
+        taken: Sequence[Measurement],
+        track: TrackState,
+        exposures: Exposures,
+    ) -> tuple[Measurement, ...]:
+        """The track's next measurements, those of parts with the error that they share.
+
+        ``fresh``: the last of ``taken``, with whatever else their covariances hold; ``taken``: all
+        that the track has taken, in order of time; ``track``: its state now.
+        """
+        found, first = [], len(taken) - len(fresh)
+        for n, each in enumerate(fresh, start=first):
+            exposure_s = exposures.of(each)
+            wider = each
+            if exposure_s is not None:
+                expected = _motion(taken, n, exposure_s) or expected_motion(track, exposure_s)
+                wider = with_part_error(each, expected, self._excesses)
+                self._excesses = remembered_with(self._excesses, each, expected)
+            found.append(wider)
+            added = np.subtract(wider.cov_sky_arcsec2, each.cov_sky_arcsec2)
+            self._added_arcsec2 = tuple(map(float, added))
+        return tuple(found)
+
+    def last_of(self, measurement: Measurement) -> Measurement:
+        """The last one, whatever else its covariance holds, with the same error."""
+        ee, en, nn = np.add(measurement.cov_sky_arcsec2, self._added_arcsec2)
+        return replace(measurement, cov_sky_arcsec2=(float(ee), float(en), float(nn)))
+
+
+def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion | None:
+    """In one exposure, by what was measured beside the n-th; None where nothing was.
+
+    The state's own rate is that of now: of an eccentric orbit it was another an hour ago.
+    """
+    here_ns = taken[n].t_mid_utc_ns
+    near = [
+        each
+        for each in taken[max(n - _BESIDE, 0) : n + _BESIDE + 1]
+        if abs(each.t_mid_utc_ns - here_ns) <= _BESIDE_S * 1e9
+    ]
+    first, last = near[0], near[-1]
+    if (last.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9 <= exposure_s:
+        return None
+    return motion_in_exposure(first, last, exposure_s)
+
+
+_FEWEST = 3
+_SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
+ARC_GAP_S = 3 * 3600.0
+"""A longer silence begins another arc."""
+
+
+def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
+    """Measurements, reduced. Raises ValueError for one that is no direction."""
+    return sightings(
+        site,
+        np.array([each.t_mid_utc_ns for each in taken], np.int64),
+        np.array([each.ra_icrs_deg for each in taken]),
+        np.array([each.dec_icrs_deg for each in taken]),
+        np.array([each.cov_sky_arcsec2 for each in taken]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observed:
+    """Measured directions of one object, and where they are from."""
+
+    name: str
+    """Of the file or session, and which track of it."""
+    site: Site
+    limits: LimitsConfig | None
+    """Of the session's telescope; None for a file."""
+    seen: Sightings
+    tracks: int = 1
+    """How many the session holds."""
+    number: int = 1
+    """Which of them it is, in order of time."""
+    track_id: int | None = None
+    """As in the session's records; None for a file."""
+
+
+def read_observed(
+    path: Path,
+    *,
+    sigma_arcsec: float = 1.0,
+    track: int | None = None,
+    site: Site | None = None,
+) -> tuple[Observed, ...]:
+    """The tracks of a session, the longest first, or the observations of a file.
+
+    ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
+    ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
+    Raises SessionError or OrbitError saying what is wrong with what.
+    """
+    if path.is_dir() or path.name == "session.db":
+        return _read_session(path if path.is_dir() else path.parent, track)
+    return (_read_file(path, sigma_arcsec, site),)
+
+
+def arcs(seen: Sightings) -> tuple[Sightings, ...]:
+    """Its arcs, in order of time: a silence of three hours parts them."""
+    starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
+    groups = np.split(np.arange(len(seen)), starts)
+    return tuple(together([seen.of(each)])[0] for each in groups)
+
+
+def longest_arc(seen: Sightings) -> Sightings:
+    """The arc with the most directions."""
+    return max(arcs(seen), key=len)
+
+
+def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
+    reader = SessionReader(folder)
+    config = reader.config()
+    tracks, exposures = _tracks(reader)
+    if not tracks:
+        raise SessionError(
+            f"{folder} holds no track: nothing was followed in it; name a session that has one"
+        )
+    if track is not None and not 1 <= track <= len(tracks):
+        raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
+    found = [
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures)
+        for number, each in enumerate(tracks, start=1)
+        if track in (None, number)
+    ]
+    return tuple(sorted(found, key=lambda each: -len(each.seen)))
+
+
+def _of_track(
+    name: str, config: Config, place: tuple[int, int], track: Track, exposures: Exposures
+) -> Observed:
+    """``place``: its number, and how many there are."""
+    site, (number, count) = config.site.to_site(), place
+    measured = tuple(track.measurements)
+    taken = PartErrors().widened(measured, measured, track.last, exposures)
+    try:
+        seen = sightings_of(site, taken)
+    except ValueError as error:
+        raise SessionError(
+            f"{name}, track {number}: {error}; take another track with --track"
+        ) from error
+    return Observed(
+        name=name if count == 1 else f"{name}, track {number} of {count}",
+        site=site,
+        limits=config.limits,
+        seen=seen,
+        tracks=count,
+        number=number,
+        track_id=track.track_id,
+    )
+
+
+def _tracks(reader: SessionReader) -> tuple[list[Track], Exposures]:
+    """Those with enough measurements, else all that have any, in order of time."""
+    taken, exposures = TracksTaken(), Exposures()
+    for _, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
+        taken.receive(record)
+        exposures.receive(record)
+    found = [each for each in taken.tracks() if each.measurements]
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures
+
+
+def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
+    text = named_text(path, OrbitError, "name a session's folder or a file of observations")
+    try:
+        read = json_of(text)
+    except ValueError as error:
+        raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
+    if not isinstance(read, dict):
+        raise OrbitError(f"{path} is no file of observations: it must be {_SHAPE}")
+    site_read = read.get("site")
+    site = elsewhere if site_read is None and elsewhere is not None else _site(site_read, path)
+    rows = read.get("obs")
+    if not isinstance(rows, list) or not rows:
+        raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")
+    parsed = [_row(row, f"{path}, observation {n}", sigma_arcsec) for n, row in enumerate(rows, 1)]
+    t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
+    cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
+    return Observed(name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov))
+
+
+def _site(table: Any, path: Path) -> Site:
+    try:
+        site = Site(
+            latitude_deg=_number(table["lat_deg"], 90.0),
+            longitude_deg=_number(table["lon_deg"], 360.0),
+            elevation_m=_number(table.get("alt_m", 0.0), 1e5),
+        )
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise OrbitError(
+            f"{path} has no site that can be used: it must be {_SHAPE}; or say it with --site"
+        ) from error
+    return site
+
+
+def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, float, float]:
+    """Time, RA, Dec and the sigmas east and north, arcsec."""
+    if not isinstance(row, list) or not 3 <= len(row) <= 5:
+        raise OrbitError(f"{where}: [time, RA, Dec] in degrees is needed, then sigmas in arcsec")
+    with raised_as(OrbitError, f"{where}: ", (TypeError, ValueError)):
+        t_utc_ns = iso_to_utc_ns(row[0])
+        ra, dec = _number(row[1], 360.0), _number(row[2], 90.0)
+        sigmas = [_number(each, 3600.0) for each in row[3:]] or [sigma_arcsec]
+    if min(sigmas) <= 0.0:
+        raise OrbitError(f"{where}: a sigma must be above 0")
+    return t_utc_ns, ra % 360.0, dec, sigmas[0], sigmas[-1]
+
+
+def _number(value: Any, largest: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is not a number")
+    if not (math.isfinite(value) and abs(value) <= largest):
+        raise ValueError(f"{value!r} is not within {largest:g} either side of 0")
+    return float(value)

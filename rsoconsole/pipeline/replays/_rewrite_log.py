@@ -1,0 +1,240 @@
+"""A session's log as it would have been with other settings. Pure.
+
+What was recorded stays, in its order; what the fold had made of it is replaced by what it makes of
+it now. A log rewritten with no changes is the log itself, and a rewritten log replayed with the
+changed configuration gives its own records again (on another processor: to the last digits).
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import assert_never
+
+from rsoconsole.config import Config
+from rsoconsole.night import FOLDED, is_from_outside
+from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike
+from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
+from rsoconsole.pipeline.replays.refold import LookedAt, Part, ReplayedFrame, Walk
+from rsoconsole.records import (
+    BesideRecord,
+    Cause,
+    CycleTiming,
+    Detections,
+    Event,
+    FoldInput,
+    FoldRecord,
+    FollowedAgain,
+    FrameTaken,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OrbitRecord,
+    ParameterChange,
+    Record,
+    Ruling,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+
+class LogRewriter:
+    """Walks along a log and hands on another, record by record: a night may be a long one."""
+
+    def __init__(
+        self,
+        walk: Walk,
+        *,
+        on_record: Callable[[int, Record], None],
+        on_frame: Callable[[ReplayedFrame], None],
+    ) -> None:
+        """``on_record``: takes the other log, (t_utc_ns, record), in order; ``on_frame``: each
+        frame that was folded, as soon as it is complete."""
+        self.config = walk.config
+        """With the changes: the other log begins with it."""
+        self._on_record = on_record
+        self._on_frame = on_frame
+        self._walk = walk
+        self._held: list[tuple[int, Record, Part]] = []
+        """Records since the frame that is open was reduced, or began to be followed again."""
+        self._t_open_ns = 0
+        self._is_again = False
+        self._is_another_night = False
+        """Whether a frame was followed in another way: the orbits from there on are of no track."""
+        self._is_void = False
+        """Behind a frame that is not followed again here: what that had led to is left out."""
+        self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
+        """A decision whose change of state has not been told, and the states before and after."""
+
+    def receive(self, t_utc_ns: int, record: Record) -> None:
+        """One record more."""
+        walk = self._walk
+        if _closes(record):
+            self.close()
+        before = walk.following.state
+        for each in walk.receive(record):
+            self._write_frame(each)
+        if walk.open is not None or walk.open_again is not None:
+            if isinstance(record, FollowedAgain):
+                self._begin_again(t_utc_ns, record)
+            else:
+                self._held.append((t_utc_ns, record, walk.part))
+            return
+        self._write_other(t_utc_ns, record, before)
+
+    def close(self) -> None:
+        """The open frame is complete."""
+        for each in self._walk.close():
+            self._write_frame(each)
+        self._is_void = False
+
+    def _begin_again(self, t_utc_ns: int, record: FollowedAgain) -> None:
+        self._write_ruled()
+        self._on_record(t_utc_ns, record)
+        self._t_open_ns, self._is_again = t_utc_ns, True
+
+    def _write_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
+        """A record that belongs to no frame that is open."""
+        match record:
+            case FollowedAgain():
+                self._write_ruled()
+                # What marks by hand led to stands as it was told.
+                self._is_void = not self._walk.is_by_hand
+            case Ruling():
+                self._ruled = (t_utc_ns, record, before, self._walk.following.state)
+            case StateChange():
+                self._write_change(t_utc_ns, record, before)
+                return
+            case TrackState() | NotFollowed() | Miss():
+                if self._is_void:
+                    return
+            case _ if isinstance(record, OrbitRecord):
+                if self._is_void or self._is_another_night:
+                    return
+            case ParameterChange():
+                if record.name in self._walk.held:
+                    record = _without_force(record, self._walk.config)
+            case Measurement():
+                record = self._at_instant(record)
+            case _ if isinstance(
+                record, (FrameTaken, Detections, Solution, NotSolved, CycleTiming, BesideRecord)
+            ):
+                pass  # told as it was
+            case _:
+                assert_never(record)
+        self._on_record(t_utc_ns, record)
+
+    def _write_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
+        """A change of state that belongs to no frame that is open."""
+        if is_from_outside(record):
+            change = _passage(record, before, self._walk.following.state)
+            self._on_record(t_utc_ns, change)
+        elif self._walk.is_ruled:
+            self._write_ruled(record)
+        elif not self._is_void:
+            self._on_record(t_utc_ns, record)
+
+    def _write_ruled(self, recorded: StateChange | None = None) -> None:
+        """The change of state that a decision leads to, if it does."""
+        if self._ruled is None:
+            return
+        t_utc_ns, decision, before, after = self._ruled
+        self._ruled = None
+        if before == after:
+            return
+        again = Cause(kind="operator's word", detail="followed again by the operator's word")
+        reason = again if recorded is None else recorded.reason
+        change = StateChange(frame_id=decision.frame_id, before=before, after=after, reason=reason)
+        self._on_record(t_utc_ns, change)
+
+    def _at_instant(self, measurement: Measurement) -> Measurement:
+        """What the operator marked, at its frame's instant."""
+        again = self._walk.again.get(measurement.frame_id)
+        if again is None:
+            return measurement
+        t_mid_ns = shutter_mid_utc_ns(again.shown.taken, again.config.exposure)
+        if t_mid_ns is None:
+            return measurement
+        return at_its_row(
+            measurement, t_mid_ns, shutter_time(again.shown.taken, again.config.exposure)
+        )
+
+    def _write_frame(self, closed: ReplayedFrame | LookedAt) -> None:
+        """A complete frame: its inputs, what the fold makes of them, and what came beside."""
+        held, self._held = self._held, []
+        is_again, self._is_again = self._is_again, False
+        inputs = () if is_again else _inputs(closed.shown)
+        folded: tuple[Record, ...] = ()
+        if isinstance(closed, ReplayedFrame):
+            self._on_frame(closed)
+            folded = closed.records
+        is_same = inputs == tuple(r for _, r, part in held if part == "input") and are_alike(
+            folded, tuple(r for _, r, part in held if part == "folded")
+        )
+        self._is_another_night = self._is_another_night or not is_same
+        if is_same and not self._is_another_night:
+            for t_utc_ns, record, _ in held:
+                self._on_record(t_utc_ns, record)
+            return
+        held = list(_without_orbits(held))
+        t_inputs_ns = next((t for t, _, part in held if part == "input"), self._t_open_ns)
+        t_folded_ns = next((t for t, _, part in held if part == "folded"), t_inputs_ns)
+        others = [(t, record) for t, record, part in held if part == "other"]
+        rewritten = [
+            *((t_inputs_ns, r) for r in inputs),
+            *((t_folded_ns, r) for r in folded),
+            *others,
+        ]
+        for t_utc_ns, record in rewritten:
+            self._on_record(t_utc_ns, record)
+
+
+def _without_orbits(
+    held: Iterable[tuple[int, Record, Part]],
+) -> Iterator[tuple[int, Record, Part]]:
+    """Without orbits and names, and the words that were said on them."""
+    is_theirs = False
+    for each in held:
+        is_theirs = isinstance(each[1], OrbitRecord) or (is_theirs and isinstance(each[1], Event))
+        if not is_theirs:
+            yield each
+
+
+def _inputs(shown: Shown) -> tuple[Record, ...]:
+    solution = () if shown.solution is None else (shown.solution,)
+    return (shown.detections, *solution, *shown.measurements)
+
+
+def _closes(record: Record) -> bool:
+    """Whether no record behind it belongs to the frame before."""
+    match record:
+        case FrameTaken() | CycleTiming() | Ruling() | FollowedAgain() | ParameterChange():
+            return True
+        case StateChange():
+            return is_from_outside(record)
+        case Event():
+            return record.topic == "kept"
+        case _ if isinstance(record, (FoldInput, FoldRecord, OrbitRecord, BesideRecord)):
+            return False
+        case _:
+            assert_never(record)
+
+
+def _passage(change: StateChange, before: LoopState, after: LoopState) -> StateChange:
+    """A change from outside, between the states that there are here."""
+    if change.before not in FOLDED or before not in FOLDED:
+        before = change.before
+    if change.after not in FOLDED or after not in FOLDED:
+        after = change.after
+    return replace(change, before=before, after=after)
+
+
+def _without_force(change: ParameterChange, config: Config) -> Event:
+    """In the place of a setting that was changed that night, and is tried here throughout."""
+    section, _, key = change.name.partition(".")
+    value = getattr(getattr(config, section), key)
+    return Event(
+        level="info",
+        text=f"{change.name} was set from {change.before} to {change.after}: here it is {value}",
+    )

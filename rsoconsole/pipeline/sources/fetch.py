@@ -1,0 +1,304 @@
+"""One answer of a web server, within bounds: once, never again by itself.
+
+A server may be slow, end in the middle, send a page, a bomb or go round in circles: each is one
+sentence. Nothing secret that an address carries is ever in that.
+"""
+
+import base64
+import contextlib
+import gzip
+import html
+import http.client
+import io
+import re
+import socket
+import ssl
+import threading
+import time
+import urllib.error
+import urllib.request
+import zipfile
+import zlib
+from collections.abc import Mapping
+from http.cookiejar import CookieJar
+from typing import IO, Any, Literal
+from urllib.parse import parse_qsl, quote_plus, unquote, urlencode, urlsplit, urlunsplit
+
+from rsoconsole import __version__
+from rsoconsole.base import OrbitError
+from rsoconsole.config import shown
+
+MOST_BYTES = 64 << 20
+"""Of one answer, unpacked: the whole catalogue is a third of that."""
+MOST_REDIRECTS = 5
+DEADLINE_S = 180.0
+SILENT_S = 30.0
+_CHUNK = 1 << 16
+_MOST_OF_A_REFUSAL, _LONGEST_REASON, _SHORTEST_SECRET = 4096, 200, 3
+_REFUSALS = {401, 403, 429, 451}
+
+FaultKind = Literal["refused", "unreachable", "failed"]
+
+
+class FetchError(OrbitError):
+    """No answer that can be used. ``kind``: "refused" must not be asked again by itself;
+    "unreachable" was never asked at all."""
+
+    def __init__(self, words: str, kind: FaultKind, is_answer: bool = False) -> None:
+        """``is_answer``: the words are a verb behind the server's name."""
+        super().__init__(words)
+        self.kind: FaultKind = kind
+        self.is_answer = is_answer
+
+
+class _Redirects(urllib.request.HTTPRedirectHandler):
+    """A few, never from https to http, and with an account to no other host."""
+
+    max_redirections = MOST_REDIRECTS
+    max_repeats = 2
+
+    def __init__(self, *, is_bound: bool) -> None:
+        self._is_bound = is_bound
+
+    def redirect_request(  # noqa: PLR0917 - urllib's own signature
+        self,
+        req: urllib.request.Request,
+        fp: IO[bytes],
+        code: int,
+        msg: str,
+        headers: Any,
+        newurl: str,
+    ) -> urllib.request.Request | None:
+        old, new = urlsplit(req.full_url), urlsplit(newurl)
+        is_other = (old.scheme, old.netloc) != (new.scheme, new.netloc)
+        if self._is_bound and is_other:
+            words = "an account is shown to one host only"
+        elif new.scheme not in {"http", "https"} or (old.scheme, new.scheme) == ("https", "http"):
+            words = "which is not followed"
+        else:
+            return super().redirect_request(req, fp, code, msg, headers, newurl)
+        fp.close()
+        raise FetchError(f"it sends on to {shown(newurl)}: {words}", "failed")
+
+
+class Fetcher:
+    """Asks one host or several; what a login leaves (cookies) lives as long as this does."""
+
+    def __init__(self, *, deadline_s: float = DEADLINE_S, is_bound: bool = False) -> None:
+        self._deadline_s = deadline_s
+        self._opener = urllib.request.build_opener(
+            _Redirects(is_bound=is_bound), urllib.request.HTTPCookieProcessor(CookieJar())
+        )
+
+    def get(self, url: str, *, form: Mapping[str, str] | None = None) -> bytes:
+        """The body, unpacked where it came as gzip. ``form``: sent by POST.
+
+        Raises FetchError, never with a secret of the address or the form in its words.
+        """
+        done: list[bytes | BaseException] = []
+        began = time.monotonic()
+
+        def work() -> None:
+            try:
+                done.append(self._get(url, form, began + self._deadline_s))
+            except BaseException as error:
+                done.append(error)
+
+        # A name server, or a head that comes byte by byte, is past every time-out of a socket.
+        worker = threading.Thread(target=work, daemon=True, name="fetch")
+        worker.start()
+        worker.join(self._deadline_s + 1.0)
+        where = shown(url)
+        if not done:
+            raise FetchError(f"{where} took longer than {self._deadline_s:.0f} s", "failed")
+        if isinstance(done[0], BaseException):
+            raise _fault(done[0], where, self._deadline_s) from None
+        return done[0]
+
+    def _get(self, url: str, form: Mapping[str, str] | None, deadline: float) -> bytes:
+        plain, login = _without_login(url)
+        request = urllib.request.Request(
+            plain,
+            data=None if form is None else urlencode(form).encode(),
+            headers={
+                "User-Agent": f"rsoconsole/{__version__}",
+                "Accept-Encoding": "gzip",
+                "Accept": "application/json, text/plain, */*",
+            },
+        )
+        if login is not None:
+            # Not sent along when the server sends on to another.
+            request.add_unredirected_header("Authorization", f"Basic {login}")
+        timeout_s = min(SILENT_S, self._deadline_s)
+        try:
+            with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
+                return _body(answer, deadline)
+        except urllib.error.HTTPError as error:
+            why = _first_line(error, _secrets(url, form))
+            raise FetchError(*_answer_fault(error.code, why)) from None
+
+
+def _without_login(url: str) -> tuple[str, str | None]:
+    """The address, and user and password of it as HTTP takes them."""
+    parts = urlsplit(url)
+    login, at, host = parts.netloc.rpartition("@")
+    if not at:
+        return url, None
+    packed = base64.b64encode(unquote(login).encode()).decode()
+    return urlunsplit(parts._replace(netloc=host)), packed
+
+
+def _body(answer: Any, deadline: float) -> bytes:
+    announced = answer.headers.get("Content-Length")
+    is_packed = answer.headers.get("Content-Encoding", "").strip().lower() == "gzip"
+    got, parts = 0, list[bytes]()
+    while chunk := answer.read1(_CHUNK):
+        got += len(chunk)
+        if got > MOST_BYTES:
+            raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+        parts.append(chunk)
+        if time.monotonic() > deadline:
+            raise TimeoutError
+    cut_off = FetchError(f"its answer ended after {got} bytes, before it was whole", "failed")
+    if announced is not None and announced.isdecimal() and got < int(announced):
+        raise cut_off
+    if not is_packed:
+        return b"".join(parts)
+    try:
+        plain = gunzipped(b"".join(parts))
+    except EOFError as error:
+        raise cut_off from error
+    if len(plain) > MOST_BYTES:
+        raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+    return plain
+
+
+def gunzipped(content: bytes) -> bytes:
+    """All members of a gzip, one byte more than ``MOST_BYTES`` at most.
+
+    Raises EOFError where it ends too early, OSError or zlib.error where it is none.
+    """
+    with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
+        return stream.read(MOST_BYTES + 1)
+
+
+def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
+    if isinstance(error, FetchError):
+        return FetchError(f"{where}{'' if error.is_answer else ':'} {error}", error.kind)
+    reason: object = error.reason if isinstance(error, urllib.error.URLError) else error
+    if isinstance(reason, TimeoutError):
+        silent_s = min(SILENT_S, deadline_s)
+        words = f"{where} was silent for {silent_s:.0f} s or took longer than {deadline_s:.0f} s"
+        return FetchError(words, "failed")
+    if isinstance(reason, ssl.SSLError):
+        return FetchError(f"{where} cannot be trusted ({reason.reason or 'TLS'})", "failed")
+    if isinstance(error, urllib.error.URLError) and isinstance(reason, OSError):
+        is_name = isinstance(reason, socket.gaierror)
+        words = "no such name" if is_name else reason.strerror or type(reason).__name__
+        return FetchError(
+            f"{where} cannot be reached ({words}): is there a network?", "unreachable"
+        )
+    return FetchError(
+        f"{where} broke off its answer ({type(reason).__name__}), before it was whole", "failed"
+    )
+
+
+def _answer_fault(status: int, why: str) -> tuple[str, FaultKind, bool]:
+    because = f": {why}" if why else ""
+    if status in _REFUSALS:
+        return f"refuses ({status}){because}", "refused", True
+    if 300 <= status < 400:
+        return f"sends on in circles ({status})", "failed", True
+    hint = ": is its name right?" if status == 404 else because
+    return f"answers with fault {status}{hint}", "failed", True
+
+
+def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
+    """Why a server says no: the first line of what it sends, or the title of its page.
+
+    Empty where it says nothing; nothing secret and no control character is in it.
+    """
+    try:
+        with contextlib.closing(error):
+            content = error.read(_MOST_OF_A_REFUSAL)
+        if (error.headers.get("Content-Encoding") or "").strip().lower() == "gzip":
+            content = zlib.decompressobj(wbits=31).decompress(content, _MOST_OF_A_REFUSAL)
+    except (OSError, http.client.HTTPException, zlib.error):
+        return ""
+    text = html.unescape(content.decode("utf-8", "replace"))
+    if text.lstrip().startswith("<"):
+        title = re.search(r"<title[^>]*>(.*?)</title>", text, re.DOTALL | re.IGNORECASE)
+        text = " ".join(title[1].split()) if title else ""
+    line = next((each for each in map(str.strip, text.splitlines()) if each), "")
+    for secret in sorted(secrets, key=len, reverse=True):
+        line = line.replace(secret, "...")
+    return "".join(c if c.isprintable() else " " for c in line)[:_LONGEST_REASON]
+
+
+def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
+    """What an address and a form carry that a server may say again, plain and quoted."""
+    parts = urlsplit(url)
+    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    plain = [parts.username, parts.password, parts.query, *(form or {}).values()]
+    plain += [unquote(each) for each in plain if each] + [value for _, value in pairs]
+    plain += [quote_plus(each) for each in plain if each]
+    return frozenset(each for each in plain if each and len(each) >= _SHORTEST_SECRET)
+
+
+_GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
+
+
+def text_of(content: bytes) -> str:
+    """The text. Raises OrbitError where it is none, or unpacked larger than ``MOST_BYTES``."""
+    if content.startswith(_GZIP):
+        content = _gunzipped(content)
+    elif content.startswith(_ZIP):
+        content = _of_archive(content)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if "\x00" in text:
+        raise OrbitError("it is no text, not elements")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def expect_elements_not_a_page(text: str) -> None:
+    """Raises OrbitError, with its first words, where a web page or a remark stands in for data."""
+    start = text.lstrip()[:400]
+    lower = start.lower()
+    if lower.startswith(("<!doctype html", "<html")) or ("<html" in lower and "<ndm" not in lower):
+        raise OrbitError("a web page came in place of elements")
+    lines = start.splitlines()
+    if not start:
+        raise OrbitError("the answer is empty")
+    if len(text) < 200 and not start.startswith(("[", "{", "<")) and len(lines) < 2:
+        words = "".join(c if c.isprintable() else " " for c in lines[0])[:80]
+        raise OrbitError(f"no elements, but: {words}")
+
+
+def _gunzipped(content: bytes) -> bytes:
+    try:
+        plain = gunzipped(content)
+    except (OSError, zlib.error) as error:
+        raise OrbitError(f"its gzip is broken ({error})") from error
+    except EOFError as error:
+        raise OrbitError("its gzip ends before it is whole") from error
+    if len(plain) > MOST_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MOST_BYTES >> 20} MB")
+    return plain
+
+
+def _of_archive(content: bytes) -> bytes:
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            files = [each for each in archive.infolist() if not each.is_dir()]
+            if len(files) != 1:
+                raise OrbitError(f"its archive holds {len(files)} files, one is needed")
+            with archive.open(files[0]) as stream:
+                plain = stream.read(MOST_BYTES + 1)
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as error:
+        raise OrbitError(f"its archive is broken ({error})") from error
+    if len(plain) > MOST_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MOST_BYTES >> 20} MB")
+    return plain

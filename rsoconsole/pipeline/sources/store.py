@@ -1,0 +1,307 @@
+"""The cache: one file for each source as it came, and an index of when, how many, in which order.
+
+The index is written whole or not at all and may be lost: then the files are read in the order of
+their names, and every source may be asked again two hours later.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode, urlsplit
+
+from pydantic import TypeAdapter
+
+from rsoconsole.base import (
+    PART,
+    OrbitError,
+    json_of,
+    lock_file,
+    read_foreign,
+    said_as,
+    write_durably,
+)
+from rsoconsole.config import SourceKind, data_dir, home_path, shown, split_source
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.words import NS_PER_S
+
+_SPACE_TRACK = {
+    "all": "class/gp/decay_date/null-val/epoch/>now-30/orderby/norad_cat_id/format/json",
+    "geo": "class/gp/decay_date/null-val/epoch/>now-30/mean_motion/0.95--1.05/eccentricity/<0.05"
+    "/orderby/norad_cat_id/format/json",
+}
+"""Queries with a name of their own; the newest set of each object (class ``gp``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One source as the configuration names it."""
+
+    text: str
+    kind: SourceKind
+    what: str
+
+    @property
+    def slug(self) -> str:
+        """Name of its file in the cache; different for different sources."""
+        plain = re.sub(r"[^a-z0-9]+", "-", shown(self.text).lower()).strip("-")[:60]
+        return f"{plain}-{hashlib.sha256(self.text.encode()).hexdigest()[:8]}"
+
+    @property
+    def words(self) -> str:
+        """For people: nothing secret in it."""
+        return shown(self.text)
+
+    @property
+    def file(self) -> Path | None:
+        """Of a local source."""
+        return home_path(self.what) if self.kind == "file" else None
+
+    def url(self, *, celestrak_url: str, space_track_url: str) -> str:
+        """Where it is asked for; empty of a local one."""
+        base = celestrak_url.rstrip("/")
+        if self.kind == "celestrak":
+            return f"{base}/NORAD/elements/gp.php?{self._query('GROUP')}"
+        if self.kind == "supgp":
+            return f"{base}/NORAD/elements/supplemental/sup-gp.php?{self._query('FILE')}"
+        if self.kind == "space-track":
+            query = quote(_SPACE_TRACK.get(self.what, self.what), safe="/%,:~-._")
+            return f"{space_track_url.rstrip('/')}/basicspacedata/query/{query}"
+        return self.what if self.kind == "url" else ""
+
+    def host(self, *, celestrak_url: str, space_track_url: str) -> str:
+        """Whom it asks; empty of a local one."""
+        url = self.url(celestrak_url=celestrak_url, space_track_url=space_track_url)
+        return urlsplit(url).netloc.rpartition("@")[2].lower()
+
+    def _query(self, key: str) -> str:
+        name, equals, value = self.what.partition("=")
+        pair = {name.upper(): value} if equals else {key: self.what}
+        return urlencode({**pair, "FORMAT": "json"})
+
+
+def parse_source(text: str) -> Source:
+    """Raises ValueError with what to write instead."""
+    kind, what = split_source(text)
+    return Source(f"{kind}:{what}", kind, what)
+
+
+LEAST_NS = 2 * 3600 * NS_PER_S
+"""A source is asked at most once in so long, whatever came of it."""
+INDEX = "sources.json"
+LOCK = ".lock"
+FORMAT = 1
+_WAIT_S = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What is known of one source; None: not yet."""
+
+    source: str
+    file: str | None = None
+    """Its name in the cache."""
+    asked_utc_ns: int | None = None
+    """When it was asked last, whatever came of it."""
+    fetched_utc_ns: int | None = None
+    """When what is kept came."""
+    refused_utc_ns: int | None = None
+    """It refused: it is not asked again until it is added again."""
+    fault: str | None = None
+    """What was wrong when it was asked last; what is kept is older then."""
+    objects: int = 0
+    sets: int = 0
+    newest_epoch_utc_ns: int | None = None
+    middle_epoch_utc_ns: int | None = None
+    """Half of its objects have newer elements."""
+
+    def due_utc_ns(self, now_utc_ns: int) -> int:
+        """When it may be asked again. A stamp of the future, by a clock since set right, is now."""
+        if self.asked_utc_ns is None:
+            return now_utc_ns
+        return min(self.asked_utc_ns, now_utc_ns) + LEAST_NS
+
+
+def default_folder() -> Path:
+    """In the user's data folder."""
+    return data_dir() / "catalogue"
+
+
+def is_store(folder: Path) -> bool:
+    """Whether that folder is a cache of elements."""
+    return (folder / INDEX).is_file()
+
+
+class ElementStore:
+    """One cache. Raises OrbitError, here and in every method, where its folder cannot be used."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder or default_folder()
+
+    def kept(self) -> dict[str, Kept]:
+        """By source, in their order of precedence; empty where there is no cache."""
+        indexed = self._indexed()
+        return self._of_files() if indexed is None else indexed
+
+    def files(self) -> tuple[Path, ...]:
+        """Of the elements, the source with precedence first."""
+        named = [self.folder / each.file for each in self.kept().values() if each.file]
+        return tuple(path for path in named if path.is_file())
+
+    def keep(
+        self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
+    ) -> Kept:
+        """Put what came in place of what was; the time of asking stays."""
+        name = f"{source.slug}.txt"
+        with self._writing():
+            self._write(name, text.encode())
+            return self._changed(
+                source,
+                file=name,
+                fetched_utc_ns=now_utc_ns,
+                refused_utc_ns=None,
+                fault=None,
+                **element_figures(entries),
+            )
+
+    def note(self, source: Source, **values: Any) -> Kept:
+        """Change what is known of a source, by the fields of ``Kept``."""
+        with self._writing():
+            return self._changed(source, **values)
+
+    def current(self, source: Source, now_utc_ns: int) -> Kept:
+        """What is known of a source; one asked in the future, by a clock since set right, counts
+        as asked now, and that is written."""
+        kept = self.kept().get(source.text, Kept(source=source.text))
+        if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
+            return self.note(source, asked_utc_ns=now_utc_ns)
+        return kept
+
+    def claim(self, source: Source, now_utc_ns: int) -> tuple[Kept, bool]:
+        """What is known of a source, and whether it may be asked: then it counts as asked now.
+
+        One step: of two updates at a time one asks.
+        """
+        with self._writing():
+            kept = self.kept().get(source.text, Kept(source=source.text))
+            if kept.refused_utc_ns is not None or kept.due_utc_ns(now_utc_ns) > now_utc_ns:
+                return kept, False
+            self._changed(source, asked_utc_ns=now_utc_ns)
+            return kept, True
+
+    def arrange(self, order: Sequence[Source]) -> None:
+        """These sources alone, in this order of precedence; what others left is removed.
+
+        Behind a damaged or lost index nothing is removed: each source has its file again.
+        """
+        with self._writing():
+            indexed = self._indexed()
+            is_damaged = indexed is None and (self.folder / INDEX).exists()
+            kept = indexed or {}
+            rows = [
+                self._adopted(each, kept.get(each.text, Kept(source=each.text)), is_damaged)
+                for each in order
+            ]
+            self._write_index(rows)
+            if indexed is None:
+                return
+            named = {each.file for each in rows}
+            for path in self.folder.glob("*.txt"):
+                if path.name not in named:
+                    path.unlink(missing_ok=True)
+
+    def _changed(self, source: Source, **values: Any) -> Kept:
+        kept = self.kept()
+        changed = replace(kept.get(source.text, Kept(source=source.text)), **values)
+        kept[source.text] = changed
+        rows = [each for each in kept.values() if each is changed or each.file != changed.file]
+        self._write_index(rows if changed.file else list(kept.values()))
+        return changed
+
+    def _adopted(self, source: Source, kept: Kept, is_damaged: bool) -> Kept:
+        """With the file that lies there under its name; asked just now as far as anybody knows."""
+        path = self.folder / f"{source.slug}.txt"
+        if kept.file is None and path.is_file():
+            now_ns = time.time_ns()
+            kept = replace(kept, asked_utc_ns=kept.asked_utc_ns or now_ns, **_figures_of(path))
+        elif is_damaged:
+            kept = replace(kept, asked_utc_ns=time.time_ns())
+        return kept
+
+    def _indexed(self) -> dict[str, Kept] | None:
+        """As the index says; None where it is damaged or lost."""
+        try:
+            rows = json_of(read_foreign(self.folder / INDEX))["sources"]
+            found = TypeAdapter(list[Kept]).validate_python(rows)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        if any(each.file is not None and Path(each.file).name != each.file for each in found):
+            return None  # it names what lies elsewhere
+        return {each.source: each for each in found}
+
+    def _of_files(self) -> dict[str, Kept]:
+        """Without an index: what lies there, asked just now as far as anybody knows."""
+        now_ns = time.time_ns()
+        found = {}
+        for path in sorted(self.folder.glob("*.txt")):
+            key = f"file:{path}"
+            found[key] = Kept(source=key, file=path.name, asked_utc_ns=now_ns)
+        return found
+
+    def _write_index(self, rows: Sequence[Kept]) -> None:
+        content = {"format": FORMAT, "sources": [asdict(each) for each in rows]}
+        self._write(INDEX, json.dumps(content, indent=1).encode())
+
+    def _write(self, name: str, content: bytes) -> None:
+        remedy = "): free space there, or set its permissions"
+        with said_as(OrbitError, f"{self.folder / name} cannot be written (", remedy):
+            write_durably(self.folder / name, content, mode=0o600)
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """One writer at a time: a timer's and the operator's."""
+        with said_as(OrbitError, f"{self.folder} cannot be made (", "): set its permissions"):
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            try:
+                lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)
+            except BlockingIOError as error:
+                raise OrbitError(
+                    f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see whether it"
+                    " hangs"
+                ) from error
+        try:
+            for beside in self.folder.glob(f"*{PART}"):
+                beside.unlink(missing_ok=True)
+            yield
+        finally:
+            os.close(lock)
+
+
+def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
+    """How many they are, of how many objects, and how old, as ``Kept`` has it."""
+    newest: dict[int, int] = {}
+    for each in entries:
+        newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
+    epochs = sorted(newest.values())
+    return {
+        "objects": len(newest),
+        "sets": len(entries),
+        "newest_epoch_utc_ns": epochs[-1],
+        "middle_epoch_utc_ns": epochs[len(epochs) // 2],
+    }
+
+
+def _figures_of(path: Path) -> dict[str, Any]:
+    """Of a file that lies in the cache, as ``Kept`` has it; none where it holds no elements."""
+    try:
+        entries = parse_catalogue(path.read_text(errors="replace"), path.name)
+        fetched_ns = path.stat().st_mtime_ns
+    except (OSError, OrbitError):
+        return {}
+    return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(entries)}

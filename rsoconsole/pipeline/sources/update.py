@@ -1,0 +1,183 @@
+"""One update: each source in turn, at most once in two hours, a refusal never asked again."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.base import OrbitError, raised_as, read_private, said_as
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.pipeline.sources.fetch import (
+    DEADLINE_S,
+    MOST_BYTES,
+    Fetcher,
+    FetchError,
+    expect_elements_not_a_page,
+    text_of,
+)
+from rsoconsole.pipeline.sources.store import ElementStore, Kept, Source
+from rsoconsole.words import NAME_ELEMENTS, utc_ns_to_iso
+
+NEEDED = (
+    "write your Space-Track user name and password as two lines of a file, 'chmod 600' it, and name"
+    " it in catalogue.space_track_login"
+)
+
+
+def read_login(path: Path | None) -> tuple[str, str]:
+    """User name and password. Raises OrbitError with what to do; neither is ever in it."""
+    if path is None:
+        raise OrbitError(f"Space-Track wants an account: {NEEDED}")
+    lines = read_private(path, OrbitError, NEEDED)
+    if len(lines) != 2:
+        raise OrbitError(f"{path} has {len(lines)} lines: {NEEDED}")
+    return lines[0], lines[1]
+
+
+def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s: float) -> bytes:
+    """One query under an account. Raises FetchError; a failed login counts as a refusal."""
+    fetcher = Fetcher(deadline_s=deadline_s, is_bound=True)
+    answer = fetcher.get(
+        f"{base_url.rstrip('/')}/ajaxauth/login",
+        form={"identity": login[0], "password": login[1]},
+    )
+    if b"failed" in answer[:200].lower():
+        raise FetchError("Space-Track does not accept the account", "refused")
+    return fetcher.get(url)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Updated:
+    """What came of one source."""
+
+    source: Source
+    is_fetched: bool
+    is_fault: bool
+    words: str
+    kept: Kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Update:
+    """How sources are asked. ``wait`` is called before each, and raises where it must not be."""
+
+    store: ElementStore
+    celestrak_url: str
+    space_track_url: str
+    space_track_login: Path | None = None
+    deadline_s: float = DEADLINE_S
+    wait: Callable[[], None] = lambda: None
+    now_utc_ns: Callable[[], int] = time.time_ns
+
+    def run(self, sources: Sequence[Source]) -> Iterator[Updated]:
+        """Each source, in order. Raises OrbitError where the cache cannot be written."""
+        refusing: dict[str, str] = {}
+        for source in sources:
+            updated = self._one(source, refusing)
+            if updated.kept.refused_utc_ns is not None and updated.is_fault:
+                refusing.setdefault(self._host(source), source.words)
+            yield updated
+
+    def bring_in(self, source: Source) -> Kept:
+        """A local file into the cache. Raises OrbitError where it cannot be read."""
+        now_utc_ns = self.now_utc_ns()
+        assert source.file is not None
+        text, entries = _read(_file_content(source.file), source.words)
+        return self.store.keep(source, text, entries, now_utc_ns)
+
+    def _one(self, source: Source, refusing: dict[str, str]) -> Updated:
+        now_utc_ns = self.now_utc_ns()
+        kept = self.store.current(source, now_utc_ns)
+        reason = self._not_now(source, kept, refusing, now_utc_ns)
+        if reason is None:
+            self.wait()
+            now_utc_ns = self.now_utc_ns()
+            # Before it is asked: whatever ends this run, it is not asked again within two hours.
+            if source.file is None:
+                kept, is_ours = self.store.claim(source, now_utc_ns)
+                if not is_ours:
+                    reason = self._not_now(source, kept, refusing, now_utc_ns)
+        if reason is not None:
+            return Updated(source=source, is_fetched=False, is_fault=False, words=reason, kept=kept)
+        try:
+            content = self._content(source)
+            with contextlib.suppress(OrbitError):  # a mount that slews on loses nothing fetched
+                self.wait()
+            text, entries = _read(content, source.words)
+        except FetchError as error:
+            return self._failed(source, kept, error, error.kind, now_utc_ns)
+        except OrbitError as error:
+            return self._failed(source, kept, error, "failed", now_utc_ns)
+        now = self.store.keep(source, text, entries, now_utc_ns)
+        return Updated(
+            source=source, is_fetched=True, is_fault=False, words=_words(kept, now), kept=now
+        )
+
+    def _not_now(
+        self, source: Source, kept: Kept, refusing: dict[str, str], now_utc_ns: int
+    ) -> str | None:
+        """Why it is not asked; None where it is."""
+        if source.file is not None:
+            return None
+        again = f"'rsoconsole catalogue add {source.words}' asks it again"
+        if kept.refused_utc_ns is not None:
+            day = utc_ns_to_iso(kept.refused_utc_ns, 0)
+            return f"not asked: it refused on {day}. Settle that with its owner, then {again}"
+        if (by := refusing.get(self._host(source))) is not None:
+            return f"not asked: its host has just refused {by}"
+        due_utc_ns = kept.due_utc_ns(now_utc_ns)
+        if due_utc_ns > now_utc_ns:
+            return f"not asked: once in two hours at most, next at {utc_ns_to_iso(due_utc_ns, 0)}"
+        return None
+
+    def _failed(
+        self, source: Source, before: Kept, error: OrbitError, kind: str, now_utc_ns: int
+    ) -> Updated:
+        words = str(error)
+        if kind == "refused":
+            kept = self.store.note(source, fault=words, refused_utc_ns=now_utc_ns)
+            words += "; it is not asked again until it is added again"
+        elif kind == "unreachable":
+            kept = self.store.note(source, fault=words, asked_utc_ns=before.asked_utc_ns)
+        else:
+            kept = self.store.note(source, fault=words)
+        if kept.fetched_utc_ns is not None:
+            words += f"; what came on {utc_ns_to_iso(kept.fetched_utc_ns, 0)} is kept"
+        return Updated(source=source, is_fetched=False, is_fault=True, words=words, kept=kept)
+
+    def _content(self, source: Source) -> bytes:
+        if source.file is not None:
+            return _file_content(source.file)
+        url = source.url(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
+        if source.kind != "space-track":
+            return Fetcher(deadline_s=self.deadline_s).get(url)
+        login = read_login(self.space_track_login)
+        return fetch_with_login(url, self.space_track_url, login, self.deadline_s)
+
+    def _host(self, source: Source) -> str:
+        return source.host(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
+
+
+def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
+    """Raises OrbitError where that is no catalogue."""
+    with raised_as(OrbitError, f"{where}: ", OrbitError):
+        text = text_of(content)
+        expect_elements_not_a_page(text)
+    return text, parse_catalogue(text, where)
+
+
+def _file_content(path: Path) -> bytes:
+    with said_as(OrbitError, f"{path} cannot be read: "):
+        if not path.is_file():
+            raise OrbitError(f"{path} is no file: {NAME_ELEMENTS}")
+        if path.stat().st_size > MOST_BYTES:
+            raise OrbitError(f"{path} is larger than {MOST_BYTES >> 20} MB: name element sets")
+        return path.read_bytes()
+
+
+def _words(before: Kept, now: Kept) -> str:
+    words = f"{now.objects:,} objects"
+    if before.objects and now.objects < before.objects / 2:
+        words += f", {before.objects:,} before: look whether the source has changed"
+    return words

@@ -1,0 +1,334 @@
+"""What can be saved of a session whose database is damaged, as a new session beside it.
+
+The damaged one is only copied from. Its rows are read twice: by SQLite itself around the pages that
+it cannot read, and page by page, which finds rows that no table leads to any more.
+"""
+
+import errno
+import os
+import shutil
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rsoconsole.base import PART, SessionError, json_of, read_foreign, sync_folder, toml_of
+from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
+from rsoconsole.session.files.digest import Row, content_fault, found_row, mark_closed
+from rsoconsole.session.files.holdings import FolderHoldings
+from rsoconsole.session.files.upkeep_log import add_note
+from rsoconsole.session.log.codec import KINDS, decode
+from rsoconsole.session.log.database import (
+    INSERT_FILE,
+    INSERT_RECORD,
+    LOG_COLUMNS,
+    Database,
+    bound,
+    computed_part,
+    connect_to_write,
+    create_database,
+    leave_wal,
+    transaction,
+)
+from rsoconsole.session.log.pages import MAGIC, Fields, Pages
+from rsoconsole.session.log.schema import (
+    BESIDE_DATABASE,
+    BRANCHES,
+    CONFIG,
+    DATABASE,
+    FOLDERS,
+    JOURNAL,
+    SCHEMA_VERSION,
+    WAL,
+    role_of,
+)
+from rsoconsole.session.reading.reader import SessionReader, expect_schema
+
+RECOVERED = ".recovered"
+PAGE_BYTES = 4096
+"""What SQLite reads at a time, and disks too."""
+MAX_DEAD_ROWS = 20_000
+"""Unreadable records in a row that count as the end of the log."""
+MAX_GROWTH = 1000
+"""Factor by which a header may state more than there is; beyond it the header is damaged itself."""
+_HEADER = struct.Struct(">16sH10xI")
+"""Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
+_LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recovered:
+    """A session made of what could be saved of a damaged one."""
+
+    folder: Path
+    records: int
+    files: int
+    missing: int
+    """Places in the order of the log, up to the last saved record, that hold nothing."""
+    is_new: bool
+    """False: it was there already, from a repair before."""
+
+
+def recover_session(folder: Path, now_utc_ns: int) -> Recovered:
+    """Save what can be read into ``NAME.recovered`` beside the damaged session.
+
+    Frames and pictures are shared with the damaged one by hard links where the disk has them, else
+    copied. Raises SessionError when nothing can be saved or the disk refuses.
+    """
+    target = folder.resolve().with_name(folder.resolve().name + RECOVERED)
+    if target.exists():
+        return _as_it_is(target)
+    beside = target.with_name(target.name + PART)
+    try:
+        shutil.rmtree(beside, ignore_errors=True)
+        beside.mkdir()
+        try:
+            records, missing = _save_log(folder, beside)
+            files = _save_files(folder, beside)
+            with closing(connect_to_write(beside / DATABASE)) as connection:
+                mark_closed(connection)
+            leave_wal(beside / DATABASE, timeout_s=0.0)
+            note = {"from": folder.name, "records": records, "missing": missing, "files": files}
+            add_note(beside, "recover", now_utc_ns, note)
+            beside.replace(target)
+            sync_folder(target.parent)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+    except (OSError, sqlite3.Error) as error:
+        raise SessionError(
+            f"{folder} is damaged, and nothing could be saved beside it: {error}; "
+            "see that the disk has room and can be written"
+        ) from error
+    return Recovered(folder=target, records=records, files=files, missing=missing, is_new=True)
+
+
+def _as_it_is(target: Path) -> Recovered:
+    reader = SessionReader(target)
+    counts = reader.counts()
+    with closing(reader.connect()) as connection:
+        ((files,),) = connection.execute("SELECT count(*) FROM files WHERE path IS NOT NULL")
+    return Recovered(
+        folder=target,
+        records=counts.records,
+        files=files,
+        missing=reader.last_seq() - counts.records,
+        is_new=False,
+    )
+
+
+def _save_log(folder: Path, target: Path) -> tuple[int, int]:
+    """Make the new database; returns (records saved, places in the log that stay empty)."""
+    with TemporaryDirectory(prefix="rsoconsole-", dir=target) as scratch:
+        copy = Path(scratch) / DATABASE
+        # The shared-memory file is only an index of the log beside it: SQLite makes it again.
+        for name in (DATABASE, WAL, JOURNAL):
+            if (folder / name).exists():
+                _copy_readable(folder / name, Path(scratch) / name)
+        # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.
+        parts = [_scanned(copy, Path(scratch) / WAL)]
+        _fill_up(copy)
+        parts.append(_walked(copy))
+    log: dict[int, Row] = {}
+    meta: dict[str, str] = {}
+    files: dict[tuple[int, str], tuple[Any, ...]] = {}
+    for part in parts:
+        log.update(part.log)
+        meta.update(part.meta)
+        files.update(part.files)
+    if not log and not meta:
+        raise OSError("no record and no fact can be read any more")
+    facts = {**_facts(meta, folder), "recovered_from": folder.name}
+    create_database(target / DATABASE, facts)
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
+        connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
+        connection.executemany(INSERT_FILE, files.values())
+    return len(log), max(log, default=0) - len(log)
+
+
+@dataclass(slots=True)
+class _Read:
+    """Rows that were read and make sense."""
+
+    log: dict[int, Row]
+    meta: dict[str, str]
+    files: dict[tuple[int, str], tuple[Any, ...]]
+
+
+def _walked(database: Path) -> _Read:
+    """The rows that SQLite still reads, one by one around those it does not."""
+    read = _Read({}, {}, {})
+    try:
+        with closing(sqlite3.connect(database, factory=Database)) as connection:
+            bound(connection, database)
+            if computed_part(connection):
+                return read  # what its tables hold stands on the pages
+            for row in _log_around_damage(connection):
+                _take_log(read, row)
+            _take_rest(read, connection)
+    except sqlite3.Error:
+        pass
+    return read
+
+
+def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
+    seq, dead = 0, 0
+    sql = f"SELECT {LOG_COLUMNS} FROM log WHERE seq {{}} ? ORDER BY seq"
+    while dead < MAX_DEAD_ROWS:
+        try:
+            for row in connection.execute(sql.format(">"), (seq,)):
+                yield row
+                seq, dead = row[0], 0
+            return
+        except sqlite3.OperationalError:
+            return  # no such table: nothing to walk along
+        except sqlite3.DatabaseError:
+            seq, dead = seq + 1, dead + 1
+        with suppress(sqlite3.Error):
+            yield from connection.execute(sql.format("="), (seq,))
+
+
+def _scanned(database: Path, wal: Path) -> _Read:
+    """The rows that still stand on some page, told apart by their shape."""
+    read = _Read({}, {}, {})
+    for rowid, fields in Pages(database, wal).rows():
+        if rowid is not None and len(fields) == _LOG_FIELDS:
+            _take_log(read, (rowid, *fields[1:]))
+        elif rowid is None and len(fields) == _META_FIELDS:
+            _take_fact(read, fields)
+        elif rowid is None and len(fields) == _FILES_FIELDS:
+            _take_file(read, fields)
+    return read
+
+
+def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
+    """Keep a record that is one; what the damage has made of others is none."""
+    seq, t_utc_ns, kind, frame_id, body = row
+    is_shaped = (
+        isinstance(seq, int)
+        and seq > 0
+        and isinstance(t_utc_ns, int)
+        and isinstance(kind, str)
+        and (frame_id is None or isinstance(frame_id, int))
+        and isinstance(body, str)
+    )
+    if not is_shaped:
+        return
+    try:
+        decode(kind, body) if kind in KINDS else json_of(body)
+    except (SessionError, ValueError):
+        return
+    read.log.setdefault(seq, (seq, t_utc_ns, kind, frame_id, body))
+
+
+def _take_rest(read: _Read, connection: sqlite3.Connection) -> None:
+    with suppress(sqlite3.Error):
+        for row in connection.execute("SELECT key, value FROM meta"):
+            _take_fact(read, row)
+    with suppress(sqlite3.Error):
+        for row in connection.execute("SELECT * FROM files"):
+            _take_file(read, row)
+
+
+def _take_fact(read: _Read, row: Fields) -> None:
+    key, value = row
+    if isinstance(key, str) and key.isidentifier() and _is_json(value):
+        read.meta.setdefault(key, str(value))
+
+
+def _take_file(read: _Read, row: Fields) -> None:
+    """Keep a row of ``files`` that is one."""
+    frame_id, role, path, size, ms, reason, sha256 = row
+    is_shaped = (
+        isinstance(frame_id, int)
+        and isinstance(role, str)
+        and role in FOLDERS
+        and isinstance(path, str | None)
+        and isinstance(size, int | None)
+        and isinstance(reason, str | None)
+    )
+    if is_shaped:
+        key = (int(frame_id or 0), str(role))
+        read.files.setdefault(key, (frame_id, role, path, size, ms, reason, sha256))
+
+
+def _is_json(value: object) -> bool:
+    try:
+        json_of(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
+    """What the session said of itself; its configuration from the file beside where need be."""
+    facts = {key: json_of(value) for key, value in meta.items()}
+    if not isinstance(facts.get("config"), dict):
+        with suppress(OSError, ValueError):
+            facts["config"] = toml_of(read_foreign(folder / CONFIG))
+    if isinstance(version := facts.get("schema_version"), int):
+        expect_schema(folder, version)
+    facts.setdefault("title", folder.name)
+    if DIGEST_KEY in facts:
+        facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)
+    return {**facts, "schema_version": SCHEMA_VERSION, "is_closed": False}
+
+
+def _save_files(folder: Path, target: Path) -> int:
+    """Bring the frames and pictures over, with rows for those that the table lost."""
+    saved: dict[str, tuple[str, int]] = {}
+    for path in sorted(FolderHoldings(folder).sizes()):
+        if path in (DATABASE, *BESIDE_DATABASE) or path.endswith(PART):
+            continue
+        if path.startswith(f"{BRANCHES}/"):
+            continue
+        (target / path).parent.mkdir(parents=True, exist_ok=True)
+        _link_or_copy(folder / path, target / path)
+        place = role_of(path)
+        if place is not None:
+            saved[path] = place
+    with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
+        rows = connection.execute("SELECT path FROM files WHERE path IS NOT NULL").fetchall()
+        named = {str(row[0]) for row in rows}
+        for path, (role, frame_id) in saved.items():
+            content = b"" if path in named else (target / path).read_bytes()
+            if path in named or content_fault(path, content) is not None:
+                continue
+            connection.execute(INSERT_FILE, found_row(path, role, frame_id, content))
+    return len(saved)
+
+
+def _copy_readable(source: Path, target: Path) -> None:
+    """Copy a file; what the disk cannot read any more becomes zeros, which SQLite knows as bad."""
+    with source.open("rb", buffering=0) as bad, target.open("wb") as good:
+        for place in range(0, source.stat().st_size, PAGE_BYTES):
+            try:
+                good.write(os.pread(bad.fileno(), PAGE_BYTES, place))
+            except OSError as error:
+                if error.errno != errno.EIO:
+                    raise
+                good.write(bytes(PAGE_BYTES))
+
+
+def _fill_up(copy: Path) -> None:
+    """Give a database that breaks off its length back: SQLite reads none that is too short."""
+    with copy.open("r+b") as stream:
+        header = stream.read(_HEADER.size)
+        if len(header) < _HEADER.size:
+            return
+        magic, page_bytes, pages = _HEADER.unpack(header)
+        size = (65536 if page_bytes == 1 else page_bytes) * pages
+        held = stream.seek(0, os.SEEK_END)
+        if magic == MAGIC and held < size <= MAX_GROWTH * held:
+            stream.truncate(size)
+
+
+def _link_or_copy(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        # Another disk behind a link, or a file system without hard links.
+        shutil.copyfile(source, target)

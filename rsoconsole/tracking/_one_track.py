@@ -1,0 +1,190 @@
+"""One track through one frame: what it takes, where it coasts, when it begins again. Pure."""
+
+from dataclasses import replace
+
+from rsoconsole.records import (
+    FoldRecord,
+    Measurement,
+    Miss,
+    Missed,
+    NotTaken,
+    TrackLost,
+    TrackState,
+)
+from rsoconsole.tracking._takeover import (
+    INDISTINGUISHABLE,
+    Step,
+    is_in_field,
+    off_nis,
+    rejections,
+    updated_with,
+    with_rivals,
+)
+from rsoconsole.tracking.association.following import (
+    NOTHING_SEEN,
+    FollowSettings,
+    Seen,
+    Tracked,
+    not_followed,
+    three_sigma_deg,
+)
+from rsoconsole.tracking.blended import Shared
+from rsoconsole.tracking.filters import estimator
+from rsoconsole.tracking.initiation.acquisition import (
+    NOT_CHOSEN,
+    beside,
+    excesses_with,
+    first_state,
+    half_turns_with,
+)
+from rsoconsole.tracking.joint import Weighed
+
+ANOTHER_OBJECT_NIS = 100.0
+"""What the operator chooses ten sigmas from the prediction is another object: it begins again."""
+
+ALONE_FOR_S = 100.0
+"""How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""
+
+_ABSENT = ("no detection", "nothing fits")
+"""Misses that say that it was not there."""
+
+
+def stepped_track(
+    weighed: Weighed,
+    chosen: Measurement | None,
+    before: Tracked,
+    seen: Seen,
+    settings: FollowSettings,
+) -> Step:
+    """A track after a frame of which it takes one measurement, or none."""
+    predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
+    if chosen is not None:
+        others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not chosen}
+        state = updated[chosen].state
+        by_filter = weighed.by_filter.get(chosen)
+        if by_filter is not None and by_filter.kind == "NIS":
+            state = replace(state, filter_nis=by_filter.nis)
+        rejected: tuple[FoldRecord, ...] = (
+            predicted,
+            state,
+            *rejections({**reasons, **others}, updated),
+        )
+        return _measured(state, before, chosen, seen, rejected)
+    reason = seen.why_absent
+    if seen.measurements and reason == NOTHING_SEEN:
+        reason = Missed(kind="nothing fits")
+    if reason.kind == "nothing fits" and INDISTINGUISHABLE in reasons.values():
+        reason = replace(reason, kind="cannot be told apart")
+        before = replace(before, ambiguous=before.ambiguous + 1)
+    records: tuple[FoldRecord, ...] = (predicted, *rejections(reasons, updated))
+    step = _coast(before, predicted, seen, settings, records, reason)
+    if settings.filter.preset != "adaptive" or step.after is None:
+        return step
+    is_absent = reason.kind in _ABSENT and not reason.hidden_by
+    is_absent = is_absent and is_in_field(predicted, seen.field)
+    return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
+
+
+def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> Step:
+    """A track after a frame that could not show it apart from another."""
+    reasons = {m: why for m, why in weighed.reasons.items() if m is not own.streak}
+    others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not own.streak}
+    rejected: tuple[FoldRecord, ...] = (
+        weighed.predicted,
+        own.updated,
+        *rejections({**reasons, **others}, weighed.updated),
+    )
+    return _measured(own.updated, before, own.taken, seen, rejected)
+
+
+def initiated_again(
+    step: Step, before: Tracked, track_id: int, seen: Seen, settings: FollowSettings
+) -> Step:
+    """A new track takes the place of one that had gone astray."""
+    found = step.reacquired
+    assert found is not None
+    pair = (found.first, found.second)
+    fresh = first_state(pair, track_id, seen, settings, is_lead=before.track.is_lead)
+    track = replace(fresh.track, replaces=before.track.track_id)
+    fresh = replace(fresh, track=track, is_kept=before.is_kept)
+    return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
+
+
+def predicted_track(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
+    """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
+
+    No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
+    its own prediction fits nothing.
+    """
+    predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    if settings.filter.preset != "adaptive" or seen.by_orbit is None or before.taken is None:
+        return predicted
+    coasted_s = (seen.t_mid_utc_ns - before.taken.t_mid_utc_ns) / 1e9
+    if coasted_s <= ALONE_FOR_S:
+        return predicted
+    return seen.by_orbit(predicted) or predicted
+
+
+def _measured(
+    track: TrackState,
+    before: Tracked,
+    taken: Measurement,
+    seen: Seen,
+    records: tuple[FoldRecord, ...],
+) -> Step:
+    """A track that has taken a measurement."""
+    neighbours = beside(before.neighbours, track, taken, seen)
+    excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
+    half_turns = half_turns_with(before.half_turns_arcsec, track, taken, seen)
+    after = replace(
+        before,
+        track=track,
+        taken=taken,
+        neighbours=neighbours,
+        excesses_arcsec=excesses,
+        half_turns_arcsec=half_turns,
+        rivals=(),
+        unexplained=0,
+        ambiguous=0,
+    )
+    return Step(records=records, after=after, is_measured=True)
+
+
+def follow_chosen(
+    before: Tracked, chosen: Measurement, seen: Seen, settings: FollowSettings
+) -> Step:
+    """What the operator wants followed is taken whatever the gates say, or begins a new track."""
+    predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
+    updated = updated_with(predicted, chosen, before, seen, settings).state
+    if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
+        return Step(records=(predicted, *others), after=None, begins_with=chosen)
+    return _measured(updated, before, chosen, seen, (predicted, updated, *others))
+
+
+def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
+    before: Tracked,
+    predicted: TrackState,
+    seen: Seen,
+    settings: FollowSettings,
+    records: tuple[FoldRecord, ...],
+    reason: Missed,
+) -> Step:
+    miss = Miss(frame_id=seen.frame_id, reason=reason)
+    since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
+    coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
+    lost: TrackLost | None = None
+    # The paper's bounds are wider than any field from the first prediction on and say nothing.
+    bound_deg = three_sigma_deg(predicted)
+    most_deg = settings.filter.max_3sigma_arcmin / 60.0
+    if before.is_kept:
+        most_deg = settings.half_field_deg  # beyond that nobody knows whether it is in the field
+    if settings.filter.preset != "paper" and bound_deg > min(settings.half_field_deg, most_deg):
+        fits_field = most_deg < settings.half_field_deg
+        lost = TrackLost.by_bounds(bound_deg * 60, fits_field=fits_field)
+    elif coasted_s > settings.filter.max_coast_s and not before.is_kept:
+        lost = TrackLost.by_time(coasted_s)
+    if lost is not None:
+        ended = replace(miss, reason=replace(reason, lost=lost))
+        return Step(records=(*records, ended), after=None)
+    return Step(records=(*records, miss), after=replace(before, track=predicted))

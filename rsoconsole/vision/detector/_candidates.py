@@ -1,0 +1,402 @@
+"""What network, line filter and star search propose, and what measurements make of it."""
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, NotAStreakKind, Rejection
+from rsoconsole.vision.detector.measured_detection import (
+    SAME_STREAK_DEG,
+    SHARP_PX,
+    BoolArray,
+    Candidate,
+    Focus,
+    LineLight,
+    ends_of_box,
+    from_box,
+    from_fit,
+    from_trace,
+    is_same_streak,
+    light_of,
+)
+from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
+from rsoconsole.vision.detector.working_frame import to_original
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.lines.line_filter import CellLine
+from rsoconsole.vision.lines.line_or_stars import ShortLights
+from rsoconsole.vision.lines.line_strip import OFF_PX
+from rsoconsole.vision.lines.streak_search import Box, cut_out
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
+from rsoconsole.vision.streaks.streak_glance import line_signal, width_at_a_glance
+from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
+
+log = logging.getLogger(__name__)
+
+LEAST_RECORDED_CONFIDENCE = 0.01
+"""Whom the network believes less is not on record where no line fits either."""
+
+
+DARK = NotAStreak(kind="no light")
+LONGEST_FIT_PX = 450.0
+"""What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
+_MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
+_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
+"""Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
+_MOST_BEYOND = 0.6
+_MOST_NARROW = 1.0
+"""Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
+_SURELY_NARROW = 4.5
+"""Sigma of it from which on that tells: of less, noise makes as much."""
+_PIECE = 0.8
+"""Length of what a light may be a piece of, over the light's own."""
+_UNDERSAMPLED_PX = 1.6
+"""Width of stars from which on down nothing is narrower than they are."""
+_LEEWAY_PX = 10.0
+"""How far a box may be off the line that the filter sees."""
+_BELIEVED = 0.01
+"""What the network believes so much is fitted though its light is not seen all along."""
+_PERIODIC = 0.12
+"""Roughness up to which a slow change or one period explains how the light varies."""
+_FINER_WHERE_JOINED = 0.5
+"""Of the pixels that a proposal is off its line: there the filter's cells are half as large."""
+_LIGHT_OFF_PX, _LIGHT_OFF_FWHM = 2.0, 0.6
+"""How far one light of the star search may be off its line, at least, and in widths of a star."""
+_MAY_BE_A_LINE, _MAY_BE_WHERE_WIDE = 20.0, 0.0
+"""Chi-square of a profile from which on its pixels are asked, too."""
+_DRAWN_OUT, _MORE = 1.3, 1.1
+_SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
+_AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """Where a streak may be."""
+
+    box: NetworkBox
+    """Confidence: the network's, the lowest where it proposed nothing there."""
+    is_line: bool
+    """Whether the line filter or the star search sees it."""
+    is_light: bool = False
+    """Whether it is one light of the star search, which may be a piece of something longer."""
+
+
+def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
+    """What either sees, each streak once: where both do, the filter's ends, the network's word."""
+    is_left = np.ones(len(boxes), dtype=bool)
+    said = np.array([box.confidence for box in boxes])
+    ends = np.array([ends_of_box(box) for box in boxes]).reshape(-1, 4)
+    lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+    found = []
+    for line in lines:
+        box = _box_about(line)
+        same, is_light = _of_one_streak(ends, ends_of_box(box)) & is_left, line.is_light
+        if is_light:
+            # A light may be a piece of what the network sees whole.
+            same &= lengths < _MUCH_LONGER * box.length_px
+        if same.any():
+            best = boxes[int(np.argmax(np.where(same, said, -1.0)))]
+            longer = box.length_px / np.maximum(lengths, 1.0)
+            is_its_own = best.confidence > _SURE and best.length_px * _MUCH_LONGER > box.length_px
+            if is_its_own:
+                # It knows the ends of what it knows better than a sum along cells.
+                box, is_light = best, False
+            else:
+                box = replace(
+                    best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
+                )
+            # What the network is sure of may be one of several in a row.
+            is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
+        found.append(Proposal(box=box, is_line=True, is_light=is_light))
+    left = (box for box, is_one in zip(boxes, is_left.tolist(), strict=True) if is_one)
+    return found + [Proposal(box=box, is_line=False) for box in left]
+
+
+def in_order(found: Sequence[Proposal]) -> list[Proposal]:
+    """Most promising first: the line filter's best and the network's in turn."""
+    by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
+    by_filter = [i for i in range(len(found)) if found[i].is_line]
+    place = {i: rank for rank, i in enumerate(by_network)}
+    for rank, i in enumerate(by_filter):
+        place[i] = min(place[i], rank)
+    return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
+
+
+def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
+    """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
+    along = boxes[:, 2:] - boxes[:, :2]
+    lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    length = max(math.hypot(dx, dy), 1.0)
+    turn = np.abs(along[:, 0] * dy - along[:, 1] * dx) / (lengths * length)
+    shorter = np.minimum(lengths, length)
+    leeway = np.sin(np.minimum(np.radians(SAME_STREAK_DEG) + _LEEWAY_PX / shorter, 1.5))
+    middle = 0.5 * (boxes[:, 2:] + boxes[:, :2])
+    off_x = middle[:, 0] - 0.5 * (line[0] + line[2])
+    off_y = middle[:, 1] - 0.5 * (line[1] + line[3])
+    of_line = np.abs(off_y * dx - off_x * dy) / length
+    of_box = np.abs(off_y * along[:, 0] - off_x * along[:, 1]) / lengths
+    apart = np.hypot(off_x, off_y)
+    reach = 0.5 * np.maximum(lengths, length) + _LEEWAY_PX
+    return np.asarray(
+        (turn < leeway) & (np.minimum(of_line, of_box) < _LEEWAY_PX) & (apart < reach)
+    )
+
+
+def _box_about(line: CellLine) -> NetworkBox:
+    return NetworkBox(
+        confidence=LOWEST_CONFIDENCE,
+        x0_px=min(line.x_a, line.x_b),
+        y0_px=min(line.y_a, line.y_b),
+        x1_px=max(line.x_a, line.x_b),
+        y1_px=max(line.y_a, line.y_b),
+        x_a_px=line.x_a,
+        y_a_px=line.y_a,
+        x_b_px=line.x_b,
+        y_b_px=line.y_b,
+    )
+
+
+@dataclass(slots=True)
+class Measurements:
+    """The candidates of one frame: those that are lines of light, and why the others are none."""
+
+    frame: Frame
+    sky: Background
+    stars: StarList
+    focus: Focus
+    is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
+    """Whether a candidate as it was traced is worth the time of a fit."""
+    lights: ShortLights | None = None
+    """What short ones are held against; None: nothing."""
+    taken: list[Candidate] = field(default_factory=list)
+    """With the network's confidence."""
+    rejected: list[Rejection] = field(default_factory=list)
+
+    def at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
+        """What a glance along a candidate says against its being worth the time of a measurement.
+
+        Too little light where the network alone proposes it; light that is narrower than stars
+        where the line filter does: a cosmic ray or a column of the sensor.
+        """
+        box = proposal.box
+        width_px = self._focus_at(ends_of_box(box)).fwhm_px
+        if proposal.is_line and self.focus.joined > 1:
+            # Wind that widened the stars did not widen what moved on: a streak may be any width.
+            return None
+        if proposal.is_line and width_px < _UNDERSAMPLED_PX:
+            return None
+        if proposal.is_line:
+            matched, narrow = width_at_a_glance(
+                self.frame.pixels, self.sky, ends_of_box(box), width_px
+            )
+            is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
+            return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
+        signal = line_signal(
+            self.frame.pixels, self.sky, ends_of_box(box), width_px / FWHM_PER_SIGMA
+        )
+        return None if signal.is_worth_a_fit(box.confidence) else DARK
+
+    def has(self, proposal: Proposal) -> bool:
+        """Whether a light that was proposed by itself is a piece of what has been measured."""
+        if not proposal.is_light:
+            return False
+        piece = from_box(self.frame, proposal.box)
+        return any(
+            each.found.length_px > _PIECE * piece.length_px and is_same_streak(piece, each.found)
+            for each in self.taken
+        )
+
+    def measure(self, proposal: Proposal) -> None:
+        """Measure one candidate and put it where it belongs."""
+        try:
+            self._measure(proposal)
+        except Exception:
+            # One candidate must not cost the others of the frame, nor the night.
+            log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, proposal)
+            self.refuse(proposal.box, NotAStreak(kind="fit broke"))
+
+    def _measure(self, proposal: Proposal) -> None:
+        box = proposal.box
+        trace, reason = self._traced_well(proposal)
+        if trace is None and box.confidence < _BELIEVED:
+            self.refuse(box, reason or NotAStreak(kind="no line"))
+            return
+        measured: StreakFit | None = None
+        traced = None if trace is None else self._from_trace(box, trace)
+        is_promising = traced is None or self.is_worth_fitting(traced)
+        if box.length_px <= LONGEST_FIT_PX and is_promising:
+            fit = fit_streak(
+                self.frame.pixels,
+                self.sky,
+                _around(box),
+                stars=self.stars,
+                psf_fwhm_px=None if trace is None else self._width_px(trace),
+                ends=ends_of_box(box),
+            )
+            if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
+                light = traced.light if traced else light_of(self._traced(_ends_of(fit)))
+                light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
+                self._take(self._candidate(from_fit(self.frame, box, fit), light))
+                return
+            if not isinstance(fit, StreakFit):
+                reason, measured = reason or fit.reason, fit.fit
+        if traced is None:
+            self.refuse(box, reason or NotAStreak(kind="no line"), measured)
+        else:
+            self._take(traced)
+
+    def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
+        found = from_trace(self.frame, box, trace)
+        return self._candidate(found, self._irregularity(found, trace))
+
+    def _candidate(self, found: Detection, light: LineLight) -> Candidate:
+        """With the irregularity of its path and light, where that tells a cosmic ray.
+
+        No ray is as wide as stars are that are many pixels wide, and wind bends whatever is in the
+        frame.
+        """
+        if self.focus.joined > 1 or found.width_px > SHARP_PX:
+            light = replace(light, bend=0.0, lumpiness=0.0)
+        found = replace(found, unevenness=light.unevenness)
+        return Candidate(found=found, light=self._held(found, light))
+
+    def _held(self, found: Detection, light: LineLight) -> LineLight:
+        """With what images of the stars say of it, where that is worth its time."""
+        least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
+        if self.lights is None or light.left > 0.0 or light.over_points < least:
+            return light
+        held = self.lights.held(to_original(found, self.focus.joined))
+        if held is None:
+            return light
+        return replace(light, over_stars=held.over_stars, left=held.left)
+
+    def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
+        """Of a short one: of its path, and of its light where that follows no one period."""
+        light = light_of(trace)
+        ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
+            return light
+        box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
+        cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
+        width_px = self._width_px(trace)
+        lumpiness, bend = unevenness(
+            cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
+        )
+        return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
+
+    def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
+        """A trace that passes the gates, or the first that it does not."""
+        trace = self._traced(ends_of_box(proposal.box), is_light=proposal.is_light)
+        reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
+        return (trace, None) if reason is None else (None, reason)
+
+    def _traced(self, ends: Box, *, is_light: bool = False) -> Trace | None:
+        """The line, as wide as a star, or as drift has drawn it out where that shows more."""
+        focus = self._focus_at(ends)
+        width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
+        off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
+        if is_light:
+            off_px = min(off_px, max(_LIGHT_OFF_PX, _LIGHT_OFF_FWHM * focus.fwhm_px))
+        look = self.frame.pixels, self.sky, ends, self.stars
+        trace = trace_line(*look, width_px, off_px=off_px)
+        if widest_px < _DRAWN_OUT * width_px:
+            return trace
+        wide = trace_line(*look, widest_px, off_px=off_px)
+        is_better = wide is not None and (trace is None or wide.snr > _MORE * trace.snr)
+        return wide if is_better else trace
+
+    def _width_px(self, trace: Trace) -> float:
+        """Width that a streak is expected to have which was traced."""
+        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        focus = self._focus_at(ends)
+        most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
+        return min(max(trace.width_px, focus.fwhm_px), most)
+
+    def _focus_at(self, ends: Box) -> Focus:
+        """How the frame shows a point about the middle of a line."""
+        return self.focus.at(*_middle_of(ends))
+
+    def _take(self, candidate: Candidate) -> None:
+        """Keep a candidate, the better of those of one streak, with the network's best word."""
+        found, reason = candidate.found, NotAStreak(kind="same streak")
+        same = [each for each in self.taken if is_same_streak(found, each.found)]
+        if all(found.snr >= _MUCH_BETTER * each.found.snr for each in same):
+            for each in same:
+                self.taken.remove(each)
+            kept, others = candidate, same
+        else:
+            kept, others = max(same, key=lambda each: each.found.snr), [candidate]
+            self.taken.remove(kept)
+        said = max(each.found.confidence for each in (candidate, *same))
+        self.rejected += [
+            Rejection(detection=each.found, reason=reason)
+            for each in others
+            if LEAST_RECORDED_CONFIDENCE <= each.found.confidence < said
+        ]
+        self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
+
+    def _fault(self, trace: Trace) -> NotAStreak | None:
+        """The first gate that a trace does not pass; None where it passes all."""
+        width_px = self._width_px(trace)
+        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        length_px = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+        star_px = self._focus_at(ends).fwhm_px
+        ratio = trace.width_px / width_px
+        is_sampled = self.focus.joined == 1 and star_px > _UNDERSAMPLED_PX
+        least_px = _NARROWEST * min(width_px, SHARP_PX) if is_sampled else 0.0
+        quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
+        gates: tuple[tuple[bool, NotAStreakKind, float | None, float | None], ...] = (
+            (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
+            (trace.width_px < least_px, "too narrow", trace.width_px, width_px),
+            (ratio > _WIDEST, "too wide", trace.width_px, width_px),
+            (length_px < _SHORTEST * star_px, "too short", length_px, None),
+            (trace.lower_quartile_snr < quartile, "dark in between", None, None),
+            (trace.roughness > _MOST_ROUGH, "uneven", trace.roughness, _MOST_ROUGH),
+            (trace.beyond > _MOST_BEYOND, "longer trail", None, None),
+        )
+        for is_shut, kind, value, limit in gates:
+            if is_shut:
+                return NotAStreak(kind=kind, value=value, limit=limit)
+        return None
+
+    def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
+        """Keep a candidate on record with what speaks against it, if the network believes it."""
+        if box.confidence < LEAST_RECORDED_CONFIDENCE:
+            return
+        found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
+        self.rejected.append(Rejection(detection=found, reason=reason))
+
+
+def _around(box: NetworkBox) -> Box:
+    """The box and both ends."""
+    return (
+        min(box.x0_px, box.x_a_px, box.x_b_px),
+        min(box.y0_px, box.y_a_px, box.y_b_px),
+        max(box.x1_px, box.x_a_px, box.x_b_px),
+        max(box.y1_px, box.y_a_px, box.y_b_px),
+    )
+
+
+def _middle_of(ends: Box) -> tuple[float, float]:
+    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
+
+
+def _angle_deg(ends: Box) -> float:
+    return math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0]))
+
+
+def _agree(fit: StreakFit, trace: Trace) -> bool:
+    """Whether a fit is of the whole line that was traced."""
+    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+    is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
+    return is_long and fit.snr > _AGREE_SNR * trace.snr
+
+
+def _ends_of(fit: StreakFit) -> Box:
+    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
