@@ -34,11 +34,11 @@ _DRIFT_UNITS, _WIND_UNITS = (0.1, 1.2), (0.05, 0.4)
 _EXPOSURE_S = 10.0
 _STEPS = 129
 _STRIPES_SIGMA = (0.1, 2.0)
-_MOONLIGHT, _MOST_OF_WELL = (3.0, 15.0), 0.3
+_MOONLIGHT, _MAX_OF_WELL = (3.0, 15.0), 0.3
 _STEEPEST = 1.2
 _GLOW_E_S = (10.0, 200.0)
 _HOT_SHARE = (1e-4, 3e-3)
-_MOST_COLUMNS = 20
+_MAX_COLUMNS = 20
 _STEP_8_BIT_E = (6.0, 20.0)
 _CROSSING_SNR = (3.0, 30.0)
 _COVERED_ABOVE_SNR, _LEFT_OF_COVERED = (1.5, 5.0), 0.1
@@ -58,7 +58,7 @@ def altered_sensor(sensor: SensorModel, block: int, rng: np.random.Generator) ->
     if rng.random() < 0.1:
         changes["hot_fraction"] = log_uniform(rng, *_HOT_SHARE) * (8 / block) ** 0.7
     if rng.random() < 0.1:
-        bad, partial, dark = (int(n) for n in rng.integers(0, _MOST_COLUMNS // 3, size=3))
+        bad, partial, dark = (int(n) for n in rng.integers(0, _MAX_COLUMNS // 3, size=3))
         changes |= {"bad_columns": bad, "partial_columns": partial, "dark_columns": dark}
     return replace(sensor, **changes)
 
@@ -78,7 +78,7 @@ def sky_electrons(sensor: SensorModel, rng: np.random.Generator) -> float:
     if rng.random() < 0.1:
         sky_e *= log_uniform(rng, *_MOONLIGHT)
     full_e = min(sensor.full_well_e, (sensor.adc_max - sensor.offset_adu12) * sensor.e_per_adu12)
-    return min(sky_e, _MOST_OF_WELL * full_e)
+    return min(sky_e, _MAX_OF_WELL * full_e)
 
 
 def gradient(rng: np.random.Generator) -> tuple[float, float]:

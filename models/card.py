@@ -22,7 +22,7 @@ RESULTS = HERE.parent / "tests" / "bench" / "results"
 PEERS, TIMES = RESULTS / "peers.json", RESULTS / "vision.json"
 BEGIN = "<!-- figures: written by python -m models.card -->"
 END = "<!-- end of figures -->"
-_FEWEST_FOR_RECALL = 20
+_MIN_FOR_RECALL = 20
 NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m models.card`."
 
 
@@ -203,7 +203,7 @@ def _peers(peers: Any, network: str) -> str:
     lines = []
     for name, each in by_peer.items():
         every, failed = each["all"]["all"], len(each["failed"])
-        is_short = every["frames"] < _FEWEST_FOR_RECALL
+        is_short = every["frames"] < _MIN_FOR_RECALL
         cells = (each["all"][key] for key in ranges)
         lines.append(
             [name, f"{every['frames']:.0f}" + (f" ({failed} without an answer)" if failed else "")]

@@ -43,7 +43,7 @@ SPLIT: dict[Kind, float] = {
 }
 """Of the frames looked at: what each kind costs and teaches, not how often it comes."""
 ENOUGH = 200
-MOST_OFF = 0.05
+MAX_OFF = 0.05
 """Candidates in a bin of confidence that has to be reliable, and how far off it may be."""
 SNR_BANDS = ((0.8, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 30.0))
 
@@ -118,8 +118,8 @@ def _say(fitted: dict[str, Any]) -> None:
     worst = fitted["judged"]["worst_of_bins_with_enough"]
     if worst is None:
         print(f"no bin of confidence has {ENOUGH} candidates: more --frames judge it better")
-    elif worst > MOST_OFF:
-        print(f"a bin of confidence is off by {worst:.3f}, {MOST_OFF} allowed")
+    elif worst > MAX_OFF:
+        print(f"a bin of confidence is off by {worst:.3f}, {MAX_OFF} allowed")
 
 
 def main() -> None:

@@ -49,7 +49,7 @@ _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
 _EITHER = ("constant", "blurred", "drifted")
 _CONSTANTS = [FEATURES.index(f"{way}constant") for way in WAYS]
-_FEWEST_TRUE = 12
+_MIN_TRUE = 12
 """Satellites in frames that show stars in one way: of fewer its weights cannot be told."""
 _RIDGE, _HELD = 0.1, 1e-7
 
@@ -234,7 +234,7 @@ def _scaled(them: Candidates, weights: FloatArray, population: FloatArray) -> Fl
     for first in _CONSTANTS:
         chosen = them.features[:, first] > 0.0
         own = slice(first, first + count)
-        if np.count_nonzero(chosen & them.is_true) < _FEWEST_TRUE:
+        if np.count_nonzero(chosen & them.is_true) < _MIN_TRUE:
             scaled[own] = scaled[:count]
             continue
         slope, constant = fit_scale(z[chosen], them.is_true[chosen], population[chosen])

@@ -49,7 +49,7 @@ _SATELLITE_SHARE = {
     "rays": 0.7,
     "meteor": 0.5,
 }
-_MOST_STAR_POINTS = 150_000
+_MAX_STAR_POINTS = 150_000
 _COVERED_SHARE = 0.5
 """Of hard fields with trailed stars, those where they have been covered with sky."""
 
@@ -201,7 +201,7 @@ def _trailed(
 ) -> Points:
     """Stars enough to be seen as many alike, bright enough to be seen though drawn out."""
     length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
-    most = int(min(log_uniform(rng, 200, 2500), _MOST_STAR_POINTS / max(length, 2.0)))
+    most = int(min(log_uniform(rng, 200, 2500), _MAX_STAR_POINTS / max(length, 2.0)))
     x, y, electrons = stars
     fewest = int(rng.integers(150, 400))
     if len(x) < fewest:

@@ -23,7 +23,7 @@ LENGTH_BANDS_PX = (
     (300.0, 600.0),
 )
 BELOW_TAU = "below tau"
-MOST_REASONS = 8
+MAX_REASONS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,7 +233,7 @@ def _errors(trails: Sequence[Trail], tau: float, snr: tuple[float, float]) -> An
 
 def _losses(trails: Sequence[Trail], tau: float, snr: tuple[float, float]) -> dict[str, int]:
     lost = [t.lost() for t in filter(_in_band(snr), trails) if not t.is_found(tau)]
-    return dict(Counter(lost).most_common(MOST_REASONS))
+    return dict(Counter(lost).most_common(MAX_REASONS))
 
 
 def _reliability(rows: Sequence[FrameRow], curve: ConfidenceCurve, one_in: int | None) -> Any:

@@ -37,7 +37,7 @@ Segment = tuple[float, float, float, float]
 """Middle (x, y in cells), length (cells) and direction (rad)."""
 _APART_DEG = 25.0
 """In a trailed field a satellite is asked for when it differs from the stars by so much."""
-_LEAST_AMONG_TRAILS_CELLS = 8.0
+_MIN_AMONG_TRAILS_CELLS = 8.0
 _BENT_CELLS = 1.2
 """A trail that leaves its line by more is not asked for."""
 _SHORT_FWHMS = 3.0
@@ -274,7 +274,7 @@ class Satellites:
         length = float(np.hypot(dx, dy))
         spread = star_path_px - star_path_px.mean(axis=1, keepdims=True)
         reach = float(np.hypot(*np.ptp(spread, axis=1))) / self.block
-        if length < max(_LEAST_AMONG_TRAILS_CELLS, SHORTEST_CELLS[self.block], 0.7 * reach):
+        if length < max(_MIN_AMONG_TRAILS_CELLS, SHORTEST_CELLS[self.block], 0.7 * reach):
             return False
         cos, sin = dx / length, dy / length
         bent = np.abs((y - y[0]) * cos - (x - x[0]) * sin).max()

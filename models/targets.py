@@ -18,7 +18,7 @@ _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
 _FLAT_TOP = 1.6
 """All locations within a sigma of the midpoint are as good: the offsets say where it is."""
-_LEAST_CUT_CELLS = 6.0
+_MIN_CUT_CELLS = 6.0
 """What the edge leaves of a streak is asked for from this length on."""
 _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.0, "meteor": 2.0}
 """How much worse a false candidate is where something else draws lines."""
@@ -46,7 +46,7 @@ def targets_of(
         along, across = dx * cos + dy * sin, dy * cos - dx * sin
         cuts = cut_ends(seen, width, height)
         is_asked = streak.is_asked and cuts < 2
-        is_asked &= cuts == 0 or length >= _LEAST_CUT_CELLS
+        is_asked &= cuts == 0 or length >= _MIN_CUT_CELLS
         seen_snr = streak.integrated_snr * float(np.sqrt(min(length / max(streak.length, 1e-3), 1)))
         snrs = streak.peak_snr, seen_snr
         if not (is_asked and is_asked_for(*snrs, length, field.mode, field.block)):

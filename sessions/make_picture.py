@@ -24,7 +24,7 @@ PAIR = Path(__file__).parent / "pair.png"
 SIZE = (120, 40)
 WIDTH_PX = 1600
 SPEED = 20.0
-MOST_S = 300.0
+MAX_S = 300.0
 
 
 async def taken(frames: int, session: Path) -> str:
@@ -46,7 +46,7 @@ async def taken(frames: int, session: Path) -> str:
             while (app.live.engine.frame_id or 0) <= frames or app.live.engine.state != "TRACK":
                 await pilot.pause(0.2)
                 waited_s += 0.2
-                if waited_s > MOST_S:
+                if waited_s > MAX_S:
                     raise TimeoutError("the demo did not come so far")
             await pilot.pause(1.0)
             return app.export_screenshot(title="rsoconsole")

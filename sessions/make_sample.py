@@ -52,7 +52,7 @@ WORLD = {
     "clouds": {"rate_h": 2.0, "duration_s": 60.0, "extinction_mag": 12.0},
 }
 KEPT_FRAMES = (9, 11)
-MOST_BYTES = 8_000_000
+MAX_BYTES = 8_000_000
 INDI_PORT = 7624
 ROOT = "sessions"
 ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
@@ -201,8 +201,8 @@ def main() -> None:
         forget_machine(night)
         size = sum(path.stat().st_size for path in night.rglob("*") if path.is_file())
         print(f"{size / 1e6:.2f} MB")
-        if size > MOST_BYTES:
-            raise SystemExit(f"more than {MOST_BYTES / 1e6:.0f} MB: keep fewer frames")
+        if size > MAX_BYTES:
+            raise SystemExit(f"more than {MAX_BYTES / 1e6:.0f} MB: keep fewer frames")
         shutil.rmtree(options.out, ignore_errors=True)
         shutil.copytree(night, options.out)
 

@@ -21,7 +21,7 @@ from .errors import said_as as said_as
 from .fault_text import NOT_FINITE as NOT_FINITE
 from .fault_text import nearest as nearest
 from .fault_text import plain_fault as plain_fault
-from .foreign_text import MOST_DATA_BYTES as MOST_DATA_BYTES
+from .foreign_text import MAX_DATA_BYTES as MAX_DATA_BYTES
 from .foreign_text import json_of as json_of
 from .foreign_text import named_text as named_text
 from .foreign_text import read_foreign as read_foreign

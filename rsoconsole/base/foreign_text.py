@@ -10,14 +10,14 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-MOST_BYTES = 8 << 20
+MAX_BYTES = 8 << 20
 """Far more than any configuration, keymap or card has."""
-MOST_DATA_BYTES = 256 << 20
+MAX_DATA_BYTES = 256 << 20
 """A whole catalogue of the sky, a season of measurements."""
 TOO_DEEP = "its brackets are nested too deeply"
 
 
-def read_foreign(path: Path, *, most_bytes: int = MOST_BYTES, encoding: str = "utf-8") -> str:
+def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> str:
     """The text of a plain file of at most ``most_bytes``.
 
     Raises OSError (also for what is no plain file, and for what is larger) and UnicodeDecodeError.
@@ -50,7 +50,7 @@ def named_text(path: Path, fault: type[Exception], absent: str) -> str:
     Raises ``fault`` where it cannot be read; ``absent``: the remedy where it is not there.
     """
     try:
-        return read_foreign(path, most_bytes=MOST_DATA_BYTES)
+        return read_foreign(path, most_bytes=MAX_DATA_BYTES)
     except FileNotFoundError as error:
         raise fault(f"{path} does not exist: {absent}") from error
     except (OSError, UnicodeDecodeError) as error:

@@ -7,7 +7,7 @@ from .command import COMMANDS as COMMANDS
 from .command import Command as Command
 from .command import command_of as command_of
 from .command import command_words as command_words
-from .commands import MOST_FRAMES as MOST_FRAMES
+from .commands import MAX_FRAMES as MAX_FRAMES
 from .commands import OVERRIDE_HELP as OVERRIDE_HELP
 from .commands import Abort as Abort
 from .commands import AnswerSeat as AnswerSeat

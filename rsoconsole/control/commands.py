@@ -14,7 +14,7 @@ from rsoconsole.control.command import Command, argument, register, with_overrid
 from rsoconsole.words import direction
 
 LARGEST_NUDGE_ARCMIN = 600.0
-MOST_FRAMES = 1000
+MAX_FRAMES = 1000
 """For which a setting can be changed for a while."""
 OVERRIDE_HELP = "Go without this check of the arming list; may be repeated."
 _COMPASS = (
@@ -313,8 +313,8 @@ class Set(Command):
 
     def check(self) -> None:
         """Frames are counted."""
-        if self.frames is not None and not 1 <= self.frames <= MOST_FRAMES:
-            raise ValueError(f"frames must be a number from 1 to {MOST_FRAMES}")
+        if self.frames is not None and not 1 <= self.frames <= MAX_FRAMES:
+            raise ValueError(f"frames must be a number from 1 to {MAX_FRAMES}")
 
     def words(self) -> str:
         """What is wanted."""

@@ -99,7 +99,7 @@ class MovePreview:
     """Why it may not go there; None where it may."""
 
 
-MOST_LINES = 12
+MAX_LINES = 12
 """Of pairs and of missing objects in plain lines: JSON has all."""
 
 
@@ -112,10 +112,10 @@ def field_words(
     pairs: Sequence[PairMotion], unseen: Sequence[UnseenMember], uncatalogued: Sequence[int]
 ) -> list[str]:
     """Each track's nearest neighbour and who is missing, in lines of at most 80 columns."""
-    lines = [_pair_words(each) for each in _nearest(pairs)[:MOST_LINES]]
+    lines = [_pair_words(each) for each in _nearest(pairs)[:MAX_LINES]]
     if uncatalogued:
         lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
-    for each in unseen[:MOST_LINES]:
+    for each in unseen[:MAX_LINES]:
         name = called(one_line(each.name)[:24], each.norad_id)
         lines.append(f"expected, not seen: {unseen_words(name, each)}")
     return lines

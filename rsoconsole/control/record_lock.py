@@ -20,7 +20,7 @@ from rsoconsole.config import IndiConfig, runtime_dir, state_dir
 
 _FLOCK = "hhqqi"
 """struct flock of 64-bit Linux: type, whence, start, length, process."""
-_MOST_WORDS = 4096
+_MAX_WORDS = 4096
 
 _held: dict[Path, str] = {}
 """By this very process, with what the files say."""
@@ -51,7 +51,7 @@ def read_holder(path: Path) -> tuple[int, str] | None:
         try:
             question = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
             kind, *_, pid = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
-            said = os.read(descriptor, _MOST_WORDS).decode("utf-8", "replace")
+            said = os.read(descriptor, _MAX_WORDS).decode("utf-8", "replace")
         except OSError:
             return None
         finally:
@@ -95,7 +95,7 @@ class RecordLock:
             try:
                 fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
-                said = os.read(descriptor, _MOST_WORDS).decode("utf-8", "replace")
+                said = os.read(descriptor, _MAX_WORDS).decode("utf-8", "replace")
                 os.close(descriptor)
                 raise ControlError(self.refusal(said)) from error
             if self._is_there(descriptor):

@@ -1,5 +1,5 @@
 from .camera.camera import ARRIVED_KEY as ARRIVED_KEY
-from .clock_watch import LEAST_STEP_S as LEAST_STEP_S
+from .clock_watch import MIN_STEP_S as MIN_STEP_S
 from .frames.frame_files import frame_from_array as frame_from_array
 from .frames.frame_files import frame_from_bytes as frame_from_bytes
 from .frames.frame_files import read_frame as read_frame

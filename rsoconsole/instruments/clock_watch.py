@@ -11,22 +11,22 @@ from dataclasses import dataclass
 from rsoconsole.instruments.ports import ClockFault
 
 _NS = 1_000_000_000
-LEAST_STEP_S = 0.1
+MIN_STEP_S = 0.1
 """1.5 arcsec of a geostationary satellite."""
-MOST_DRIFT = 1e-3
+MAX_DRIFT = 1e-3
 """Time services draw a clock in by half of that."""
 LOOKED_BACK_S = 60.0
 """For so long drift adds up before it is taken for granted."""
 LATELY_S = 2.0
 """Steps of one size that follow each other so soon are a clock that runs wrong."""
-LEAST_APART_S = 0.02
+MIN_APART_S = 0.02
 """Of two looks, where their readings are to tell how fast a clock moves."""
-MOST_PACE = 10.0
+MAX_PACE = 10.0
 """A clock that moves by more than this, in seconds a second, is set, however often."""
 STEADY_S = 10.0
 """So long it must run right before it is believed again."""
-LEAST_SLEEP_S = 0.5
-LEAST_PAUSE_S = 5.0
+MIN_SLEEP_S = 0.5
+MIN_PAUSE_S = 5.0
 """No look is that late on a machine that merely has much to do."""
 _READ_S = 0.01
 """Between the readings of two clocks."""
@@ -66,9 +66,9 @@ class ClockWatch:
         found = [self._time_fault(last, now)]
         stood_s = (now.monotonic_ns - last.monotonic_ns) / _NS
         slept_s = _since_s(last, now) - stood_s
-        if slept_s > LEAST_SLEEP_S:
+        if slept_s > MIN_SLEEP_S:
             found.append(ClockFault(kind="slept", seconds=slept_s))
-        if stood_s > LEAST_PAUSE_S:
+        if stood_s > MIN_PAUSE_S:
             found.append(ClockFault(kind="stood still", seconds=stood_s))
         return tuple(each for each in found if each is not None)
 
@@ -77,7 +77,7 @@ class ClockWatch:
             return self._while_unsteady(self._unsteady_since, now)
         off_s = _offset_s(now) - _offset_s(self._reference)
         since_s = _since_s(self._reference, now)
-        if abs(off_s) > LEAST_STEP_S + MOST_DRIFT * since_s:
+        if abs(off_s) > MIN_STEP_S + MAX_DRIFT * since_s:
             return self._moved(last, now, off_s)
         if since_s > LOOKED_BACK_S:
             self._reference = now
@@ -87,24 +87,24 @@ class ClockWatch:
         """It is elsewhere than it was: by one step, or little by little."""
         start, self._reference = self._reference, now
         step_s = _offset_s(now) - _offset_s(last)
-        pace = step_s / max(_since_s(last, now), LEAST_APART_S)
+        pace = step_s / max(_since_s(last, now), MIN_APART_S)
         before, self._paced = self._paced, (now, pace)
         is_again = (
             before is not None
             and _since_s(before[0], now) <= LATELY_S
             and abs(pace - before[1]) < 0.5 * abs(pace)
-            and abs(pace) < MOST_PACE
+            and abs(pace) < MAX_PACE
         )
         if is_again or abs(step_s) < 0.5 * abs(off_s):
             self._unsteady_since, self._steady_since = start, now
             return ClockFault(kind="runs wrong", seconds=off_s, rate=1.0 + pace)
-        is_leap = abs(abs(off_s) - _LEAP_S) < LEAST_STEP_S and _is_leap_instant(last, now)
+        is_leap = abs(abs(off_s) - _LEAP_S) < MIN_STEP_S and _is_leap_instant(last, now)
         return ClockFault(kind="leap second" if is_leap else "set", seconds=off_s)
 
     def _while_unsteady(self, begun: ClockReadings, now: ClockReadings) -> ClockFault | None:
         steady_s = _since_s(self._steady_since, now)
         moved_s = _offset_s(now) - _offset_s(self._steady_since)
-        if abs(moved_s) > MOST_DRIFT * steady_s + _READ_S:
+        if abs(moved_s) > MAX_DRIFT * steady_s + _READ_S:
             self._steady_since = now
             return None
         if steady_s < STEADY_S:

@@ -35,7 +35,7 @@ from rsoconsole.library._given import (
     table_of,
 )
 from rsoconsole.library.plate import PlateWCS
-from rsoconsole.pipeline import MOST_MASKED, FrameDetector, FrameSolver
+from rsoconsole.pipeline import MAX_MASKED, FrameDetector, FrameSolver
 from rsoconsole.records import Detections, Frame, NotSolved
 from rsoconsole.words import no_direction
 
@@ -198,7 +198,7 @@ def _masked(
     if mask is not None and np.any(mask):
         pixels = pixels.astype(np.float32)
         pixels[np.broadcast_to(np.asarray(mask, bool), pixels.shape)] = np.nan
-        max_masked = max(max_masked, MOST_MASKED)
+        max_masked = max(max_masked, MAX_MASKED)
     return frame_from_array(pixels, number_, name, header=header, max_nonfinite_fraction=max_masked)
 
 
@@ -323,7 +323,7 @@ def solve(
     scales = _scales(scale, settings.solver.scale_tolerance)
     found: list[PlateWCS] = []
     with FrameSolver.open(settings) as solver:
-        for frame in opened(frames, frame_facts(extension=extension), max_masked=MOST_MASKED):
+        for frame in opened(frames, frame_facts(extension=extension), max_masked=MAX_MASKED):
             solved = solver.solve(
                 frame,
                 ra_icrs_deg=None if place is None else place[0],

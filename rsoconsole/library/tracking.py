@@ -149,7 +149,7 @@ class Tracks(dict[int, Track]):
 
 
 _ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
-FEWEST_MORE = 3
+MIN_MORE = 3
 """Directions of a track beside the first telescope's: two agree by chance."""
 USUAL_EXPOSURE_S = 0.1
 """Of observations that name none: they have no ends, so they are taken for points, as short
@@ -207,9 +207,7 @@ def track(
     while left:
         more = tuple(followed(left, settings, last_track_id=last))
         tracks = {
-            n: t
-            for n, t in tracks_of(frames_of(more)).items()
-            if len(t.measurements) >= FEWEST_MORE
+            n: t for n, t in tracks_of(frames_of(more)).items() if len(t.measurements) >= MIN_MORE
         }
         left = _left(left, tracks.values()) if tracks else []
         found, last = found | tracks, max(tracks, default=last)
@@ -229,7 +227,7 @@ def _left(frames: Sequence[Shown], tracks: Iterable[NightTrack]) -> list[Shown]:
         )
         for each in frames
     ]
-    return left if sum(bool(each.measurements) for each in left) >= FEWEST_MORE else []
+    return left if sum(bool(each.measurements) for each in left) >= MIN_MORE else []
 
 
 def followed(

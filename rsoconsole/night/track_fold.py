@@ -22,7 +22,7 @@ from rsoconsole.records import (
 from rsoconsole.tracking import ON_TRIAL
 from rsoconsole.words import text
 
-MOST_ROWS = 400
+MAX_ROWS = 400
 """Last frames of a track that are kept for its plots."""
 PAIRS_KEPT_NS = 3_600_000_000_000
 """A pair that was not looked at for longer is of tracks that have ended."""
@@ -65,7 +65,7 @@ class FollowedTrack:
     snr: float | None = None
     """Integrated, of the streak that it took last; None where that was not measured."""
     rows: tuple[TrackRow, ...] = ()
-    """Oldest first; ``MOST_ROWS`` at most."""
+    """Oldest first; ``MAX_ROWS`` at most."""
 
     @property
     def track_id(self) -> int:
@@ -203,7 +203,7 @@ def _with_state(
         sigma_arcsec=record.sigma_innovation_arcsec or predicted_sigma_arcsec(record),
         nis=record.nis,
     )
-    rows = (*_without(known.rows, record.frame_id), row)[-MOST_ROWS:]
+    rows = (*_without(known.rows, record.frame_id), row)[-MAX_ROWS:]
     if not is_measured:
         track = replace(known, state=record, is_lead=record.is_lead, rows=rows)
     else:

@@ -1,4 +1,4 @@
-from .determination.from_directions import LEAST_SIGHTINGS as LEAST_SIGHTINGS
+from .determination.from_directions import MIN_SIGHTINGS as MIN_SIGHTINGS
 from .determination.from_directions import Orbit as Orbit
 from .determination.from_directions import determine as determine
 from .determination.join import Alone as Alone

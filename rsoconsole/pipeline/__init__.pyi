@@ -123,7 +123,7 @@ from .orbits.track_measurements import Observed as Observed
 from .orbits.track_measurements import longest_arc as longest_arc
 from .orbits.track_measurements import read_observed as read_observed
 from .orbits.track_measurements import sightings_of as sightings_of
-from .orbits.uncorrelated_tracks import FEWEST_TRACKS as FEWEST_TRACKS
+from .orbits.uncorrelated_tracks import MIN_TRACKS as MIN_TRACKS
 from .orbits.uncorrelated_tracks import Past as Past
 from .orbits.uncorrelated_tracks import keep as keep
 from .orbits.uncorrelated_tracks import keep_night as keep_night
@@ -148,7 +148,7 @@ from .replays.what_if_log import what_if_session as what_if_session
 from .replays.what_if_process import LogOfOneSession as LogOfOneSession
 from .replays.what_if_process import Question as Question
 from .replays.what_if_process import WhatIfProcess as WhatIfProcess
-from .single.solving import MOST_MASKED as MOST_MASKED
+from .single.solving import MAX_MASKED as MAX_MASKED
 from .single.solving import FrameDetector as FrameDetector
 from .single.solving import FrameSolver as FrameSolver
 from .sources.fetch import Fetcher as Fetcher

@@ -118,7 +118,7 @@ def _about_pole(angle: FloatArray) -> FloatArray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-_FEW, _MOST_REMEMBERED = 256, 4096
+_FEW, _MAX_REMEMBERED = 256, 4096
 """Instants: asked for at once, to be remembered; and all that are."""
 _remembered: dict[int, FloatArray] = {}
 """Velocity of the Earth, km/s, by its instant."""
@@ -137,7 +137,7 @@ def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
     fresh = [each for each, velocity in found.items() if velocity is None]
     if fresh:
         new = dict(zip(fresh, _velocity_km_s(np.array(fresh, np.int64)), strict=True))
-        if len(_remembered) > _MOST_REMEMBERED:
+        if len(_remembered) > _MAX_REMEMBERED:
             _remembered.clear()
         _remembered.update(new)
         found.update(new)

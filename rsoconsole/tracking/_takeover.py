@@ -19,7 +19,7 @@ from rsoconsole.tracking.association.following import (
     odds,
     three_sigma_deg,
 )
-from rsoconsole.tracking.association.neighbours import LEAST_MARGIN, Field, Neighbour, best_match
+from rsoconsole.tracking.association.neighbours import MIN_MARGIN, Field, Neighbour, best_match
 from rsoconsole.tracking.association.pattern import learnt_error_arcsec
 from rsoconsole.tracking.filters import adaptive, estimator, lqe
 from rsoconsole.tracking.filters.agreement import (
@@ -126,7 +126,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
         errors_arcsec=errors_arcsec,
     )
     # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
-    if settings.filter.preset != "paper" and match.margin < LEAST_MARGIN:
+    if settings.filter.preset != "paper" and match.margin < MIN_MARGIN:
         return dict.fromkeys(alike, INDISTINGUISHABLE)
     others = (m for m in alike if m is not match.measurement)
     return dict.fromkeys(others, NotTaken(kind="neighbour"))
@@ -166,7 +166,7 @@ def off_nis(updated: TrackState, settings: FollowSettings) -> float:
     return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))
 
 
-_MOST_UNFIT = 6
+_MAX_UNFIT = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +215,7 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     )
     # What the operator will not have is no rival either.
     known = () if seen.refused else before.rivals
-    rivals = after_miss(known, usable[:_MOST_UNFIT], t_utc_ns, rival_filter)
+    rivals = after_miss(known, usable[:_MAX_UNFIT], t_utc_ns, rival_filter)
     unexplained = before.unexplained + is_absent
     assert step.after is not None
     after = replace(step.after, rivals=rivals, unexplained=unexplained)

@@ -20,8 +20,8 @@ from rsoconsole.sky import IntArray, wrap_180
 SAME_SLEW_ARCSEC = 10.0
 """The mount has been sent elsewhere where its own word changes by more than that."""
 FLIP_DEG = 90.0
-LEAST_FRAMES = 5
-LEAST_HOURS = 0.05
+MIN_FRAMES = 5
+MIN_HOURS = 0.05
 RADIANS_AN_HOUR = math.radians(15.0)
 NEAR_MERIDIAN_DEG, FAR_FROM_MERIDIAN_DEG = 30.0, 60.0
 NO_ERROR_ARCMIN = 0.5
@@ -89,10 +89,10 @@ def drift_of(looks: Sequence[Look]) -> Drift | None:
     is no drift.
     """
     recent = _since_flip(looks)
-    if len(recent) < LEAST_FRAMES:
+    if len(recent) < MIN_FRAMES:
         return None
     t_h = np.array([(look.t_utc_ns - recent[0].t_utc_ns) / NS_PER_HOUR for look in recent])
-    if t_h[-1] - t_h[0] < LEAST_HOURS:
+    if t_h[-1] - t_h[0] < MIN_HOURS:
         return None
     slews = _slews(recent)
     east, north = offsets_arcsec(recent).T
@@ -170,7 +170,7 @@ def _slope(t_h: FloatArray, values: FloatArray, groups: IntArray) -> Rate | None
         y[mine] -= y[mine].mean()
     spread = float(t @ t)
     freedom = len(t) - count - 1
-    if spread < (LEAST_HOURS / 10.0) ** 2 or freedom < 2:
+    if spread < (MIN_HOURS / 10.0) ** 2 or freedom < 2:
         return None
     value = float(t @ y) / spread
     scatter = float(np.sum((y - value * t) ** 2)) / freedom

@@ -37,7 +37,7 @@ DETECTED = 0.9
 """Chance that what is in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
 """Streaks in a square arcsec that move like a track and are not it: a crowded slot."""
-LEAST_MARGIN = 4.0
+MIN_MARGIN = 4.0
 """By how much the likeliest explanation must be better than one without a track's streak: seven to
 one."""
 _FREEDOM = 4.0
@@ -127,7 +127,7 @@ def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assig
             same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
             others.append(_explained(_without(cost, row, same)).cost)
-            unsure = min(others) - best.cost < LEAST_MARGIN and not tracks[row].must_decide
+            unsure = min(others) - best.cost < MIN_MARGIN and not tracks[row].must_decide
         taken.append(pairs.columns[column] if is_seen and not unsure else None)
         is_ambiguous.append(unsure)
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))

@@ -26,7 +26,7 @@ JUMP_ARCSEC = 120.0
 """A change beyond what a slew's random error explains: the mount was synced or has slipped."""
 CLIP_ARCSEC = 3600.0
 LARGE_SLEW_DEG = 10.0
-MOST_KEPT = 24
+MAX_KEPT = 24
 
 Side = Literal["east", "west"] | None
 """Of the pier, where the telescope is; None where the mount does not tell."""
@@ -75,7 +75,7 @@ class PointingModel:
         """This one learnt last; it takes the place of what was known around it."""
         near = self._near(offset.hour_angle_deg, offset.declination_deg, offset.pier_side)
         others = tuple(each for each in self.offsets if each not in near)
-        return PointingModel(offsets=(offset, *others)[:MOST_KEPT])
+        return PointingModel(offsets=(offset, *others)[:MAX_KEPT])
 
     def _near(
         self, hour_angle_deg: float, declination_deg: float, pier_side: Side

@@ -17,7 +17,7 @@ from rsoconsole.tracking.association.following import (
     of_track,
 )
 
-MOST_DROPPED = 12
+MAX_DROPPED = 12
 """Dropped tracks whose streaks are known: those dropped last."""
 DROPPED = NotTaken(kind="dropped")
 
@@ -129,7 +129,7 @@ def _without(following: Following, gone: tuple[Tracked, ...]) -> Following:
     unseen = tuple(
         replace(each, track=replace(each.track, is_lead=False), is_kept=True) for each in gone
     )
-    dropped = (*following.dropped, *unseen)[-MOST_DROPPED:]
+    dropped = (*following.dropped, *unseen)[-MAX_DROPPED:]
     if left:
         return replace(following, tracks=led_by_first(left), dropped=dropped)
     waiting = following.candidates

@@ -52,12 +52,12 @@ from .frame.workers import Workers as Workers
 from .frame.workers import available_cores as available_cores
 from .frame.workers import threads_for as threads_for
 from .lines.streak_search import Box as Box
+from .stars.plate_fit import MIN_MATCHED as MIN_MATCHED
 from .stars.plate_fit import PlateFit as PlateFit
 from .stars.plate_fit import field_radius_deg as field_radius_deg
 from .stars.plate_fit import refit as refit
 from .stars.plate_fit import solution_from as solution_from
-from .stars.plate_move import FEWEST_MATCHED as FEWEST_MATCHED
-from .stars.plate_move import FEWEST_STARS as FEWEST_STARS
+from .stars.plate_move import MIN_SHIFT_STARS as MIN_SHIFT_STARS
 from .stars.plate_move import agreement as agreement
 from .stars.plate_move import matched as matched
 from .stars.plate_move import refit_from as refit_from

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-_MOST_DECIMALS = 7
+_MAX_DECIMALS = 7
 
 
 def format_ra(ra_deg: float, decimals: int = 2) -> str:
@@ -73,7 +73,7 @@ def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[s
     """Both to the last of ``digits`` of the sigma, which is empty where there is none."""
     if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
         return f"{value:.5g}", ""
-    decimals = min(max(digits - 1 - math.floor(math.log10(sigma)), 0), _MOST_DECIMALS)
+    decimals = min(max(digits - 1 - math.floor(math.log10(sigma)), 0), _MAX_DECIMALS)
     spread = f"{sigma:.{decimals}f}"
     return f"{value:.{decimals}f}", spread if float(spread) else ""
 

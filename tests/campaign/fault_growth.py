@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.stats import theilslopes
 
 SETTLED = 400
-LEAST_SAMPLES = 20
+MIN_SAMPLES = 20
 CYCLE_SHARE = 0.1
 """Of a cycle, that 1,000 frames may add: a tenth over a night."""
 _ROUNDS, _TURNS = 5, 100_000
@@ -68,7 +68,7 @@ def pace_s() -> float:
 def slopes_of(samples: Sequence[Sample]) -> Slopes:
     """Of each figure first and last value, slope, interval and bound; empty of a short night."""
     settled = [each for each in samples if each.frame >= SETTLED]
-    if len(settled) < LEAST_SAMPLES:
+    if len(settled) < MIN_SAMPLES:
         return {}
     frames = np.array([each.frame for each in settled], float)
     pace = np.array([each.pace_s for each in settled], float)

@@ -37,7 +37,7 @@ LAST_SHARE = 1.0 / 6.0
 GENTLE = "engine killed"
 BETWEEN_S = 20.0
 """So long frames are waited for that go on anyhow."""
-LEAST_ALT_DEG = 15.0
+MIN_ALT_DEG = 15.0
 """Below which this engine's configuration sends no mount."""
 ORDERED_MS, ANSWERED_MS = 200.0, 500.0
 Answer = dict[str, Any]
@@ -126,7 +126,7 @@ def _unsafe(running: FaultNight) -> list[str]:
         dec, latitude = np.radians(slew.dec_date_deg), np.radians(SITE.latitude_deg)
         alt = np.sin(dec) * np.sin(latitude) + np.cos(dec) * np.cos(latitude) * np.cos(hour)
         alt_deg = float(np.degrees(np.arcsin(alt)))
-        if not alt_deg >= LEAST_ALT_DEG:
+        if not alt_deg >= MIN_ALT_DEG:
             wrong.append(f"sent to altitude {alt_deg:.1f} deg")
     return wrong
 

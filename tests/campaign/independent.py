@@ -27,7 +27,7 @@ from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.campaign.satsim_altered import FAMILIES, FRAMES, Ends, drawn, looks, snr_of
 
-TAU, LEAST_SNR = 0.10, 20.0
+TAU, MIN_SNR = 0.10, 20.0
 
 _detectors: list[StreakDetector] = []
 
@@ -92,7 +92,7 @@ def line_of(name: str, rows: Sequence[dict[str, Any]]) -> str:
     """One line of the table."""
     family, frames = FAMILIES[name], len(rows)
     false = sum(row["false"] for row in rows)
-    rows = [row for row in rows if row["snr"] >= LEAST_SNR]
+    rows = [row for row in rows if row["snr"] >= MIN_SNR]
     tries = len(rows)
     span = "" if family.high == family.low else f" {family.low:g} to {family.high:g}"
     hits = sum(row["confidence"] > TAU for row in rows)

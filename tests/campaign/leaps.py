@@ -39,10 +39,10 @@ from tests.truth.regimes import samples
 
 FILE = ELEMENTS / "mix_20230622.tle"
 FRAMES = 260
-LEAST_ALTITUDE_DEG = 15.0
+MIN_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
 FIRST_WORLD = 4001
-MOST_LATE_S, LATE_SEED = 20.0, 24
+MAX_LATE_S, LATE_SEED = 20.0, 24
 BEGUN_AGAIN = "its next streak says otherwise"
 """How a pass ends whose first streak was a part: the next one is of the same satellite."""
 _RAN_OUT = ("the run is over", "the night is over")
@@ -194,7 +194,7 @@ def _at_the_end(truth: Satellite, site: Site, met: list[int]) -> dict[str, Any]:
     t = met[-1] + np.arange(0, 900, 5) * NS_PER_S
     places = truth.astrometric_place(site, t)
     altitude, _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t)
-    is_seen = (altitude > LEAST_ALTITUDE_DEG) & np.isfinite(truth.magnitude(places))
+    is_seen = (altitude > MIN_ALTITUDE_DEG) & np.isfinite(truth.magnitude(places))
     left = int(np.argmin(is_seen)) if not np.all(is_seen) else len(t)
     before = truth.astrometric_place(site, np.array(met))
     east = before.ra_rate_deg_s * np.cos(np.radians(before.dec_icrs_deg))
@@ -211,7 +211,7 @@ def _next_pass(truth: Satellite, site: Site, seen: LowPass | None) -> dict[str, 
     t = predicted + (np.arange(-reach_s, reach_s, 0.5) * NS_PER_S).astype(np.int64)
     places = truth.astrometric_place(site, t)
     altitude, _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t)
-    up = np.flatnonzero((altitude[1:] > LEAST_ALTITUDE_DEG) & (altitude[:-1] <= LEAST_ALTITUDE_DEG))
+    up = np.flatnonzero((altitude[1:] > MIN_ALTITUDE_DEG) & (altitude[:-1] <= MIN_ALTITUDE_DEG))
     if not len(up):
         return {"next_sigma_s": round(sigma_s, 1), "next_late_s": None}
     rises_s = (t[up + 1] - predicted) / NS_PER_S
@@ -281,7 +281,7 @@ def main() -> int:
         numbered = enumerate(NIGHTS[: asked.worlds], FIRST_WORLD)
         nights = tuple(replace(night, world=number) for number, night in numbered)
     if asked.late:
-        drawn = np.random.default_rng(LATE_SEED).uniform(-MOST_LATE_S, MOST_LATE_S, len(NIGHTS))
+        drawn = np.random.default_rng(LATE_SEED).uniform(-MAX_LATE_S, MAX_LATE_S, len(NIGHTS))
         late = zip(NIGHTS, drawn.tolist(), strict=True)
         nights = tuple(replace(night, late_s=each) for night, each in list(late)[: asked.late])
     for night in nights:

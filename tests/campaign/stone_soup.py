@@ -15,7 +15,7 @@ import numpy as np
 from tests.campaign.slots import BOX_ARCSEC, FALSE, SHUTTER_S, Night, Sight, shared_covariance
 from tests.campaign.slots_judge import At
 
-LEAST_POINTS, MOST_MISSES = 2, 6
+MIN_POINTS, MAX_MISSES = 2, 6
 """Streaks before a track is shown, and frames without one after which it ends."""
 _START_RATE_ARCSEC_S = 0.05
 """Sigma of a new track's rate against the slot's."""
@@ -145,7 +145,7 @@ class _Tracker:
             deleter=UpdateTimeStepsDeleter(2),
             data_associator=nearest,
             updater=self.updater,
-            min_points=LEAST_POINTS,
+            min_points=MIN_POINTS,
         )
         self.tracks: list[Any] = []
         self.missed: dict[str, int] = {}
@@ -166,7 +166,7 @@ class _Tracker:
             t.id: 0 if heaviest.get(t.id) is not None else self.missed.get(t.id, 0) + 1
             for t in self.tracks
         }
-        self.tracks = [t for t in self.tracks if self.missed[t.id] < MOST_MISSES]
+        self.tracks = [t for t in self.tracks if self.missed[t.id] < MAX_MISSES]
         for track in sorted(self.initiator.initiate(free, time), key=_east):
             heaviest[track.id] = track.state.hypothesis.measurement
             self.missed[track.id] = 0

@@ -10,7 +10,7 @@ from rsoconsole.console.actions.seat import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.night import Night
-from rsoconsole.night.track_fold import MOST_ROWS
+from rsoconsole.night.track_fold import MAX_ROWS
 from rsoconsole.records import (
     Cause,
     FollowedAgain,
@@ -160,10 +160,10 @@ def test_a_name_that_a_track_keeps_is_one_line_of_the_log():
 
 def test_the_rows_of_a_track_are_bounded():
     night = Night(Path("long"), {}, None)
-    for n in range(1, MOST_ROWS + 30):
+    for n in range(1, MAX_ROWS + 30):
         for record in eight.story(n, since=1, tracks=(1, 2)):
             night.take(t_of(n), record)
-    assert [len(each.rows) for each in night.view().tracks] == [MOST_ROWS] * 2
+    assert [len(each.rows) for each in night.view().tracks] == [MAX_ROWS] * 2
 
 
 def of_eight(tmp_path: Path) -> SessionWriter:

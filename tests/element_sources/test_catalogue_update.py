@@ -302,7 +302,7 @@ def test_a_server_that_drips_is_left_at_the_deadline(night: Night) -> None:
 def test_a_body_without_end_and_a_bomb_are_left_where_they_grow_too_large(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fetching, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(fetching, "MAX_BYTES", 1 << 20)
     assert "sends more than 1 MB" in night.one(endless(b" " * 65536, 4 << 20)).words
     night.now_utc_ns += 3 * HOUR_NS
     assert "sends more than 1 MB" in night.one(send_gzip(b" " * (50 << 20))).words

@@ -22,7 +22,7 @@ from rsoconsole.instruments.frames._frame_decoder import FrameDecoder
 from tests.drawn.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
 
 FAULTS = Path(__file__).resolve().parents[3] / "shared" / "faults"
-MOST_S = 5.0
+MAX_S = 5.0
 MUTATIONS = 500
 RUN, RUN_BY_NIGHT = 40, 200
 """Of them through a run of the program."""
@@ -55,7 +55,7 @@ def test_damaged_ones_are_read_or_refused_in_time(block):
         except Exception as error:
             raise AssertionError(f"seed {seed}") from error
         found[word] += 1
-        assert took_s < MOST_S, (seed, what)
+        assert took_s < MAX_S, (seed, what)
     assert found["refused"] > 5
     assert found["read"] > 5
 
@@ -67,7 +67,7 @@ def test_those_that_once_hung_or_crashed_are_refused(name):
     began_s = time.monotonic()
     with pytest.raises(FrameError, match=f"{name}.fits is (truncated or )?damaged"):
         read_frame(FAULTS / f"{name}.fits", 1)
-    assert time.monotonic() - began_s < 2.0 * MOST_S
+    assert time.monotonic() - began_s < 2.0 * MAX_S
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_what_is_no_file_and_what_is_none_for_a_frame_is_refused_at_once(tmp_pat
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
 def test_a_bomb_is_refused_before_it_fills_the_memory(pack, monkeypatch):
-    monkeypatch.setattr("rsoconsole.instruments.frames.frame_files.MOST_BYTES", 10_000_000)
+    monkeypatch.setattr("rsoconsole.instruments.frames.frame_files.MAX_BYTES", 10_000_000)
     with pytest.raises(FrameError, match="unpacks to more than"):
         frame_from_bytes(pack(bytes(20_000_000)), 1, "bomb.fits")
 

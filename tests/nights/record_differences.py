@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 
-MOST_CHARACTERS = 160
-MOST_LINES = 30
+MAX_CHARACTERS = 160
+MAX_LINES = 30
 
 
 def differences(left: object, right: object) -> list[str] | None:
     """Lines for pytest; None where these are no records."""
     if is_dataclass(left) and type(left) is type(right):
-        return [f"{type(left).__name__}:", *_of_two(left, right, "")][:MOST_LINES]
+        return [f"{type(left).__name__}:", *_of_two(left, right, "")][:MAX_LINES]
     if not (_are_records(left) and _are_records(right)):
         return None
     assert isinstance(left, Sequence)
@@ -26,7 +26,7 @@ def differences(left: object, right: object) -> list[str] | None:
     if len(left) != len(right):
         longer, n = (left, len(right)) if len(left) > len(right) else (right, len(left))
         lines.append(f"{n}: one side alone has {_short(longer[n])}")
-    return ["records:", *lines][:MOST_LINES]
+    return ["records:", *lines][:MAX_LINES]
 
 
 def _are_records(value: object) -> bool:
@@ -56,4 +56,4 @@ def _is_same(one: object, other: object) -> bool:
 
 def _short(value: object) -> str:
     words = repr(value)
-    return words if len(words) <= MOST_CHARACTERS else f"{words[: MOST_CHARACTERS - 1]}…"
+    return words if len(words) <= MAX_CHARACTERS else f"{words[: MAX_CHARACTERS - 1]}…"

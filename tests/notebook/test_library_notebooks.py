@@ -14,7 +14,7 @@ from tests.rigs.browser_lab import environment_of
 
 FRAMES = SESSIONS / "frames"
 FIGURES = {"own-frames.ipynb": 1, "orbit-to-name.ipynb": 1}
-MOST_BYTES = 3_000_000
+MAX_BYTES = 3_000_000
 
 
 @pytest.fixture(scope="module")
@@ -78,4 +78,4 @@ def test_what_they_say_is_so(executed):
 
 def test_frames_and_notebooks_are_small():
     files = [*FRAMES.iterdir(), *(SESSIONS / name for name in FIGURES)]
-    assert sum(Path(file).stat().st_size for file in files) < MOST_BYTES
+    assert sum(Path(file).stat().st_size for file in files) < MAX_BYTES

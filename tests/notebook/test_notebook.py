@@ -15,7 +15,7 @@ from tests.nights.samples import SAMPLE, SESSIONS
 from tests.rigs.browser_lab import environment_of
 
 NOTEBOOK = SESSIONS / "review.ipynb"
-MOST_BYTES = 1_500_000
+MAX_BYTES = 1_500_000
 FIGURES = 7
 """The streak, the paper's five, residuals of what-if."""
 
@@ -110,7 +110,7 @@ def test_what_it_says_of_the_night_is_so(executed):
 
 def test_it_is_small_and_names_no_machine():
     text = NOTEBOOK.read_text(encoding="utf-8")
-    assert len(text) < MOST_BYTES
+    assert len(text) < MAX_BYTES
     assert not re.search(r"/(home|root|tmp|work|Users)/", text)
     metadata = json.loads(text)["metadata"]
     assert "version" not in metadata["language_info"]

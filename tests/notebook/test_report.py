@@ -14,7 +14,7 @@ from rsoconsole.base import SessionError
 from rsoconsole.library import render_report
 from rsoconsole.library.formats.night import read_night as read_rows
 from rsoconsole.library.notebook.night.night import read_night
-from rsoconsole.library.notebook.report._report_pictures import MOST_PICTURES, chosen_frames
+from rsoconsole.library.notebook.report._report_pictures import MAX_PICTURES, chosen_frames
 from rsoconsole.night import summary_of
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.replays.what_if_log import figures_of
@@ -26,7 +26,7 @@ from tests.nights.measured_night import record_night
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
 from tests.nights.samples import SAMPLE
 
-MOST_BYTES = 8_000_000
+MAX_BYTES = 8_000_000
 NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'
 VOID = {"meta", "br", "img", "link", "hr", "input"}
 
@@ -298,24 +298,24 @@ def test_pictures_keep_to_their_budget_and_no_missed_frame_is_left_out(tmp_path:
     (writer.folder / "previews" / "000001.png").write_bytes(b"no picture")
     html = render_report(writer.folder).html
     page = Page(html)
-    assert len(html) < MOST_BYTES
+    assert len(html) < MAX_BYTES
     shown = {int(alt.split()[1]) for alt in page.of("alt", "img")}
     assert set(MISSED) <= shown
     assert 1 not in shown
     assert 90 in shown
-    assert MOST_PICTURES - 1 <= len(shown) <= MOST_PICTURES + len(MISSED)
+    assert MAX_PICTURES - 1 <= len(shown) <= MAX_PICTURES + len(MISSED)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 39, 40, 41, 1000])
 def test_pictures_are_chosen_evenly(count):
     frames = list(range(5, 5 + count))
     chosen = chosen_frames(frames, missed=[7, 4000])
-    assert len(chosen) <= MOST_PICTURES + 1
+    assert len(chosen) <= MAX_PICTURES + 1
     assert chosen == sorted(set(chosen))
     if count > 3:
         assert {frames[0], frames[-1], 7} <= set(chosen)
     gaps = np.diff(chosen)
-    assert count < 3 or gaps.max() <= count / (MOST_PICTURES - 1) + 1
+    assert count < 3 or gaps.max() <= count / (MAX_PICTURES - 1) + 1
 
 
 def test_the_same_session_gives_the_same_page(sample_html: str):

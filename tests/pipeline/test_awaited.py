@@ -23,7 +23,7 @@ from tests.rigs.leap_rig import config_with, leap_rig, orbit_over
 from tests.tiers import plain_first
 from tests.truth.low_passes import SITE, are_there, in_true_sense, low_passes, streak_of
 
-MOST_S = 30.0
+MAX_S = 30.0
 HELD = Limits(
     SITE, Config().limits.model_copy(update={"max_hour_angle_deg": 180.0}), Config().mount
 )

@@ -18,7 +18,7 @@ from rsoconsole.base import (
     SessionError,
     read_foreign,
 )
-from rsoconsole.base.foreign_text import MOST_BYTES
+from rsoconsole.base.foreign_text import MAX_BYTES
 from rsoconsole.config import config_faults, load_config
 from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.tuning.tuning_pane import load_presets
@@ -82,7 +82,7 @@ def test_what_is_no_plain_file_is_refused_at_once(name: str, tmp_path: Path):
 def test_a_configuration_larger_than_any_is_refused(tmp_path: Path):
     path = tmp_path / "huge.toml"
     with path.open("wb") as file:
-        file.truncate(MOST_BYTES + 1)
+        file.truncate(MAX_BYTES + 1)
     with pytest.raises(ConfigError, match="larger than 8 MB"):
         load_config(path)
 
@@ -128,7 +128,7 @@ def test_a_million_element_sets_are_refused_before_the_work(one: str):
 
 
 def test_as_many_sets_as_are_allowed_are_read(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(catalogue, "MOST_SETS", 2)
+    monkeypatch.setattr(catalogue, "MAX_SETS", 2)
     line_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
     line_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"
     one = f"{line_1}\n{line_2}\n"

@@ -6,7 +6,7 @@ from rsoconsole.records.columns import documentation, documented
 from tests.rigs.worked_example import expect_used
 
 ROOT = Path(__file__).parents[2]
-MOST_FILES = 2
+MAX_FILES = 2
 
 EXAMPLE = {
     "rsoconsole/records/steps.py": [
@@ -102,7 +102,7 @@ print("used")
 
 
 def test_a_new_column_takes_two_files_and_is_in_every_table(tmp_path: Path) -> None:
-    assert len(EXAMPLE) <= MOST_FILES
+    assert len(EXAMPLE) <= MAX_FILES
     expect_used(tmp_path, EXAMPLE, USE)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.rigs.worked_example import expect_used
 
-MOST_FILES = 3
+MAX_FILES = 3
 
 EXAMPLE = {
     "rsoconsole/records/frames.py": [
@@ -94,5 +94,5 @@ print("used")
 
 
 def test_a_new_fact_takes_three_files_and_is_shown_everywhere(tmp_path: Path) -> None:
-    assert len(EXAMPLE) <= MOST_FILES
+    assert len(EXAMPLE) <= MAX_FILES
     expect_used(tmp_path, EXAMPLE, USE)

@@ -13,7 +13,7 @@ from tests.rigs.engine_rig import command_handler_of, rig
 from tests.rigs.worked_example import expect_used
 
 PAGE = resource("control", "README.md").read_text(encoding="utf-8")
-MOST_FILES = 4
+MAX_FILES = 4
 
 USE = """
 from typer.testing import CliRunner
@@ -73,7 +73,7 @@ def example() -> dict[str, list[tuple[str, str]]]:
 
 
 def test_the_documentations_new_verb_takes_four_files_and_works_by_every_way(tmp_path: Path):
-    assert len(example()) <= MOST_FILES
+    assert len(example()) <= MAX_FILES
     nowhere = str(tmp_path / "none.toml")
     expect_used(tmp_path, example(), USE, XDG_RUNTIME_DIR=str(tmp_path), RSOCONSOLE_CONFIG=nowhere)
 

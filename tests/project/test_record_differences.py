@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from rsoconsole.records import Cause, Event, StateChange
-from tests.nights.record_differences import MOST_CHARACTERS, differences
+from tests.nights.record_differences import MAX_CHARACTERS, differences
 
 EVENT = Event(level="info", text="a" * 500, frame_id=3)
 CHANGE = StateChange(frame_id=1, before="IDLE", after="SEARCH", reason=Cause(kind="waiting"))
@@ -13,7 +13,7 @@ def test_of_two_records_only_what_differs_is_shown_and_that_is_short() -> None:
     lines = differences(EVENT, replace(EVENT, frame_id=4))
     assert lines == ["Event:", "  frame_id: 3 == 4"]
     (_, line) = differences(EVENT, replace(EVENT, text="b")) or []
-    assert len(line) < MOST_CHARACTERS + 30
+    assert len(line) < MAX_CHARACTERS + 30
 
 
 def test_what_differs_within_is_named_by_its_path() -> None:

@@ -18,7 +18,7 @@ from rsoconsole.control import AskStatus, ControlClient, EngineLock
 from rsoconsole.instruments.indi._devices_there import DevicesThere
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.mount.mount import IndiMount
-from rsoconsole.simulator.devices.clock_device import CATCH_UP, MOST_BEHIND_S, VirtualClock
+from rsoconsole.simulator.devices.clock_device import CATCH_UP, MAX_BEHIND_S, VirtualClock
 
 NS = 1_000_000_000
 WANTED = "EQMod Mount"
@@ -282,7 +282,7 @@ def test_time_that_cannot_be_caught_up_is_late_by_the_wall(pauses):
     advance(clock, 20.0)
     assert wall.s == pytest.approx(30.0 + 20.0 / CATCH_UP)
     wall.s += 1000.0
-    advance(clock, 100.0 + MOST_BEHIND_S)
+    advance(clock, 100.0 + MAX_BEHIND_S)
     assert wall.s > 1000.0 + 100.0
 
 

@@ -26,7 +26,7 @@ from rsoconsole.session.log.database import is_interrupted
 from rsoconsole.session.log.schema import VIEWS as VIEWS_OF_TODAY
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sessions" / "intelsat-14"
-MOST_S = 10.0
+MAX_S = 10.0
 NOW_NS = 1_700_000_000_000_000_000
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i+1 FROM n) SELECT "
 
@@ -193,7 +193,7 @@ def test_a_database_that_computes_is_refused_and_its_records_are_saved(foreign, 
     assert verify_session(saved.folder).is_sound
     with closing(sqlite3.connect(foreign / "session.db")) as connection:
         assert connection.execute("SELECT count(*) FROM log").fetchone() == (records,)
-    assert time.monotonic() - began_s < MOST_S
+    assert time.monotonic() - began_s < MAX_S
 
 
 def test_a_query_without_end_is_ended(foreign):
@@ -202,11 +202,11 @@ def test_a_query_without_end_is_ended(foreign):
         with pytest.raises(sqlite3.OperationalError, match="interrupted") as error:
             connection.execute(f"{ENDLESS} count(*) FROM n").fetchall()
         assert is_interrupted(error.value)
-    assert time.monotonic() - began_s < MOST_S
+    assert time.monotonic() - began_s < MAX_S
 
 
 def test_reading_that_does_not_end_is_said_so(foreign, monkeypatch):
-    monkeypatch.setattr(bounds, "LEAST_CALLS", 0)
+    monkeypatch.setattr(bounds, "MIN_CALLS", 0)
     monkeypatch.setattr(bounds, "STEPS_A_CALL", 10)
     monkeypatch.setattr(bounds, "BYTES_A_CALL", 10**9)
     with pytest.raises(SessionError, match="does not come to an end"):
@@ -243,7 +243,7 @@ def test_a_record_that_no_session_has_is_damage_and_the_others_are_saved(foreign
     assert not verify_session(foreign).is_sound
     saved = repair_session(foreign, NOW_NS).recovered
     assert saved is None or SessionReader(saved.folder).counts().records == records
-    assert time.monotonic() - began_s < MOST_S
+    assert time.monotonic() - began_s < MAX_S
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,7 @@ def test_what_a_full_disk_refuses_is_kept_elsewhere_until_it_takes_it(session, t
 
 
 def test_where_no_place_can_be_had_it_says_that_too(session, monkeypatch):
-    monkeypatch.setattr("rsoconsole.session.writing.log_writer.LEAST_BYTES", 10**18)
+    monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 10**18)
     writer = SessionWriter.create(session, Config(), {"title": "night"})
     writer.append(said(1), T0_UTC_NS)
     assert writer.flush()
@@ -189,7 +189,7 @@ def test_another_programs_glance_leaves_the_live_log_alone(session):
 
 
 def test_a_lost_log_is_saved_as_soon_as_a_place_can_be_had(session, tmp_path, monkeypatch):
-    monkeypatch.setattr("rsoconsole.session.writing.log_writer.LEAST_BYTES", 10**18)
+    monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 10**18)
     writer = SessionWriter.create(session, Config(), {"title": "night"})
     for n in range(1, 21):
         writer.append(said(n), T0_UTC_NS + n)
@@ -198,7 +198,7 @@ def test_a_lost_log_is_saved_as_soon_as_a_place_can_be_had(session, tmp_path, mo
     writer.append(said(21), T0_UTC_NS + 21)
     assert not writer.flush(1.0)
     assert any("not on any disk" in fault for fault in writer.faults)
-    monkeypatch.setattr("rsoconsole.session.writing.log_writer.LEAST_BYTES", 1)
+    monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 1)
     writer.append(said(22), T0_UTC_NS + 22)
     writer.flush(3.0)
     writer.close()
@@ -393,10 +393,10 @@ def test_no_empty_folder_stays_where_a_rescue_could_not_be_or_is_needed_no_more(
     home = tmp_path / "home"
     home.mkdir()
     rescue = Rescue(tmp_path / "night", {}, b"", lambda: [home / "rescue"])
-    monkeypatch.setattr("rsoconsole.session.writing.log_writer.LEAST_BYTES", 10**18)
+    monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 10**18)
     assert not rescue.begin()
     assert list(home.iterdir()) == []
-    monkeypatch.setattr("rsoconsole.session.writing.log_writer.LEAST_BYTES", 0)
+    monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 0)
     assert rescue.begin()
     rescue.discard()
     assert list(home.iterdir()) == []

@@ -35,7 +35,7 @@ from rsoconsole.session.log.schema import SCHEMA_VERSION
 from tests.nights import engine_nights
 from tests.nights.samples import SAMPLE
 
-MOST_BYTES = 8_000_000
+MAX_BYTES = 8_000_000
 FRAMES = 36
 TAU_AT = {9: 0.75, 11: 0.75}
 """The frames that kept their pixels, and the tau that was in force."""
@@ -143,7 +143,7 @@ def test_a_replay_equals_the_record(reader: SessionReader, records: list[Any]) -
 
 def test_it_is_small_and_names_no_machine() -> None:
     paths = [path for path in SAMPLE.rglob("*") if path.is_file()]
-    assert sum(path.stat().st_size for path in paths) <= MOST_BYTES
+    assert sum(path.stat().st_size for path in paths) <= MAX_BYTES
     named = re.compile(rb"/(home|root|tmp|work|Users)/")
     for path in paths:
         if path.suffix not in {".png", ".fz"}:

@@ -32,7 +32,7 @@ TRUNCATIONS = 200
 GARBAGE = 60
 FEW = 10
 """Times fewer in the plain tier."""
-MOST_WORDS = 6
+MAX_WORDS = 6
 LONGEST_DELAY_S = 0.03
 NOW_UTC_NS = T0_UTC_NS + 10**15
 
@@ -142,7 +142,7 @@ def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, s
     cuts = CUTS // share
     folders = [tmp_path / str(number) for number in range(cuts)]
     records = frames = 0
-    for folder, told in lives.cuts(folders, random.Random(1), most_words=MOST_WORDS):
+    for folder, told in lives.cuts(folders, random.Random(1), most_words=MAX_WORDS):
         assert check_a_cut(folder, told) == "cut off"
         records, frames = records + told["records"], frames + told["frames"]
         shutil.rmtree(folder)

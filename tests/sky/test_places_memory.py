@@ -27,7 +27,7 @@ def test_each_instant_has_its_own_whatever_was_asked_before(shape):
 
 
 def test_it_remembers_no_more_than_it_needs(monkeypatch):
-    monkeypatch.setattr(places, "_MOST_REMEMBERED", 10)
+    monkeypatch.setattr(places, "_MAX_REMEMBERED", 10)
     for night in range(20):
         places.earth_velocity_km_s(T0_UTC_NS + (night * 100 + np.arange(5)) * 10**9)
     assert len(places._remembered) <= 15

@@ -232,7 +232,7 @@ def test_where_right_ascension_starts_changes_nothing(shift_deg):
 
 
 CROSSING = ((150.0 + GEO_RATE_DEG_S * 120, -5.02), (150.0 + GEO_RATE_DEG_S * 120, -4.98))
-MOST_CONFIDENT = dataclasses.replace(SETTINGS, choice="most confident")
+MAX_CONFIDENT = dataclasses.replace(SETTINGS, choice="most confident")
 ACROSS = {"is_clipped": True, "is_crossing": True, "confidence": 0.99}
 TABLE = [
     # name, state before, what is seen, settings, state after, verdicts in order
@@ -257,7 +257,7 @@ TABLE = [
     ("its second and a crossing", "ACQUIRE", [ACROSS, {}], SETTINGS, "TRACK", ["crosses"]),
     ("it and a crossing", "TRACK", [ACROSS, {}], SETTINGS, "TRACK", ["crosses the whole"]),
     ("a crossing alone", "TRACK", [ACROSS], SETTINGS, "COAST", ["crosses the whole"]),
-    ("a crossing by the paper's rule", "TRACK", [ACROSS, {}], MOST_CONFIDENT, "TRACK", ["crosses"]),
+    ("a crossing by the paper's rule", "TRACK", [ACROSS, {}], MAX_CONFIDENT, "TRACK", ["crosses"]),
     ("no second", "ACQUIRE", [], SETTINGS, "SEARCH", ["no second frame: no detection"]),
     (
         "two seconds, one fits",
@@ -295,7 +295,7 @@ TABLE = [
         "the paper's rule takes the most confident",
         "TRACK",
         [{"ra_deg": 150.19}, {}],
-        MOST_CONFIDENT,
+        MAX_CONFIDENT,
         "TRACK",
         ["another one is taken"],
     ),

@@ -98,7 +98,7 @@ def run_away(state: TrackState, which: slice, variance: float) -> TrackState:
     covariances = before.covariances.copy()
     covariances[which] = np.where(np.eye(6) > 0.0, variance, 0.0)
     log_weights = before.log_weights.copy()
-    log_weights[which] = np.log(bank.LEAST_WEIGHT)
+    log_weights[which] = np.log(bank.MIN_WEIGHT)
     grown = replace(before, covariances=covariances, log_weights=log_weights)
     return replace(state, memory=adaptive._Memory(grown, state.x))
 

@@ -11,7 +11,7 @@ from rsoconsole.sky import tan_wcs
 from rsoconsole.tracking import Field, Following, FollowSettings, follow, sky_covariance_arcsec2
 from rsoconsole.tracking._takeover import INDISTINGUISHABLE
 from rsoconsole.tracking.association.neighbours import (
-    LEAST_MARGIN,
+    MIN_MARGIN,
     UNKNOWN_COST,
     UNSEEN_COST,
     Neighbour,
@@ -111,7 +111,7 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
         text(INDISTINGUISHABLE),
     )
 
-    monkeypatch.setattr("rsoconsole.tracking._takeover.LEAST_MARGIN", 0.0)
+    monkeypatch.setattr("rsoconsole.tracking._takeover.MIN_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
     taken = {"target": "taken back", "neighbour": SWAPPED}[who]
     assert by_position == ("left alone" if before.state == "COAST" else taken)
@@ -210,7 +210,7 @@ def test_the_margin_is_what_the_next_identity_costs_more():
     sigma_arcsec = np.sqrt(sky_covariance_arcsec2(at)[0, 0] + 1.0)
     wider_arcsec = np.hypot(sigma_arcsec, neighbour.sigma_arcsec(at.t_utc_ns))
     assert alone.margin == pytest.approx((216.0 / wider_arcsec) ** 2, rel=0.01)
-    assert alone.margin < LEAST_MARGIN
+    assert alone.margin < MIN_MARGIN
     both = (geo_measurement(LONG), geo_measurement(LONG, ra_deg=150.0 + 216.0 / 3586.3))
     paired = best_match(both, at, (neighbour,))
     assert paired.measurement is both[0]
@@ -223,7 +223,7 @@ def test_the_same_streak_found_twice_is_no_doubt():
         Neighbour(east_arcsec=216.0, north_arcsec=0.0, t_utc_ns=T0_UTC_NS),
     )
     twice = (geo_measurement(20), geo_measurement(20, ra_deg=150.0001))
-    assert best_match(twice, at, (neighbour,)).margin > LEAST_MARGIN
+    assert best_match(twice, at, (neighbour,)).margin > MIN_MARGIN
 
 
 @pytest.mark.parametrize(("error_arcsec", "is_known"), [(0.0, False), (20.0, True)])
@@ -235,4 +235,4 @@ def test_a_pattern_is_believed_as_far_as_its_streaks_are_known_to_err(error_arcs
     )
     both = (geo_measurement(SHORT), geo_measurement(SHORT, ra_deg=150.0 + 250.0 / 3586.3))
     match = best_match(both, at, (neighbour,), errors_arcsec=(error_arcsec, error_arcsec))
-    assert (match.measurement is both[0] and match.margin > LEAST_MARGIN) is is_known
+    assert (match.measurement is both[0] and match.margin > MIN_MARGIN) is is_known

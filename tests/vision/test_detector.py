@@ -23,7 +23,7 @@ from rsoconsole.vision import (
     is_same_streak,
 )
 from rsoconsole.vision.detector._reject_artifacts import TRAILED_STREAKS
-from rsoconsole.vision.detector.detector import MOST_FITS
+from rsoconsole.vision.detector.detector import MAX_FITS
 from rsoconsole.words import text
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -245,7 +245,7 @@ def test_dark_proposals_do_not_cost_a_streak_its_turn() -> None:
         for x in (20.0, 150.0, 300.0)
         for y in np.arange(0.0, 90.0, 9.0)
     ]
-    assert len(dark) > MOST_FITS
+    assert len(dark) > MAX_FITS
     found = analyse(frame_with((A, B)), *dark, candidate(A, B, 0.5)).detections
     assert [d.confidence for d in found.detections] == [0.5]
     assert {text(r.reason) for r in found.rejected} == {"no unbroken light along a line there"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.median import FEWEST_POINTS, MOST_POINTS, on_one_line
+from rsoconsole.vision.frame.median import MAX_POINTS, MIN_POINTS, on_one_line
 
 
 def pieces(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -22,7 +22,7 @@ def test_the_pieces_of_a_streak_are_told_from_the_stars_beside_it(on_line, besid
     assert not found[on_line:].any()
 
 
-@pytest.mark.parametrize("count", [FEWEST_POINTS - 1, MOST_POINTS + 1])
+@pytest.mark.parametrize("count", [MIN_POINTS - 1, MAX_POINTS + 1])
 def test_too_few_and_very_many_are_left_alone(count):
     assert not on_one_line(*pieces(count, np.random.default_rng(1)), 2.0).any()
 

@@ -12,7 +12,7 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.simulator import FieldContent, SensorModel
 from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, StreakDetector, find_stars
 from rsoconsole.vision.stars import stars as star_list
-from rsoconsole.vision.stars.psf_field import FEWEST_STARS, Psf, fit_psf_field
+from rsoconsole.vision.stars.psf_field import MIN_STARS, Psf, fit_psf_field
 from tests.drawn.soft_corners import (
     HEIGHT,
     PIXEL_FWHM,
@@ -77,7 +77,7 @@ def test_a_bowl_about_another_place_than_the_middle_is_found_there():
     assert np.hypot(50 * column - 300, 50 * row - 300) < 75
 
 
-@pytest.mark.parametrize("count", [FEWEST_STARS, 100, 400])
+@pytest.mark.parametrize("count", [MIN_STARS, 100, 400])
 def test_scatter_and_blends_alone_make_no_change_over_the_field(count):
     """8 % of scatter, and one star in six a blend up to twice as wide; 100 fields."""
     rng = np.random.default_rng(count)
@@ -101,7 +101,7 @@ def test_too_few_stars_and_stars_that_differ_wildly_tell_of_no_change():
     rng = np.random.default_rng(9)
     x, y = rng.uniform(0, WIDTH, 400), rng.uniform(0, HEIGHT, 400)
     widths = 3.0 * (1.0 + x / WIDTH)
-    few = slice(FEWEST_STARS - 1)
+    few = slice(MIN_STARS - 1)
     assert fit_psf_field(x[few], y[few], widths[few], (HEIGHT, WIDTH)) is None
     wild = widths * np.exp(rng.normal(0, 0.4, 400))
     assert fit_psf_field(x, y, wild, (HEIGHT, WIDTH)) is None
@@ -176,7 +176,7 @@ def test_few_stars_set_the_level_of_a_change_that_earlier_frames_showed():
 
     stars = find_stars(drawn(poorer_seeing, count=20, seed=8).pixels, expected=before)
     assert stars.width_source == "measured"
-    assert len(stars) < FEWEST_STARS
+    assert len(stars) < MIN_STARS
     for x, y in PLACES[:5]:
         assert stars.fwhm_at(x, y) == pytest.approx(poorer_seeing(x, y), rel=0.15), (x, y)
 

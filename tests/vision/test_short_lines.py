@@ -10,7 +10,7 @@ from rsoconsole.records import Frame
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.lines.short_lines import MOST_SHORT, in_turn, short_lines
+from rsoconsole.vision.lines.short_lines import MAX_SHORT, in_turn, short_lines
 from tests.campaign.streaks import detector
 from tests.drawn.drawn_lines import exposed, line_of_light
 
@@ -73,7 +73,7 @@ def test_of_a_line_that_is_proposed_already_one_piece_is_and_in_all_so_many():
     stars = looked_at(light, rng)
     alone = short_lines(stars, [])
     beside = short_lines(stars, [CellLine(x_a=100, y_a=100, x_b=500, y_b=300, snr=50.0)])
-    assert len(alone) == len(beside) == MOST_SHORT
+    assert len(alone) == len(beside) == MAX_SHORT
 
     def on_it(lines):
         return [each for each in lines if abs(each.y_a - (50 + 0.5 * each.x_a)) < 4.0]

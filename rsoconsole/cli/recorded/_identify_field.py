@@ -14,7 +14,7 @@ from rsoconsole.cli.words.standard_input import Piped
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.orbits import Identification
 from rsoconsole.pipeline import (
-    FEWEST_TRACKS,
+    MIN_TRACKS,
     FieldFrame,
     Observed,
     Past,
@@ -143,7 +143,7 @@ class SessionLedger:
         kept = keep(self._folder, self._unknown, self._named, self._path)
         say_moved_aside(kept.moved_aside)
         for number in kept.too_short:
-            output.complain(f"rsoconsole: track {number} has fewer than {FEWEST_TRACKS} directions")
+            output.complain(f"rsoconsole: track {number} has fewer than {MIN_TRACKS} directions")
         for number in kept.taken_back:
             output.complain(f"rsoconsole: track {number} has a catalogued name: not kept any more")
         return [

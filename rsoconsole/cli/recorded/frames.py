@@ -335,7 +335,7 @@ def solve(
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
     """
     from rsoconsole.instruments import read_frames
-    from rsoconsole.pipeline import MOST_MASKED, FrameSolver, solved_report
+    from rsoconsole.pipeline import MAX_MASKED, FrameSolver, solved_report
 
     if (ra is None) != (dec is None):
         raise typer.BadParameter("give both --ra and --dec, or neither")
@@ -345,7 +345,7 @@ def solve(
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
             frames_of = read_frames(
-                path, number, extension=extension, max_nonfinite_fraction=MOST_MASKED
+                path, number, extension=extension, max_nonfinite_fraction=MAX_MASKED
             )
             for frame in frames_of:
                 solved = solver.solve(

@@ -13,7 +13,7 @@ from rsoconsole.words import clock, counted, file_size, span
 if TYPE_CHECKING:
     from rsoconsole.session import Archive, Finding, Repair, SessionSummary, Step, Verification
 
-MOST_ALIKE = 3
+MAX_ALIKE = 3
 """Findings of one sort that are told one by one; --json tells all."""
 
 
@@ -58,11 +58,11 @@ def verification_lines(found: "Verification") -> Iterator[str]:
     for each in found.findings:
         sort = (each.severity, each.what)
         alike[sort] += 1
-        if alike[sort] <= MOST_ALIKE:
+        if alike[sort] <= MAX_ALIKE:
             yield _finding_words(each)
     for (severity, what), number in alike.items():
-        if number > MOST_ALIKE:
-            yield f"  {severity:8} and {number - MOST_ALIKE} more: {what}"
+        if number > MAX_ALIKE:
+            yield f"  {severity:8} and {number - MAX_ALIKE} more: {what}"
 
 
 def _finding_words(each: "Finding") -> str:

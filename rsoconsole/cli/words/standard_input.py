@@ -18,7 +18,7 @@ import typer
 from rsoconsole.base import FrameError, RsoconsoleError
 
 DASH = "-"
-MOST_NAME_BYTES = 64 << 20
+MAX_NAME_BYTES = 64 << 20
 SPOKEN = "standard input"
 
 FilesFromOption = Annotated[
@@ -106,15 +106,15 @@ def _names_in(source: str) -> list[Path]:
     try:
         if source == DASH:
             _expect_pipe("--files-from -")
-            content = sys.stdin.buffer.read(MOST_NAME_BYTES + 1)
+            content = sys.stdin.buffer.read(MAX_NAME_BYTES + 1)
         else:
             with Path(source).open("rb") as stream:
-                content = stream.read(MOST_NAME_BYTES + 1)
+                content = stream.read(MAX_NAME_BYTES + 1)
     except OSError as error:
         raise typer.BadParameter(
             f"{source} cannot be read ({error.strerror})", param_hint=hint
         ) from error
-    if len(content) > MOST_NAME_BYTES:
+    if len(content) > MAX_NAME_BYTES:
         raise typer.BadParameter("the list is longer than 64 MB", param_hint=hint)
     ends = b"\0" if b"\0" in content else b"\n"
     names = [each.removesuffix(b"\r") if ends == b"\n" else each for each in content.split(ends)]

@@ -22,7 +22,7 @@ from rsoconsole.console.tuning.tuning_pane import (
 )
 from rsoconsole.console.tuning.what_if_watch import WhatIfWatch, frames_of_track, of_settings_now
 from rsoconsole.console.watches.messages import WhatIfSeen
-from rsoconsole.control import MOST_FRAMES, Command, Set
+from rsoconsole.control import MAX_FRAMES, Command, Set
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
@@ -212,8 +212,8 @@ class TuneActions:
         def decided(text: str | None) -> None:
             if text is None:
                 return
-            if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
-                seat.say(f"{text!r} is no number of frames from 1 to {MOST_FRAMES}", "warn")
+            if not (text.isdecimal() and 1 <= int(text) <= MAX_FRAMES):
+                seat.say(f"{text!r} is no number of frames from 1 to {MAX_FRAMES}", "warn")
                 return
             self._set(self.tuning.changes, int(text))
 

@@ -21,7 +21,7 @@ COLUMNS = 70
 MARKED = "the frame you marked"
 SAME_STREAK_PX = 25.0
 """A streak's middle so far from a mark's, or half the streak, is of the same one."""
-MOST_REJECTED = 12
+MAX_REJECTED = 12
 """The likeliest ones: of the others nobody will ask."""
 
 
@@ -73,13 +73,13 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
     for each in sorted(found.detections, key=lambda d: -d.confidence):
         lines += _lines(each, *fate(each, detail))
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
-    for one in rejected[:MOST_REJECTED]:
+    for one in rejected[:MAX_REJECTED]:
         lines += _lines(one.detection, "rejected", text(one.reason))
     by_hand = _by_hand(detail)
     lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}: {_sigmas(m)}" for m in by_hand]
     if not lines:
         lines = ["  None: the network proposed nothing."]
-    left = len(rejected) - MOST_REJECTED
+    left = len(rejected) - MAX_REJECTED
     if left > 0:
         lines.append(f"  and {left} less likely ones, rejected")
     head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"

@@ -20,7 +20,7 @@ from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, 
 from rsoconsole.words import clock, file_size, span
 
 BRANCHES = "branches"
-LEAST_NAME_COLUMNS = 20
+MIN_NAME_COLUMNS = 20
 State = Literal["", "live", "closed", "cut off", "other version", "damaged"]
 HEADS = ("when, UTC", "length", "frames", "size", "state")
 STATE_INKS: dict[State, Ink] = {"live": "good", "cut off": "warn", "damaged": "alarm"}
@@ -108,7 +108,7 @@ def _columns(width: int) -> tuple[int, tuple[int, ...]]:
     """(of the name, of each fact; 0 for one that there is no room for)."""
     facts = [WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS]
     for unneeded in (3, 0, 1):
-        if width - 3 - sum(n + 1 for n in facts if n) >= LEAST_NAME_COLUMNS + 8:
+        if width - 3 - sum(n + 1 for n in facts if n) >= MIN_NAME_COLUMNS + 8:
             break
         facts[unneeded] = 0
     room = width - 3 - sum(n + 1 for n in facts if n)

@@ -17,7 +17,7 @@ Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
 Key = tuple[int, int]
 """Grey of what is drawn, grey of what is behind it."""
 
-LEAST_STEPS = 1
+MIN_STEPS = 1
 """Parts of a cell that differ by no more are all one: a change of colour is twenty bytes."""
 FULL_BLOCK = "█"
 LOWER_HALF = 2
@@ -131,7 +131,7 @@ def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
     dark_count = n - bright_count
     dark = np.where(dark_count > 0, (total[:, 0] - bright_sum) / np.maximum(dark_count, 1), bright)
     mean = total[:, 0] / n
-    is_flat = (dark_count == 0) | (ordered[:, -1] - ordered[:, 0] <= LEAST_STEPS)
+    is_flat = (dark_count == 0) | (ordered[:, -1] - ordered[:, 0] <= MIN_STEPS)
     bright, dark = np.where(is_flat, mean, bright), np.where(is_flat, mean, dark)
     pattern = is_bright @ (1 << np.arange(n))
     shape = rows, columns

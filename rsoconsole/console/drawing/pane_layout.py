@@ -25,8 +25,8 @@ OPEN_ORBIT_ROWS = 26
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
-MOST_ALERT_ROWS = 2
-LEAST_LOG_ROWS = 2
+MAX_ALERT_ROWS = 2
+MIN_LOG_ROWS = 2
 """Beside plots and orbit."""
 
 Name = Literal[
@@ -211,7 +211,7 @@ def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
     plots["nis"] = max(round(rows * 0.12), 4)
     # The log keeps two lines, the times of the plots come after that.
-    plots["axis"] = 1 if rows - sum(plots.values()) - orbit_rows > LEAST_LOG_ROWS else 0
+    plots["axis"] = 1 if rows - sum(plots.values()) - orbit_rows > MIN_LOG_ROWS else 0
     plots["orbit"] = orbit_rows
     y = _stacked(boxes, Box(x=x, y=all_.y, width=columns, height=rows), plots)
     _put(boxes, "log", Box(x=x, y=y, width=columns, height=all_.y + rows - y))

@@ -18,7 +18,7 @@ AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
 """How far the axis goes beyond the upper bound of the band."""
 REFUSED = "×"
-LEAST_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
+MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
 """Least residuals, share of them that makes the axis, factor on it beyond which one is outside."""
 MAX_SPREAD = 3
 """Cells an exposure takes at most, while there are few."""
@@ -208,7 +208,7 @@ def residual_limit(columns: Sequence[Column]) -> float:
 
 def _without_strays(values: list[float], usual: list[float]) -> list[float]:
     """Without the few that are far beyond all others, and beyond the bounds."""
-    if len(values) < LEAST_FOR_STRAYS:
+    if len(values) < MIN_FOR_STRAYS:
         return values
     ordered = sorted(values)
     most = ordered[round(USUAL_SHARE * (len(ordered) - 1))]

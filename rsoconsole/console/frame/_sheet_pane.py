@@ -6,7 +6,7 @@ from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
 
-MOST_FINER = 4
+MAX_FINER = 4
 """Squares of a picture along one of the terminal's: more cost time, not sight."""
 
 
@@ -55,7 +55,7 @@ class SheetPane(FramePane):
     def _light(self, drawing: Drawing, cell_px: tuple[int, int]) -> LightImage:
         if self._sheet.pixels is None:
             return super()._light(drawing, cell_px)
-        finer = min(int(drawing.px_per_square), cell_px[0], MOST_FINER)
+        finer = min(int(drawing.px_per_square), cell_px[0], MAX_FINER)
         finer = max(finer, 1)
         return self._shares_of(finer, 2 * finer)
 

@@ -30,7 +30,7 @@ from rsoconsole.session import SessionReader
 
 LOOK_S = 0.25
 """How often what is under way says for how long, and the first line is made again."""
-MOST_ALERT_ROWS = 3
+MAX_ALERT_ROWS = 3
 
 
 class SheetNews(Message):
@@ -216,7 +216,7 @@ class FrameSheet(SheetActions):
 
     def _alert_rows(self) -> int:
         text = self._alert_text()
-        return len(wrapped(f" {text}", self.size.width, MOST_ALERT_ROWS)) if text else 0
+        return len(wrapped(f" {text}", self.size.width, MAX_ALERT_ROWS)) if text else 0
 
     def _show_keys(self) -> None:
         keys = keys_for(EngineView(), can_act=False, mode=self.mode, keymap=self.keymap)

@@ -35,7 +35,7 @@ from rsoconsole.words import (
     turn_words,
 )
 
-LEAST_MEASUREMENTS = 3
+MIN_MEASUREMENTS = 3
 AHEAD_GOOD_S = 300.0
 """What was computed from another instant is not shown beyond that."""
 
@@ -112,8 +112,8 @@ def _absence(night: NightView, engine: EngineView) -> str:
     count = _measured(night)
     if night.track is None:
         return "nothing is followed: there is no orbit"
-    if count < LEAST_MEASUREMENTS:
-        return f"an orbit needs {LEAST_MEASUREMENTS} measurements: {count} so far"
+    if count < MIN_MEASUREMENTS:
+        return f"an orbit needs {MIN_MEASUREMENTS} measurements: {count} so far"
     if night.setting("orbit.online") is False:
         return "no orbit is computed: the setting orbit.online is off"
     if engine.reach == "recorded":
@@ -125,7 +125,7 @@ def _measured(night: NightView) -> int:
     """Measurements that the track has taken, as far as anybody needs to count."""
     count = 1 if night.track_frame_id else 0  # a track begins with its second one
     for row in reversed(night.rows):
-        if count >= LEAST_MEASUREMENTS or row.frame_id < night.track_frame_id:
+        if count >= MIN_MEASUREMENTS or row.frame_id < night.track_frame_id:
             break
         count += row.is_followed
     return count
@@ -141,7 +141,7 @@ WIDE_COLUMNS = 57
 NARROW_COLUMNS = 47
 """Below which there is no room for an azimuth."""
 SOON_S = 900.0
-MOST_ROWS = 4
+MAX_ROWS = 4
 """Of one group."""
 KNOWN_DEG = 60.0
 """A direction in the orbit's plane less sure than that is not told."""
@@ -227,7 +227,7 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
         is_sure = found.verdict == "identified"
         items: list[Item] = [(_called(best, is_sure=is_sure), "good" if is_sure else "warn")]
         items += [(word, "") for word in match_words(best)]
-        lines += _ranked(packed(items, width, MOST_ROWS), 1, 5)
+        lines += _ranked(packed(items, width, MAX_ROWS), 1, 5)
         if others:
             then = (f"then {_called(others[0])}", *match_words(others[0])[:2])
             lines += _ranked(packed([(word, "") for word in then], width, 2), 4, 8)
@@ -260,7 +260,7 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
         if value is not None and sigma is not None and sigma < KNOWN_DEG:
             turned = 0.0 if value > 359.95 else value
             items.append((f"{name} {plus_minus(turned, sigma)}°", ""))
-    return _ranked(packed(items, width, MOST_ROWS), 1, 7)
+    return _ranked(packed(items, width, MAX_ROWS), 1, 7)
 
 
 def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
@@ -329,7 +329,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
             "" if quality.is_nis_sound else "warn",
         ),
     ]
-    lines = _ranked(packed(items, width, MOST_ROWS), 2, 3)
+    lines = _ranked(packed(items, width, MAX_ROWS), 2, 3)
     if quality.lag_one is not None:
         bound = quality.lag_one_bound
         said = f" lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
@@ -351,7 +351,7 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
         items.append((f"{estimate.outliers} left out", "warn"))
     why = wrapped(_one_wide(estimate.reason), max(width - 2, 1), 3)
     return [
-        *_ranked(packed(items, width, MOST_ROWS), 4, 7),
+        *_ranked(packed(items, width, MAX_ROWS), 4, 7),
         *_ranked([[(" ", ""), (line[0][0], "dim")] for line in why], 8),
     ]
 
@@ -362,7 +362,7 @@ def _fine(arcsec: float) -> str:
 
 def _said(text: str, ink: Ink, width: int) -> list[Line]:
     """A sentence over as many lines as a group may have."""
-    lines = wrapped(_one_wide(text), max(width - 2, 1), MOST_ROWS)
+    lines = wrapped(_one_wide(text), max(width - 2, 1), MAX_ROWS)
     return [[(" ", ""), (line[0][0], ink)] for line in lines]
 
 

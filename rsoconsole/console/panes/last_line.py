@@ -42,9 +42,9 @@ class Key(NamedTuple):
 
 
 _GAP = "  "
-LEAST_LINES = 8
+MIN_LINES = 8
 """Of a terminal in which a notice has rows of its own."""
-MOST_NOTICE_ROWS = 3
+MAX_NOTICE_ROWS = 3
 MARKABLE = 12
 """The last frames in which a mark can be begun (``decisions.KEPT``)."""
 MARK_HELP = (
@@ -261,9 +261,9 @@ def key_line(
 
 def notice_rows(notice: str, width: int, height: int) -> int:
     """How many rows over the keys a notice takes, in a terminal of that size."""
-    if not notice or height < LEAST_LINES:
+    if not notice or height < MIN_LINES:
         return 0
-    return len(wrapped(notice, width - 1, MOST_NOTICE_ROWS))
+    return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
 
 
 def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:

@@ -16,7 +16,7 @@ from rsoconsole.words import clock
 
 WITH_FRAME_COLUMNS = 60
 """A narrower log leaves the frame's number out."""
-MOST_ROWS = 3
+MAX_ROWS = 3
 """Of one line."""
 HOW_TO_CHANGE = "/ changes, esc clears"
 
@@ -140,7 +140,7 @@ class LogPane(ScrollView):
 
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
-    """One line of the log over as many rows as it takes, at most ``MOST_ROWS``."""
+    """One line of the log over as many rows as it takes, at most ``MAX_ROWS``."""
     head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
@@ -149,7 +149,7 @@ def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
         max(width, len(head) + 8),
         initial_indent=head,
         subsequent_indent=" " * len(head),
-        max_lines=MOST_ROWS,
+        max_lines=MAX_ROWS,
         placeholder=" …",
     )
     return tuple(rows) or (head,)

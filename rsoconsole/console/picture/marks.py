@@ -47,7 +47,7 @@ COASTED = "○"
 """Before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
 """A streak of so few cells has its signs in one row; a longer one has its ends pointed at."""
-MOST_STEPS = 2000
+MAX_STEPS = 2000
 """Cells along a streak: nobody's terminal has more."""
 
 
@@ -239,7 +239,7 @@ def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bo
         (xa, ya), (xb, yb) = mark.ends_px
         (column_a, row_a), (column_b, row_b) = window.cell(xa, ya), window.cell(xb, yb)
         is_across = abs(column_b - column_a) >= abs(row_b - row_a)
-        count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MOST_STEPS) * 2 + 1
+        count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MAX_STEPS) * 2 + 1
         for step in range(count + 1):
             share = step / count
             at = window.cell(xa + share * (xb - xa), ya + share * (yb - ya))

@@ -37,7 +37,7 @@ _PERCENT: dict[Stretch, tuple[float, float]] = {
     "linear": (2.0, 99.5),
 }
 """Of the squares: what is black and what is white."""
-_LEAST_RANGE = 0.02
+_MIN_RANGE = 0.02
 """Of a picture without anything in it: noise is not drawn up."""
 _LINEAR_PER_CODE = 5.0 / 255.0
 """The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
@@ -227,7 +227,7 @@ def greys(shares: LightImage) -> ByteImage:
 def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
     """Dark 0 to bright 1, between what is dark and what is bright of these squares."""
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
-    share = np.clip((light - low) / max(high - low, _LEAST_RANGE), 0.0, 1.0)
+    share = np.clip((light - low) / max(high - low, _MIN_RANGE), 0.0, 1.0)
     return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
 
 

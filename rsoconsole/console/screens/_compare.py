@@ -30,7 +30,7 @@ from rsoconsole.words import (
 )
 
 ABSENT = "-"
-LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
+LABEL_COLUMNS, MIN_VALUE_COLUMNS = 12, 12
 WITH_DIFFERENCE_COLUMNS = 66
 KIND_WORDS: dict[TimelineEventKind, tuple[str, str]] = {
     "miss": ("miss", "misses"),
@@ -142,7 +142,7 @@ def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
 def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int) -> list[Line]:
     """A table as wide as there is room for; the differences go first."""
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
-    columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), LEAST_VALUE_COLUMNS)
+    columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
     head += [("B".ljust(columns), "title"), ("B - A" if has_difference else "", "dim")]
     lines = [clipped(head, width)]

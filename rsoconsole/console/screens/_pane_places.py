@@ -10,7 +10,7 @@ from rsoconsole.console.actions.track_actions import PlotActions
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.pane_layout import (
-    MOST_ALERT_ROWS,
+    MAX_ALERT_ROWS,
     Box,
     Name,
     banner_box,
@@ -111,7 +111,7 @@ class AlertLine:
     def _rows(self) -> int:
         said = self._seat.alert or self._seat.intro
         width = self._seat.size.width
-        return len(words.wrapped(f" {said}", width, MOST_ALERT_ROWS)) if said else 0
+        return len(words.wrapped(f" {said}", width, MAX_ALERT_ROWS)) if said else 0
 
     def show(self) -> bool:
         """Say it; whether it takes another number of rows than the panes are laid out for."""

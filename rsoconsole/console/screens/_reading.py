@@ -16,7 +16,7 @@ from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.night import LogLine
 from rsoconsole.words import clock
 
-MOST_LOG_LINES = 60
+MAX_LOG_LINES = 60
 SAID_COLUMNS = 40
 
 
@@ -72,7 +72,7 @@ class ReadingActions:
         said = [f"STOP {news.text}"] if news is not None else []
         said += [seat.alert] if seat.alert else []
         said += [seat.last_said] if seat.last_said else []
-        said += [line_text(line) for line in reversed(seat.night.log[-MOST_LOG_LINES:])]
+        said += [line_text(line) for line in reversed(seat.night.log[-MAX_LOG_LINES:])]
         if said:
             seat.ask(ReadingDialog(said), self._copy)
         else:

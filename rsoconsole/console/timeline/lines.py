@@ -55,7 +55,7 @@ GRAVE: tuple[LoopState, ...] = ("FAULT", "LOST", "MANUAL")
 """States that are shown however short they were."""
 LONG_RUN_COLUMNS = 24
 END_COLUMNS = 7
-LEAST_STRIP_COLUMNS = 20
+MIN_STRIP_COLUMNS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,9 +79,9 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
         return []
     words = f" {fitted(place.words, width - 1)}"
     if height == 1:
-        head = f" {fitted(place.words[:2], max(width - LEAST_STRIP_COLUMNS, 0))} "
+        head = f" {fitted(place.words[:2], max(width - MIN_STRIP_COLUMNS, 0))} "
         room = width - len(head) - 1
-        if room < LEAST_STRIP_COLUMNS // 2:
+        if room < MIN_STRIP_COLUMNS // 2:
             return [[(words[:width], "title")]]
         strip, _ = _strip(timeline, place, room, is_one_row=True)
         return [[(head, "title"), *strip]]
@@ -98,7 +98,7 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
 
 def strip_place(width: int) -> tuple[int, int]:
     """(first column, number of columns) of the strip in a pane of that width."""
-    if width < LEAST_STRIP_COLUMNS + 2 * END_COLUMNS:
+    if width < MIN_STRIP_COLUMNS + 2 * END_COLUMNS:
         return 0, width
     return END_COLUMNS, width - 2 * END_COLUMNS - 1
 

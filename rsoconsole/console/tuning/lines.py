@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
 
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
-CURVE_ROWS, CURVE_LABEL, LEAST_SETTINGS = 2, 17, 6
+CURVE_ROWS, CURVE_LABEL, MIN_SETTINGS = 2, 17, 6
 """Rows of the curves, columns before them, and settings that must stay in sight beside them."""
-LEAST_BESIDE = 3
+MIN_BESIDE = 3
 """Settings that stay in sight beside what the figures cannot be compared by."""
 BARS = "▁▂▃▄▅▆▇█"
 ALIKE_LOG_L = 2.0
@@ -55,9 +55,9 @@ def tune_lines(
         figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
         cautions = _comparison(tuning, now, then_now, words.of_present, width)
         cautions += _cautions(now, then_now, words.of_present)
-        figures += cautions[: max(height - 2 - len(figures) - LEAST_BESIDE, 0)]
+        figures += cautions[: max(height - 2 - len(figures) - MIN_BESIDE, 0)]
         keys: Line = [(f" {words.keys}", "dim")]
-        if height - 2 - len(figures) - CURVE_ROWS >= LEAST_SETTINGS:
+        if height - 2 - len(figures) - CURVE_ROWS >= MIN_SETTINGS:
             figures += _curves(now, then_now, width)
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)

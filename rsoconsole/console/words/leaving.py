@@ -11,7 +11,7 @@ from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, clock, left
 
-MOST_S = 3600.0
+MAX_S = 3600.0
 """Later than that is not said."""
 
 
@@ -34,7 +34,7 @@ def leaving_words(
     if engine.is_slewing or engine.is_tracking is False:
         return ""
     left_s = left_in_field_s(night, track, row, now_utc_ns)
-    if left_s is None or left_s > MOST_S:
+    if left_s is None or left_s > MAX_S:
         return ""
     name = (engine.target or "the satellite") if is_held else engine.kept
     if left_s <= 0.0 and is_held:

@@ -26,7 +26,7 @@ from rsoconsole.pipeline import usual_sigma_s
 from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, summary_words
 from rsoconsole.words import angle, clock, short, signed_angle
 
-MOST_FRAMES_A_MARK = 64
+MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
 """From one time to the next, at least."""
 LIVE_STEP = 12
@@ -54,7 +54,7 @@ class PlotWindow:
 
     def zoomed(self, factor: float) -> "PlotWindow":
         """With a factor on the frames to a mark: 2 or 0.5."""
-        frames = min(max(round(self.frames_a_mark * factor), 1), MOST_FRAMES_A_MARK)
+        frames = min(max(round(self.frames_a_mark * factor), 1), MAX_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
     def seen(self, rows: Sequence[FrameRow]) -> Sequence[FrameRow]:

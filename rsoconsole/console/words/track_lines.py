@@ -33,11 +33,11 @@ ORBIT_WORDS = {
     "not observable": "none",
 }
 """An orbit's label, short."""
-LEAST_AIM_ROWS = 2
+MIN_AIM_ROWS = 2
 """Rows that the next aim may take where every track has its own."""
 _RULE_CELLS = 6
 """What a title's line has beside its words."""
-LEAST_DETAIL_ROWS = 5
+MIN_DETAIL_ROWS = 5
 """Rows for tracks that stay where the chosen one is told in full."""
 
 
@@ -66,7 +66,7 @@ def track_list_lines(
     ``chosen``: a track's number, None: the lead.
     """
     tracks = night.tracks
-    if next_aim is not None and tracks and height >= len(tracks) + 3 + LEAST_AIM_ROWS:
+    if next_aim is not None and tracks and height >= len(tracks) + 3 + MIN_AIM_ROWS:
         aim = aim_lines(next_aim, width)
         rows = height - len(aim)
         listed = track_list_lines(night, chosen, now_utc_ns, width, rows)
@@ -78,7 +78,7 @@ def track_list_lines(
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
     room = max(height - 2, 1)
     detail = detail_lines(night, tracks[at], now_utc_ns, width)
-    detail = detail[: max(room - min(len(tracks), LEAST_DETAIL_ROWS), 0)]
+    detail = detail[: max(room - min(len(tracks), MIN_DETAIL_ROWS), 0)]
     if len(tracks) + len(detail) > room:
         # The list first; what is told in full of one is on the list in short.
         detail = detail[: max(room - len(tracks), 0)]
@@ -250,8 +250,8 @@ _COLUMNS = (
 
 
 _HEADS = f"{'#':>3} {'by':>3} {'apart':>6} {'/min':>6} {'least':>6} {'at UT':>5}"
-_LEAST_TRACK_ROWS = 5
-_MOST_UNSEEN = 4
+_MIN_TRACK_ROWS = 5
+_MAX_UNSEEN = 4
 
 
 def neighbour_lines(night: NightView, chosen: int | None, width: int, height: int) -> list[Line]:
@@ -268,7 +268,7 @@ def neighbour_lines(night: NightView, chosen: int | None, width: int, height: in
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
     room = max(height - 2, 1)
     detail = [*pair_detail(night, tracks[at], width), *below]
-    detail = detail[: max(room - min(len(tracks), _LEAST_TRACK_ROWS), 0)]
+    detail = detail[: max(room - min(len(tracks), _MIN_TRACK_ROWS), 0)]
     if len(tracks) + len(detail) > room:
         detail = detail[: max(room - len(tracks), 0)]
     room -= len(detail)
@@ -324,11 +324,11 @@ def field_lines(night: NightView, width: int) -> list[Line]:
         parts.append(f"not in the catalogue: {tracks_words(nameless)}")
     unseen = () if night.expected is None else night.expected.unseen
     shown = sorted(unseen, key=lambda each: not (each.is_usable and each.is_lit))
-    for n, each in enumerate(shown[:_MOST_UNSEEN]):
+    for n, each in enumerate(shown[:_MAX_UNSEEN]):
         name = one_line(each.name or str(each.norad_id))
         parts.append(f"{'expected, not seen: ' if n == 0 else ''}{unseen_words(name, each)}")
-    if len(unseen) > _MOST_UNSEEN:
-        parts.append(f"{len(unseen) - _MOST_UNSEEN} more")
+    if len(unseen) > _MAX_UNSEEN:
+        parts.append(f"{len(unseen) - _MAX_UNSEEN} more")
     return packed([(part, "dim") for part in parts], width, gap=" · ")
 
 

@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 from rsoconsole.base import json_of, lock_file, read_foreign, write_durably
 
 MOST = 200
-MOST_SESSIONS = 8
+MAX_SESSIONS = 8
 OLDEST_NS = 24 * 3600 * 10**9
 CLAIM_AGAIN_S = 2.0
 SPOOL, LOCK = "spool.json", "spool.lock"
@@ -141,7 +141,7 @@ class Spool:
         for session, seq in seen.items():
             if session:
                 self._seen[session] = max(seq, self._seen.pop(session, 0))
-        self._seen = dict(list(self._seen.items())[-MOST_SESSIONS:])
+        self._seen = dict(list(self._seen.items())[-MAX_SESSIONS:])
 
     def _claim_if_due(self) -> None:
         """Whose process has ended, its file and its messages are anybody's."""

@@ -78,7 +78,7 @@ ALIVE_S = 90.0
 CLOSING_S = 30.0
 """For an engine that has gone to close its session; after that it has died."""
 FLUSH_S = 60.0
-MOST_TEXT = 600
+MAX_TEXT = 600
 
 
 def own_words_alone(stream: TextIO) -> None:
@@ -163,7 +163,7 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
             sender.add(
                 kind=passed.kind,
                 title=one_line(f"{settings['title']}: {passed.kind}"),
-                body=one_line(passed.text)[:MOST_TEXT],
+                body=one_line(passed.text)[:MAX_TEXT],
                 t_utc_ns=time.time_ns(),
                 seen=(settings["session"], seq),
             )

@@ -23,7 +23,7 @@ from rsoconsole.vision import threads_for
 
 BUDGET_S = 22.0
 """For the rounds; drawing, loading and the first round come on top."""
-MOST_ROUNDS = 25
+MAX_ROUNDS = 25
 SPARE_BYTES = 500_000_000
 """The disk is left alone below this."""
 STAGES: Mapping[str, str] = {
@@ -84,7 +84,7 @@ def measure(
     *,
     report: Callable[[str], None] = lambda _: None,
     budget_s: float = BUDGET_S,
-    most_rounds: int = MOST_ROUNDS,
+    most_rounds: int = MAX_ROUNDS,
 ) -> BenchResult:
     """Put a frame, as a camera gives it, through every stage again and again.
 

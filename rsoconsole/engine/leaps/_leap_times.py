@@ -175,9 +175,9 @@ _SUBFRAME = 0.5
 """Of each side, where nothing else is set: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
 """From an order to the shutter, at the least and at most: beyond, the camera's clock is off."""
-_LEAST_FRAMES = 3
+_MIN_FRAMES = 3
 _CLOSED_SIGMAS = 4.0
-_LEAST_SCATTER_S = 0.01
+_MIN_SCATTER_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,7 +292,7 @@ class LeapTimes:
 
     def _worth_reading(self) -> float:
         ways_s = [each.seconds + self.settle_s() for each in self._seen]
-        if len(self._whole_s) < _LEAST_FRAMES or not ways_s:
+        if len(self._whole_s) < _MIN_FRAMES or not ways_s:
             return 1.0
         is_slow = float(np.median(self._whole_s)) > float(np.median(ways_s))
         return _SUBFRAME if is_slow else 1.0
@@ -334,9 +334,9 @@ class LeapTimes:
     def _shutter_s(self, scatter_s: float = 0.0) -> tuple[float, float] | None:
         """From an order to the opening, surely at the least and at the most; None: not known."""
         seen, (low_s, high_s) = self._latencies_s, _LATE_S
-        if len(seen) < _LEAST_FRAMES or min(seen) < low_s or max(seen) > high_s:
+        if len(seen) < _MIN_FRAMES or min(seen) < low_s or max(seen) > high_s:
             return None
-        stated_s = max(self._config().exposure.timing_sigma_s, scatter_s, _LEAST_SCATTER_S)
+        stated_s = max(self._config().exposure.timing_sigma_s, scatter_s, _MIN_SCATTER_S)
         sigma_s = max(stated_s, float(np.std(seen)))
         middle_s, spread_s = float(np.median(seen)), _CLOSED_SIGMAS * sigma_s
         return min(middle_s - spread_s, *seen), max(middle_s + spread_s, *seen)

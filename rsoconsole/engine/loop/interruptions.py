@@ -12,7 +12,7 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.states import ClockSet
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.instruments import LEAST_STEP_S, ClockFault, MountReport, SlewEnd
+from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport, SlewEnd
 from rsoconsole.records import Topic
 from rsoconsole.sky import icrs_to_altaz
 
@@ -77,7 +77,7 @@ class Interruptions:
 
     def _runs_right(self, fault: ClockFault) -> None:
         """It is believed again; where it has been shifted meanwhile, that is a clock set."""
-        is_shifted = abs(fault.seconds) > LEAST_STEP_S
+        is_shifted = abs(fault.seconds) > MIN_STEP_S
         self._say(
             "warning",
             f"this machine's clock runs right again, {fault.seconds:+.1f} s from where it was:"

@@ -121,7 +121,7 @@ def ruled_of(word: Drop | Keep) -> RuledKind:
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""
-MOST_MARKED = 2
+MAX_MARKED = 2
 """Frames whose pixels are kept while somebody marks in them: one of a large camera is 120 MB."""
 PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
@@ -188,7 +188,7 @@ class Decisions:
             raise
         if self._control.config.session.keep_frames == "last":
             pixels = self._pixels_of(frame_id)
-            kept = list(others.items())[1 - MOST_MARKED :]
+            kept = list(others.items())[1 - MAX_MARKED :]
             self._marked_pixels = dict(kept) if pixels is None else {**dict(kept), frame_id: pixels}
         return frame_id
 

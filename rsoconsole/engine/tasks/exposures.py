@@ -21,7 +21,7 @@ KNOWN_FROM = 5
 """Frames that are enough to tell what is usual."""
 UNKNOWN_S = 10.0
 """Until then no frame is off that differs by less."""
-LEAST_S = 0.5
+MIN_S = 0.5
 SPREADS = 2.0
 """Limit of an error of time, in units of the scatter of the frames before."""
 AGREED = 3
@@ -63,7 +63,7 @@ class FrameTimes:
             self._usual.append(apart_s)
             self._off.clear()
             return FrameTime(is_believed=True, off_s=off_s)
-        if self._off and abs(apart_s - self._off[-1]) > LEAST_S:
+        if self._off and abs(apart_s - self._off[-1]) > MIN_S:
             self._off.clear()
         self._off.append(apart_s)
         if len(self._off) < AGREED:
@@ -76,7 +76,7 @@ class FrameTimes:
     def _allowed_s(self) -> float:
         if len(self._usual) < KNOWN_FROM:
             return UNKNOWN_S
-        return max(LEAST_S, SPREADS * (max(self._usual) - min(self._usual)))
+        return max(MIN_S, SPREADS * (max(self._usual) - min(self._usual)))
 
 
 class Exposures:

@@ -16,12 +16,12 @@ from typing import Any
 from rsoconsole.base import FrameError
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
-MOST_PIXELS = 400_000_000
+MAX_PIXELS = 400_000_000
 """Of one image: no camera has more."""
-_BLOCK, _CARD, _MOST_BLOCKS, _MOST_UNITS = 2880, 80, 1000, 2000
+_BLOCK, _CARD, _MAX_BLOCKS, _MAX_UNITS = 2880, 80, 1000, 2000
 _WHOLE = re.compile(rb"= +([+-]?[0-9]+)(?:\.0*)? *(?:/.*)?$")
 _BITS = (8, 16, 32, 64, -32, -64)
-_MOST_AXES, _MOST_ITEMS = 999, 16 * MOST_PIXELS
+_MAX_AXES, _MAX_ITEMS = 999, 16 * MAX_PIXELS
 
 
 def structure_fault(content: Content) -> str | None:
@@ -39,7 +39,7 @@ def structure_fault(content: Content) -> str | None:
 def _headers(content: Content) -> Iterator[dict[str, int]]:
     """The whole numbers of each unit's header, in order."""
     offset = 0
-    for _ in range(_MOST_UNITS):
+    for _ in range(_MAX_UNITS):
         header, end = _header(content, offset)
         if end is None:
             return
@@ -53,7 +53,7 @@ def _headers(content: Content) -> Iterator[dict[str, int]]:
 
 def _header(content: Content, offset: int) -> tuple[dict[str, int], int | None]:
     header: dict[str, int] = {}
-    for block in range(_MOST_BLOCKS):
+    for block in range(_MAX_BLOCKS):
         start = offset + block * _BLOCK
         piece = bytes(content[start : start + _BLOCK])
         if len(piece) < _BLOCK:
@@ -83,11 +83,11 @@ def data_bytes(header: Mapping[str, int]) -> int:
 
 
 _RANGES = {
-    "NAXIS": (0, _MOST_AXES),
-    "ZNAXIS": (1, _MOST_AXES),
-    "PCOUNT": (0, _MOST_ITEMS),
-    "GCOUNT": (0, _MOST_ITEMS),
-    "TFIELDS": (0, _MOST_AXES),
+    "NAXIS": (0, _MAX_AXES),
+    "ZNAXIS": (1, _MAX_AXES),
+    "PCOUNT": (0, _MAX_ITEMS),
+    "GCOUNT": (0, _MAX_ITEMS),
+    "TFIELDS": (0, _MAX_AXES),
 }
 _AXES = (("NAXIS", 0), ("ZNAXIS", 1), ("ZTILE", 1))
 """Numbered keywords, and the least that each may be."""
@@ -102,9 +102,9 @@ def _fault_of(header: dict[str, int]) -> str | None:
     for prefix, least in _AXES:
         axes = {k: v for k, v in header.items() if re.fullmatch(rf"{prefix}[0-9]+", k)}
         for keyword, value in axes.items():
-            if not least <= value <= _MOST_ITEMS:
+            if not least <= value <= _MAX_ITEMS:
                 return f"{keyword} = {value}"
-        if prefix != "ZTILE" and math.prod(axes.values()) > _MOST_ITEMS:
+        if prefix != "ZTILE" and math.prod(axes.values()) > _MAX_ITEMS:
             return " x ".join(f"{k} = {v}" for k, v in axes.items())
     return None
 

@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import FrameError
-from rsoconsole.instruments.frames._fits_by_astropy import MOST_PIXELS
+from rsoconsole.instruments.frames._fits_by_astropy import MAX_PIXELS
 from rsoconsole.instruments.frames.plain_fits import Content
 
 # OpenCV looks once, when it is loaded: a picture of more pixels is refused before it is unpacked.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 
 
 def picture_by_opencv(content: Content, name: str) -> npt.NDArray[Any]:

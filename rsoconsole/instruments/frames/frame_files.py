@@ -68,12 +68,12 @@ def fits_image(
 
 
 MIN_SIDE_PX = 64
-MOST_BYTES = 400_000_000
+MAX_BYTES = 400_000_000
 """Of a file, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
 _FITS_MAGIC = b"SIMPLE  ="
-_MOST_NAMED = 8
+_MAX_NAMED = 8
 _SCALING = ("BZERO", "BSCALE", "BLANK")
 log = logging.getLogger(__name__)
 OTHERS_KEY = "OTHER_IMAGES"
@@ -293,8 +293,8 @@ def _frame_of(
 def _notes_of_others(image: FitsImage) -> list[str]:
     if not image.others:
         return []
-    shown = ", ".join(image.others[:_MOST_NAMED])
-    more = len(image.others) - _MOST_NAMED
+    shown = ", ".join(image.others[:_MAX_NAMED])
+    more = len(image.others) - _MAX_NAMED
     return [
         f"image {image.label} of {len(image.others) + 1} in the file; --extension takes another"
         f" ({shown}{f' and {more} more' if more > 0 else ''}) or {ALL}"
@@ -309,10 +309,10 @@ def _read_bytes(path: Path) -> bytes:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
             raise FrameError(f"{path} is no regular file: name a frame")
-        if found.st_size > MOST_BYTES:
+        if found.st_size > MAX_BYTES:
             raise FrameError(
                 f"{path} has {found.st_size / 1e9:.1f} GB, no frame more than"
-                f" {MOST_BYTES / 1e9:.1f}: give one frame a file"
+                f" {MAX_BYTES / 1e9:.1f}: give one frame a file"
             )
         content = path.read_bytes()
     except FileNotFoundError as error:
@@ -338,9 +338,9 @@ def _decompress(content: Content, name: str) -> Content:
 def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
     """The whole of a compressed file, as long as it is no longer than any frame."""
     with file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise FrameError(f"{name} unpacks to more than {MOST_BYTES / 1e9:.1f} GB: leave it out")
+        content = file.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
+        raise FrameError(f"{name} unpacks to more than {MAX_BYTES / 1e9:.1f} GB: leave it out")
     return content
 
 

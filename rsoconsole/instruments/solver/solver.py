@@ -31,7 +31,7 @@ from rsoconsole.instruments.solver.index_files import (
 from rsoconsole.records import FloatArray, NotSolved, PlatePath, Solution
 from rsoconsole.sky import J2000_JYEAR, StarCatalogue, describe, julian_year, wcs_from_cards
 from rsoconsole.vision import (
-    FEWEST_STARS,
+    MIN_SHIFT_STARS,
     PlateFit,
     StarList,
     field_radius_deg,
@@ -175,7 +175,7 @@ class PlateSolver:
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
-        if len(rows) < (FEWEST_STARS if may_be_few else MIN_STARS):
+        if len(rows) < (MIN_SHIFT_STARS if may_be_few else MIN_STARS):
             return None
         radius_deg = field_radius_deg(previous.wcs, width_px, height_px) + search_arcsec / 3600.0
         catalogue = self._index_stars

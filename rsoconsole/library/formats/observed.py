@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.base import (
-    MOST_DATA_BYTES,
+    MAX_DATA_BYTES,
     ExportError,
     OrbitError,
     json_of,
@@ -88,7 +88,7 @@ def read_observations(
 
 def _text(path: Path) -> str:
     with raised_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
-        return read_foreign(path, most_bytes=MOST_DATA_BYTES).removeprefix("\ufeff")
+        return read_foreign(path, most_bytes=MAX_DATA_BYTES).removeprefix("\ufeff")
 
 
 def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:

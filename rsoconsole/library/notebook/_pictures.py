@@ -20,7 +20,7 @@ SHOWN_PX = 560
 _ROOM_PX = 60
 _FLATTEST = 0.5
 """Of a picture with several streaks: its shorter side over its longer one."""
-_MOST_IN_WORDS = 3
+_MAX_IN_WORDS = 3
 """Tracks of which a picture has room for more than numbers."""
 _LOW, _HIGH = -2.0, 10.0
 """Of the noise, about the median: what a cut-out shows as black and as white."""
@@ -155,7 +155,7 @@ def draw_tracks(
         )
         axes.annotate(
             f"track {number}{lead} · confidence {streak.confidence:.2f}"
-            if len(streaks) <= _MOST_IN_WORDS
+            if len(streaks) <= _MAX_IN_WORDS
             else f"{number}{lead}",
             (streak.x_px, min(streak.y_a_px, streak.y_b_px)),
             xytext=(0, 9),

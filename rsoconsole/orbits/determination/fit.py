@@ -30,14 +30,14 @@ from rsoconsole.sky import ARCSEC_RAD
 
 BoolArray = npt.NDArray[np.bool_]
 
-_MOST_STEPS = 40
-_MOST_DAMPINGS = 8
+_MAX_STEPS = 40
+_MAX_DAMPINGS = 8
 _HUBER = 2.0
 _OUTLIER = 16.0
 """A squared residual in units of its variance from which on a direction is left out."""
 _MEDIAN_SQUARE = 1.386
 """Of two normal residuals."""
-_MOST_DEVIATIONS = 8
+_MAX_DEVIATIONS = 8
 _STALE = 0.01
 """Of a direction's sigma: so much a deviation may be wrong, seen from the site."""
 _NO_NUMBERS = np.linalg.LinAlgError
@@ -230,7 +230,7 @@ def _descend_with(
     """With the forces' deviation computed again until it stays."""
     stale_arcsec = _STALE * float(np.median(1.0 / np.abs(problem.seen.whitening[:, 0, 0])))
     is_converged = False
-    for _ in range(_MOST_DEVIATIONS):
+    for _ in range(_MAX_DEVIATIONS):
         was_off = problem.deviate(motion, unknowns)
         if is_converged and was_off < stale_arcsec:
             return unknowns, True
@@ -249,12 +249,12 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
     damping = 1e-3
     value, slopes = problem.rows(unknowns)
     cost = _cost(problem, value)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         weights = _weights(problem, value)
         normal = slopes.T @ (weights[:, None] * slopes)
         gradient = slopes.T @ (weights * value)
         scale = np.maximum(np.diag(normal), 1e-300)
-        for _ in range(_MOST_DAMPINGS):
+        for _ in range(_MAX_DAMPINGS):
             try:
                 step = -np.linalg.solve(normal + damping * np.diag(scale), gradient)
             except _NO_NUMBERS:

@@ -35,14 +35,14 @@ from rsoconsole.orbits.motion.forces import Forces, Motion
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
-LEAST_SIGHTINGS = 3
+MIN_SIGHTINGS = 3
 POINT_MASS_S = 900.0
 """Up to so long an arc the Earth is a point: 0.02 arcsec at a geostationary satellite."""
 _RIVAL = 9.0
 """Two orbits whose sums of squares differ by less are told apart by nothing."""
 _HELPED = 2.0
 """Where a prior narrows axis or eccentricity by more, the orbit is not left to the directions."""
-_MOST_STARTS = 4
+_MAX_STARTS = 4
 _NEAR_A_REGIME = 1.4
 """Starts whose semi-major axes miss a regime by this factor do not belong to it."""
 _ASTRAY = 9.0
@@ -106,7 +106,7 @@ def determine(
     start leads to is then all there is. ``auto`` takes no prior where none is needed, else that of
     the regime in which the orbit lies.
     """
-    if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
+    if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
     asked = _Asked(prior=prior, forces=Forces(epoch_utc_ns=seen.epoch_utc_ns))
     found = None
@@ -137,14 +137,14 @@ def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
 
 def _sifted(seen: Sightings, starts: tuple[State, ...], prior: Prior) -> tuple[State, ...]:
     """The few of many starts that are worth the forces' price."""
-    if len(starts) <= _MOST_STARTS:
+    if len(starts) <= _MAX_STARTS:
         return starts
     fits = sorted((fit(seen, each, prior=prior) for each in starts), key=lambda each: each.cost)
     sifted: list[Fit] = []
     for each in fits:
         if is_plausible(each.r_km, each.v_km_s) and _is_apart(each, sifted):
             sifted.append(each)
-    return tuple((each.r_km, each.v_km_s) for each in sifted[:_MOST_STARTS])
+    return tuple((each.r_km, each.v_km_s) for each in sifted[:_MAX_STARTS])
 
 
 def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:

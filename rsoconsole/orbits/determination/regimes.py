@@ -168,7 +168,7 @@ _SURE = 0.02
 """Sigma of a place over its distance from the Earth's centre: so sure, no turn is miscounted."""
 _STEP = 0.3
 """Between two starts, of the distance from the Earth's centre, where they lead."""
-_MOST_STEPS = 20
+_MAX_STEPS = 20
 _SIGMAS = 3.0
 
 
@@ -198,7 +198,7 @@ def starts_towards(state: State, covariance: FloatArray, later: Sightings) -> tu
     distance, step, sigma_km = _weakest(state, covariance, later)
     if not np.isfinite(sigma_km):
         return (state,)
-    count = int(min(np.ceil(_SIGMAS * sigma_km / (_STEP * distance)), _MOST_STEPS))
+    count = int(min(np.ceil(_SIGMAS * sigma_km / (_STEP * distance)), _MAX_STEPS))
     shares = np.linspace(-_SIGMAS, _SIGMAS, 2 * count + 1)
     states = [(state[0] + share * step[:3], state[1] + share * step[3:]) for share in shares]
     return tuple(each for each in states if is_plausible(*each))

@@ -39,8 +39,8 @@ _OF_TWO_LINES = {
     "MEAN_MOTION_DDOT": "0",
 }
 """What an OMM may leave out, and SGP4 does without."""
-_MOST_ALPHA_5 = 339_999
-MOST_SETS = 200_000
+_MAX_ALPHA_5 = 339_999
+MAX_SETS = 200_000
 """Everything ever catalogued three times over; of more every answer would take minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
@@ -137,9 +137,9 @@ def _expect_so_many(start: str, source: str) -> None:
         found = start.count(mark)
     else:
         found = start.rstrip().count("\n" if _is_table(start) else "\n2 ")
-    if found > MOST_SETS:
+    if found > MAX_SETS:
         raise OrbitError(
-            f"{source} holds {found:,} element sets, {MOST_SETS:,} at most can be used: keep those"
+            f"{source} holds {found:,} element sets, {MAX_SETS:,} at most can be used: keep those"
             " of the last days, one for each object"
         )
 
@@ -198,7 +198,7 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
         norad_id = int(fields["NORAD_CAT_ID"])
         epoch_utc_ns = iso_to_utc_ns(fields["EPOCH"])
         fields["EPOCH"] = utc_ns_to_iso(epoch_utc_ns, 6).removesuffix("Z")
-        fields["NORAD_CAT_ID"] = str(norad_id if norad_id <= _MOST_ALPHA_5 else 0)
+        fields["NORAD_CAT_ID"] = str(norad_id if norad_id <= _MAX_ALPHA_5 else 0)
         record = Satrec()
         omm.initialize(record, fields)
     except KeyError as error:

@@ -19,7 +19,7 @@ from rsoconsole.records import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-_MOST_STEPS = 30
+_MAX_STEPS = 30
 _STEP = 1e-6
 """Of a range, for the slopes."""
 _LONGEST = 0.6
@@ -156,7 +156,7 @@ def _search(searches: _Searches, ranges: FloatArray) -> FloatArray:
     open_ = np.arange(len(ranges))
     miss, slopes = searches.misses_about(ranges)
     is_open: BoolArray = np.all(np.isfinite(miss), axis=-1)
-    for n in range(_MOST_STEPS):
+    for n in range(_MAX_STEPS):
         open_, miss, slopes = open_[is_open], miss[is_open], slopes[is_open]
         if not len(open_):
             break

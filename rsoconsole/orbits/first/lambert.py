@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rsoconsole.orbits.motion.two_body import cross, dot
 from rsoconsole.records import FloatArray
 
-_MOST_STEPS = 16
+_MAX_STEPS = 16
 _ENOUGH = 1e-6
 """A step so small leaves an error of its fourth power."""
 _SERIES_WITHIN = 0.1
@@ -87,7 +87,7 @@ def _root(lam: FloatArray, time: FloatArray, whole: FloatArray, left: FloatArray
     shorter = (8.0 * time / (np.maximum(whole, 1.0) * np.pi)) ** (2.0 / 3.0)
     several = np.where(left, longer, shorter)
     x = np.where(whole > 0.0, (several - 1.0) / (several + 1.0), single)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         now = _time(x, lam, whole)
         d1, d2, d3 = _slopes(x, lam, now)
         off = now - time

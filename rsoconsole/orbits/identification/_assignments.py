@@ -12,7 +12,7 @@ from rsoconsole.records import FloatArray
 
 Assignment = tuple[int, ...]
 """For each row the column that it takes; the last column of all means none."""
-_MOST_STEPS = 4000
+_MAX_STEPS = 4000
 """Of the search, after which what was found by then is the answer."""
 _NO_CHOICE = -1e9
 
@@ -100,7 +100,7 @@ def _searched(scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int) -> l
     ahead[:count] = np.cumsum(np.max(scores, axis=1)[::-1])[::-1]
     waiting: list[tuple[float, Assignment, float]] = [(-float(ahead[0]), (), 0.0)]
     found: list[Assignment] = []
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if not waiting or len(found) == most:
             break
         _, taken, so_far = heapq.heappop(waiting)

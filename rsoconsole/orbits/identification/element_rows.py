@@ -16,7 +16,7 @@ SURE_NAMED = 0.95
 """Probability from which on a name counts."""
 _NIGHT_NS = 8 * 3600 * NS_PER_S
 """A longer silence of one object begins another night."""
-_LEAST_SEEN = 0.1
+_MIN_SEEN = 0.1
 """What is seen along its line of sight shows too little of where along its orbit it is."""
 
 
@@ -72,7 +72,7 @@ def row_of(
     n = next(i for i, each in enumerate(with_all.entries) if each.norad_id == match.norad_id)
     scale = float(with_all.range_km[n]) * ARCSEC_RAD
     along_by, across_by = with_all.by_errors[n][:2, :3] * scale
-    if along_by[1] < _LEAST_SEEN:
+    if along_by[1] < _MIN_SEEN:
         return None
     sigma_along, sigma_across = np.sqrt(np.diag(with_all.covariance[n])[:2]).tolist()
     per_arcsec = scale / float(along_by[1])

@@ -31,7 +31,7 @@ OLDEST_DAYS = 60.0
 """Beyond it nothing is known of how elements err."""
 LOW_GATE_S = 60.0
 """Low objects are sought at least so far along their path."""
-MOST_GATE_S = 600.0
+MAX_GATE_S = 600.0
 _STRANGE_SHARE = 0.03
 _STRANGE_TIMES = 2.0
 """What no model knows is so much wider than a manoeuvre."""
@@ -97,7 +97,7 @@ def element_spread(
         radial_km=radial,
         along_km=along,
         across_km=across,
-        gate_along_km=np.minimum(gate, MOST_GATE_S * speed_km_s),
+        gate_along_km=np.minimum(gate, MAX_GATE_S * speed_km_s),
     )
 
 

@@ -29,7 +29,7 @@ from rsoconsole.sky import ARCSEC_RAD
 SURE = 20.0 / 21.0
 """From this probability on: another choice is less than one twentieth as likely."""
 WORTH_SAYING = 0.05
-_MOST_ASSIGNMENTS = 60
+_MAX_ASSIGNMENTS = 60
 _SEEN = 0.8
 """Of the objects that cross a frame, those that are bright enough, roughly."""
 _LOG_LENGTHS = 4.0
@@ -39,16 +39,16 @@ _DIRECTION_DEG, _LENGTH_SHARE = 0.1, 0.01
 _FADED, _FADED_LOG = 0.05, 2.5
 """Share of the lines that do not shine, or are not seen, all along, and how much shorter they may
 be, as a logarithm."""
-_MOST_LENGTH_SIGMAS = 5.0
+_MAX_LENGTH_SIGMAS = 5.0
 Shape = Literal["placed", "faded", "open"]
 """An end or both tell where it was and when; a part of it is missing; the rim cuts both ends."""
 _TOO_LONG = 1.05
-_MOST_TURN_SIGMAS = 5.0
+_MAX_TURN_SIGMAS = 5.0
 _NEWTON = 3
 _WIDER = 1.1
 """A lead as measured may be beyond the gate by so much."""
-_LEAST_ROOM_S = 0.1
-_LEAST_PACE = 1e-3 * ARCSEC_RAD
+_MIN_ROOM_S = 0.1
+_MIN_PACE = 1e-3 * ARCSEC_RAD
 """rad/s: what comes straight at the telescope has no path."""
 
 
@@ -155,7 +155,7 @@ def _shares(scores: FloatArray) -> FloatArray:
     used = np.flatnonzero(np.isfinite(scores).any(axis=0))
     small = scores[:, used]
     rivals = np.ones((len(scores), len(scores)), bool)
-    best = best_assignments(small, rivals, _MOST_ASSIGNMENTS)
+    best = best_assignments(small, rivals, _MAX_ASSIGNMENTS)
     rows = np.arange(len(scores))
     totals = np.array([small[rows, list(each)].sum() for each in best])
     weights = np.exp(totals - totals.max())
@@ -205,14 +205,14 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
     direction = _direction_rad(line, middle.by_time[0, 0], met.seen.u[0, 0])
     sigma_direction = np.hypot(line.sigma_direction_rad, np.radians(_DIRECTION_DEG))
     shapes = _log_lengths(line, predicted)
-    if abs(direction) > _MOST_TURN_SIGMAS * sigma_direction or not shapes:
+    if abs(direction) > _MAX_TURN_SIGMAS * sigma_direction or not shapes:
         return None
     log_direction = -0.5 * (direction / sigma_direction) ** 2 - np.log(
         sigma_direction * np.sqrt(2.0 * np.pi) / np.pi
     )
     speed_km_s = float(np.linalg.norm(met.seen.v_km_s[0, 0]))
     along_sigmas = np.hypot(candidate.spread.along_km[0] / speed_km_s, met.sigma_along_s)
-    room_s = max((predicted - line.length_rad) / 2.0 / met.pace, _LEAST_ROOM_S)
+    room_s = max((predicted - line.length_rad) / 2.0 / met.pace, _MIN_ROOM_S)
     scores = {
         shape: log_length + _log_place(candidate, met, along_sigmas, (shape, room_s), view)
         for shape, log_length in shapes.items()
@@ -269,7 +269,7 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
         seen = three[1 + place.when]
         off = place.at - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
         along = seen.by_lead[0, 0]
-        pace = max(float(np.linalg.norm(along)), _LEAST_PACE)
+        pace = max(float(np.linalg.norm(along)), _MIN_PACE)
         if not np.isfinite(pace) or not np.all(np.isfinite(off)):
             return None
         if turn < _NEWTON:
@@ -324,7 +324,7 @@ def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
     ratio = np.log(length / max(predicted_rad, 1e-12))
     sigma = float(np.hypot(line.sigma_length_rad / max(predicted_rad, 1e-12), _LENGTH_SHARE))
     found: dict[Shape, float] = {}
-    if abs(ratio) < _MOST_LENGTH_SIGMAS * sigma:
+    if abs(ratio) < _MAX_LENGTH_SIGMAS * sigma:
         log_normal = -0.5 * (ratio / sigma) ** 2 - np.log(sigma * np.sqrt(2.0 * np.pi))
         found["placed"] = float(np.log((1.0 - _FADED) * _LOG_LENGTHS) + log_normal)
     if -_FADED_LOG < ratio < 0.0:

@@ -57,7 +57,7 @@ def _stretches(seen: Sightings) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.i
 
 _CREDIBLE = 36.0
 """Squared Mahalanobis distance up to which an object is one that a track could be of."""
-_MOST_OBJECTS = 12
+_MAX_OBJECTS = 12
 """Most of those for each track, the nearest first."""
 _ANCHORS = 2
 """Tracks, those with the most directions, from which the common error of elements is found."""
@@ -123,7 +123,7 @@ def _candidates(compared: Compared) -> list[Match]:
         for each in compared.scored
         if min(each.undisturbed_sigma, each.manoeuvred_sigma) ** 2 <= _CREDIBLE
     ]
-    return near[:_MOST_OBJECTS]
+    return near[:_MAX_OBJECTS]
 
 
 def _named(members: Sequence[Compared], gate_deg: float) -> list[Identification]:

@@ -43,7 +43,7 @@ _OFF_ELEMENTS = 16.0
 _WIDE_DEG = 2.0
 """As far along its track a lone object may be suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
-_MOST_MATCHES = 5
+_MAX_MATCHES = 5
 """Of which an answer tells."""
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
@@ -170,7 +170,7 @@ def identification(
         verdict=verdict,
         reason=reason,
         hint=_hint(matches, verdict, gate_deg),
-        matches=matches[:_MOST_MATCHES],
+        matches=matches[:_MAX_MATCHES],
         t_utc_ns=compared.seen.epoch_utc_ns,
         gate_deg=gate_deg,
         catalogued=compared.catalogued,

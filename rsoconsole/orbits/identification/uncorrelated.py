@@ -57,7 +57,7 @@ _FORCES_KM_A_DAY = 0.7
 _VAGUE_ARCSEC = 5400.0
 """Predictions with a larger sigma say nothing."""
 _FAR_DEG = 4.0
-_MOST_DIRECTIONS = 24
+_MAX_DIRECTIONS = 24
 _MIDDLE_S = 900.0
 """So far to either side of its middle a track is compared."""
 _GATE_DEG, _GATE_DEG_A_DAY = 4.0, 0.2
@@ -204,7 +204,7 @@ def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Reco
 def _middle_of(seen: Sightings) -> Sightings:
     """A few directions about its middle, evenly chosen."""
     near = np.flatnonzero(np.abs(seen.t_s) <= _MIDDLE_S)
-    step = max(1, -(-len(near) // _MOST_DIRECTIONS))
+    step = max(1, -(-len(near) // _MAX_DIRECTIONS))
     return seen.of(near[::step])
 
 

@@ -21,24 +21,24 @@ from rsoconsole.words import NS_PER_S
 
 GATE = 30.0
 """Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""
-LEAST_PROBABILITY = 1e-4
-MOST_SCATTER_S = 1.0
+MIN_PROBABILITY = 1e-4
+MAX_SCATTER_S = 1.0
 """A streak that lies on the track, runs along it and is as fast may be so early or late as no more
 than a shutter makes it, one sigma, where nobody has measured that."""
 _STRAIGHT_S = 0.1
 _OF_MOTION = 4
 """Numbers of an orbit that say where along its way something is."""
 _SAME_SCATTER = 1.15
-_MOST_SHAKE_ARCSEC, _SAME_SHAKE_ARCSEC = 6.0, 0.3
+_MAX_SHAKE_ARCSEC, _SAME_SHAKE_ARCSEC = 6.0, 0.3
 _SHAKE_FRAMES = 3.0
 """Frames' worth of belief that nothing shakes."""
 _OF_PLANE = 3
 """Numbers that say where beside the middle of its way something is."""
 _WHOLE_SIGMAS, _RATE_ERROR = 3.0, 0.01
 """So far off, in errors of its ends and of the rate (share of it), a length is not trusted."""
-_MOST_MISSING = 0.5
+_MAX_MISSING = 0.5
 """Of a streak's length: what a mount that goes on before the shutter has closed hides of it."""
-_MOST_FITS = 3
+_MAX_FITS = 3
 _DETECTED = 0.9
 """How surely a streak that was in the frame is found, where nothing else is known."""
 
@@ -225,7 +225,7 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
     total = sum(each.probability for each in hypotheses)
     scaled = [replace(each, probability=each.probability / total) for each in hypotheses]
     scaled.sort(key=lambda each: -each.probability)
-    kept = [each for each in scaled if each.probability > LEAST_PROBABILITY]
+    kept = [each for each in scaled if each.probability > MIN_PROBABILITY]
     return LeapTrack(site=site, timing=timing, hypotheses=tuple(kept))
 
 
@@ -252,7 +252,7 @@ def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypo
         state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
     else:
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
-    for _ in range(_MOST_FITS):
+    for _ in range(_MAX_FITS):
         timing = replace(track.timing, scatter_s=scatter_s)
         shaken = [one.shaken(shake_arcsec) for one in streaks]
         orbit = fit_streaks(track.site, shaken, state, epoch, timing)
@@ -306,8 +306,8 @@ def _as_it_fits(
     """
     streak = _of_sure_length(place, streak, each.shake_arcsec)
     is_measured = not np.isfinite(timing.scatter_frames)
-    latest_s = each.scatter_s if is_measured else max(MOST_SCATTER_S, each.scatter_s)
-    gust_arcsec = max(_MOST_SHAKE_ARCSEC, each.shake_arcsec)
+    latest_s = each.scatter_s if is_measured else max(MAX_SCATTER_S, each.scatter_s)
+    gust_arcsec = max(_MAX_SHAKE_ARCSEC, each.shake_arcsec)
     for shake_arcsec, late_s in (
         (each.shake_arcsec, each.scatter_s),
         (each.shake_arcsec, latest_s),
@@ -334,7 +334,7 @@ def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) ->
         + rate_error_arcsec**2
     )
     is_whole = missing_arcsec < _WHOLE_SIGMAS * sigma_arcsec
-    if is_whole or missing_arcsec > _MOST_MISSING * expected_arcsec:
+    if is_whole or missing_arcsec > _MAX_MISSING * expected_arcsec:
         return streak
     return streak.of_unsure_length(missing_arcsec)
 

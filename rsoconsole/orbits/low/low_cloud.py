@@ -51,7 +51,7 @@ _HEIGHTS_KM = (300.0, 1_500.0)
 """Between them objects are about as many in each kilometre; below few last, above there are few."""
 _RETROGRADE_DEG, _RETROGRADE = 101.0, 0.02
 """Inclination from which on orbits are rare, and how rare."""
-_LEAST_WEIGHT = 1e-4
+_MIN_WEIGHT = 1e-4
 _MOST = 600
 
 
@@ -87,7 +87,7 @@ def through(site: Site, streak: StreakEnds) -> Cloud | None:
     r, v, weight = region
     total = float(weight.sum())
     keep = np.argsort(weight)[::-1][:_MOST]
-    keep = keep[weight[keep] > _LEAST_WEIGHT * weight[keep[0]]]
+    keep = keep[weight[keep] > _MIN_WEIGHT * weight[keep[0]]]
     tau_s = np.linalg.norm(r[keep] - places[0], axis=-1, keepdims=True) / LIGHT_KM_S
     return Cloud(
         epoch_utc_ns=t_mid_ns,

@@ -129,7 +129,7 @@ LEFT_OUT_KM_S2 = 5e-8
 """One sigma of each component of what pulls beside `zonal.Zonal`: the Earth's unevenness along its
 equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for a steady pull."""
 _NO_BIAS_S = 1e-9
-_MOST_STEPS = 25
+_MAX_STEPS = 25
 _STEADY = 1e-3
 """What a step would take from the sum of squares, at most, when the search ends."""
 _NO_NUMBERS = np.linalg.LinAlgError
@@ -315,7 +315,7 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
     """Levenberg and Marquardt; what the flattened Earth adds again after each step."""
     damping = 1e-9
     value, slopes, _ = problem.rows(unknowns)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         cost = float(value @ value)
         normal, gradient = slopes.T @ slopes, slopes.T @ value
         scale = np.diag(np.maximum(np.diag(normal), 1e-300))

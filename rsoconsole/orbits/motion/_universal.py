@@ -9,7 +9,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 
-_MOST_STEPS = 60
+_MAX_STEPS = 60
 _ENOUGH = 1e-8
 """A step so small leaves an error of its third power."""
 _LAGUERRE_DEGREE = 5.0
@@ -34,7 +34,7 @@ def universal_anomaly(
     chi = found[open_]
     radius, sigma, alpha, time = (each[open_] for each in (radius, sigma, alpha, time))
     degree = _LAGUERRE_DEGREE
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         u0, u1, u2, u3 = universal_functions(chi, alpha)
         value = radius * u1 + sigma * u2 + u3 - time
         slope = radius * u0 + sigma * u1 + u2

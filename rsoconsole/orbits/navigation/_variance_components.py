@@ -13,7 +13,7 @@ from rsoconsole.records import FloatArray
 
 _STEPS = 40
 _CLOSE = 1e-4
-_FEWEST_BLOCKS = 8
+_MIN_BLOCKS = 8
 _FACTOR = 5.0
 """By which a variance may change in a step."""
 
@@ -88,7 +88,7 @@ def _by_blocks(
     blocks: Sequence[Block], variances: FloatArray, prior: FloatArray
 ) -> FloatArray | None:
     """Covariance of the unknowns from what each would be without one of the blocks."""
-    if len(blocks) < _FEWEST_BLOCKS:
+    if len(blocks) < _MIN_BLOCKS:
         return None
     normals, rights = [], []
     for block in blocks:

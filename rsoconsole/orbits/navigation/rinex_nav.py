@@ -31,7 +31,7 @@ _WEEK_S = 604_800
 _GPS_EPOCH = datetime(1980, 1, 6)  # noqa: DTZ001 -- a calendar without leap seconds
 _UNIX_S_OF_GPS_EPOCH = 315_964_800
 _HALF_S = 0.5
-_LEAST_ROOT_A, _MOST_ROOT_A, _MOST_E = 4_500.0, 7_000.0, 0.5
+_MIN_ROOT_A, _MAX_ROOT_A, _MAX_E = 4_500.0, 7_000.0, 0.5
 _GEOSTATIONARY_RAD = 0.2
 _MESSAGES = {"LNAV", "INAV", "FNAV", "D1", "D2"}
 """Of RINEX 4; the newer ones (CNAV) have other parameters."""
@@ -253,7 +253,7 @@ def _ephemeris(system: str, block: list[str], version: float) -> tuple[Ephemeris
         omega_dot=rows[3][3],
         i_dot=rows[4][0],
     )
-    if not (_LEAST_ROOT_A <= message.root_a <= _MOST_ROOT_A and 0.0 <= message.e <= _MOST_E):
+    if not (_MIN_ROOT_A <= message.root_a <= _MAX_ROOT_A and 0.0 <= message.e <= _MAX_E):
         raise ValueError(f"root of a {message.root_a:g}, e {message.e:g}")
     if not 0.0 <= toe_s <= _WEEK_S:
         raise ValueError(f"second of week {toe_s:g}")

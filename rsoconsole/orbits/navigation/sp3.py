@@ -138,7 +138,7 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
         )
 
 
-NODES, LEAST_NODES = 10, 6
+NODES, MIN_NODES = 10, 6
 """Epochs of a polynomial, and of a short file: a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
@@ -184,7 +184,7 @@ class SampledOrbit:
         span_s = (self.t_gps_ns[nodes[:, -1]] - self.t_gps_ns[nodes[:, 0]]) / NS_PER_S
         is_inside = (t >= self.t_gps_ns[0]) & (t <= self.t_gps_ns[-1])
         step_s = float(np.median(np.diff(self.t_gps_ns))) / NS_PER_S
-        is_whole = (count >= LEAST_NODES) & (span_s <= (count - 0.5) * step_s)
+        is_whole = (count >= MIN_NODES) & (span_s <= (count - 0.5) * step_s)
         return nodes, is_inside & is_whole & (step_s <= _LONGEST_STEP_S)
 
 
@@ -207,14 +207,14 @@ def parse_sp3(texts: dict[str, str]) -> NavigationFile:
         _read(text, source, samples, skipped)
     orbits = {}
     for name, found in sorted(samples.items()):
-        if len(found) < LEAST_NODES:
-            skipped[f"fewer than {LEAST_NODES} epochs"] += 1
+        if len(found) < MIN_NODES:
+            skipped[f"fewer than {MIN_NODES} epochs"] += 1
             continue
         t = np.array(sorted(found), np.int64)
         orbits[name] = SampledOrbit(t_gps_ns=t, r_km=np.array([found[int(each)] for each in t]))
     if not orbits:
         raise OrbitError(
-            f"{', '.join(texts)}: no satellite has {LEAST_NODES} epochs: give a whole day"
+            f"{', '.join(texts)}: no satellite has {MIN_NODES} epochs: give a whole day"
         )
     first = min(int(each.t_gps_ns[0]) for each in orbits.values())
     last = max(int(each.t_gps_ns[-1]) for each in orbits.values())

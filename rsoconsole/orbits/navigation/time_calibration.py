@@ -52,7 +52,7 @@ _ROUGHLY = 4.5 * 1.4826
 """Times the median of what is off: 4.5 sigma."""
 _ENDS_UNKNOWN_ARCSEC = 0.1
 """One sigma of what ends may be off beyond what they say, where no lengths tell it."""
-_LEAST_SCATTER_S = 1e-4
+_MIN_SCATTER_S = 1e-4
 _SURELY_SOME = 3.0
 """Sigma of a variance below which there may be none."""
 _PARALLEL = 0.5
@@ -346,7 +346,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
         ),
         start=np.concatenate([[1.0, place], np.full(modes, 0.05), scatter]),
         least=np.concatenate(
-            [[0.05, 1e-6], np.full(modes, 1e-6), np.full(modes, _LEAST_SCATTER_S**2)]
+            [[0.05, 1e-6], np.full(modes, 1e-6), np.full(modes, _MIN_SCATTER_S**2)]
         ),
         means=np.concatenate([[1.0, place], np.zeros(2 * modes)]),
         sigmas=np.concatenate(

@@ -21,7 +21,7 @@ from rsoconsole.tracking import direction_icrs_deg, predict, sky_rate_arcsec_s
 
 SPIRAL_FIELDS = 25
 """Of a search that widens: two rings about its middle."""
-_LEAST_COSINE = 0.05
+_MIN_COSINE = 0.05
 """Near the pole hour angles step no further than this makes them."""
 
 
@@ -124,7 +124,7 @@ def search_direction(
         dec_deg = base.declination_deg + up * search.belt_step_fields * field_deg[1]
         dec_deg = min(max(dec_deg, -90.0), 90.0)
         step_deg = search.belt_step_fields * field_deg[0]
-        step_deg /= max(math.cos(math.radians(dec_deg)), _LEAST_COSINE)
+        step_deg /= max(math.cos(math.radians(dec_deg)), _MIN_COSINE)
         return fixed_direction(site, base.hour_angle_deg - right * step_deg, dec_deg, t_utc_ns)
     field = 0
     if search.pattern == "belt":
@@ -230,7 +230,7 @@ def beside(
     offset_east = (aim.along_arcmin * east - aim.across_arcmin * north) / 60.0
     offset_north = (aim.along_arcmin * north + aim.across_arcmin * east) / 60.0
     dec_after = min(max(dec_deg + offset_north, -90.0), 90.0)
-    cos_dec = max(math.cos(math.radians(dec_after)), _LEAST_COSINE)
+    cos_dec = max(math.cos(math.radians(dec_after)), _MIN_COSINE)
     return float(wrap_360(ra_deg + offset_east / cos_dec)), dec_after
 
 

@@ -29,14 +29,14 @@ from rsoconsole.session import SessionReader
 from rsoconsole.sky import ARCSEC_RAD, Places, direction_to_unit, east_and_north, wrap_180
 from rsoconsole.words import NS_PER_S
 
-MOST_LATE_S = 10.0
+MAX_LATE_S = 10.0
 """A bias beyond is a clock that is wrong, not a shutter's."""
-_ACROSS_SIGMAS, _LEAST_ACROSS_ARCSEC = 5.0, 3.0
+_ACROSS_SIGMAS, _MIN_ACROSS_ARCSEC = 5.0, 3.0
 _LENGTH_SHARE, _LENGTH_ARCSEC = 0.2, 6.0
-_SHORTEST_ARCSEC, _MOST_TURNED_DEG = 10.0, 10.0
-_LEAST_RATE_ARCSEC_S = 1.0
+_SHORTEST_ARCSEC, _MAX_TURNED_DEG = 10.0, 10.0
+_MIN_RATE_ARCSEC_S = 1.0
 _CHUNK = 4000
-_LEAST_SIGMA_ARCSEC = 0.03
+_MIN_SIGMA_ARCSEC = 0.03
 """Of a streak's middle, once the error of its time is taken out."""
 
 
@@ -169,7 +169,7 @@ def _without_time(streak: Streak) -> FloatArray:
         ahead, light = _ahead(streak), streak.light
         own = own + (light.sigma_arcsec**2 - light.ends_sigma_arcsec**2) * np.outer(ahead, ahead)
     values, vectors = np.linalg.eigh(own)
-    values = np.maximum(values, _LEAST_SIGMA_ARCSEC**2)
+    values = np.maximum(values, _MIN_SIGMA_ARCSEC**2)
     return np.asarray((vectors * values) @ vectors.T)
 
 
@@ -260,7 +260,7 @@ def _fits(
 ) -> float | None:
     """How far off its path, in arcsec; None where it is not this satellite's streak."""
     speed = float(np.hypot(*rate))
-    if not np.all(np.isfinite(offset)) or not speed > _LEAST_RATE_ARCSEC_S:
+    if not np.all(np.isfinite(offset)) or not speed > _MIN_RATE_ARCSEC_S:
         return None
     ahead = rate / speed
     aside = np.array([-ahead[1], ahead[0]])
@@ -268,9 +268,9 @@ def _fits(
     allowed = _ACROSS_SIGMAS * math.hypot(
         math.sqrt(float(aside @ streak.covariance @ aside)), sigma_arcsec
     )
-    if across > max(allowed, _LEAST_ACROSS_ARCSEC):
+    if across > max(allowed, _MIN_ACROSS_ARCSEC):
         return None
-    if abs(float(offset @ ahead)) > (MOST_LATE_S * speed + _ACROSS_SIGMAS * sigma_arcsec):
+    if abs(float(offset @ ahead)) > (MAX_LATE_S * speed + _ACROSS_SIGMAS * sigma_arcsec):
         return None
     return across if _has_shape_of(streak, speed, aside) else None
 
@@ -284,7 +284,7 @@ def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
     if abs(length - expected) > max(_LENGTH_SHARE * expected, _LENGTH_ARCSEC):
         return False
     turned = abs(float(way @ aside)) / max(length, _SHORTEST_ARCSEC)
-    return length <= _SHORTEST_ARCSEC or turned <= math.sin(math.radians(_MOST_TURNED_DEG))
+    return length <= _SHORTEST_ARCSEC or turned <= math.sin(math.radians(_MAX_TURNED_DEG))
 
 
 def label_of(streak: Streak) -> str:

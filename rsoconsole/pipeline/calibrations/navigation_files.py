@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.base import MOST_DATA_BYTES, OrbitError, read_foreign
+from rsoconsole.base import MAX_DATA_BYTES, OrbitError, read_foreign
 from rsoconsole.config import CalibratedTiming, ExposureConfig
 from rsoconsole.orbits import (
     CatalogueEntry,
@@ -26,7 +26,7 @@ from rsoconsole.words import NS_PER_DAY
 
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
-_MOST_E = 0.1
+_MAX_E = 0.1
 """Medium orbits that are nearly round: navigation satellites and what has become of them."""
 _SAME_KM = 100.0
 """Elements of days are good to a few km; two such satellites are thousands apart."""
@@ -103,7 +103,7 @@ def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueE
         entry
         for entry in nearest_in_epoch_of_each(entries, t_utc_ns)
         if low <= entry.revolutions_a_day <= high
-        and entry.eccentricity <= _MOST_E
+        and entry.eccentricity <= _MAX_E
         and abs(entry.epoch_utc_ns - t_utc_ns) <= _DAYS * NS_PER_DAY
         and not entry.record.error
     ]
@@ -118,17 +118,17 @@ def _read(
 def _text(path: Path) -> str:
     try:
         # Comments in such files are in whatever encoding their station uses.
-        text = read_foreign(path, most_bytes=MOST_DATA_BYTES, encoding="latin-1")
+        text = read_foreign(path, most_bytes=MAX_DATA_BYTES, encoding="latin-1")
         if not text.startswith(_GZIP.decode("latin-1")):
             return text
         with gzip.open(path) as file:
-            content = file.read(MOST_DATA_BYTES + 1)
+            content = file.read(MAX_DATA_BYTES + 1)
     except FileNotFoundError as error:
         raise OrbitError(f"{path} does not exist: name a file of orbits") from error
     except (OSError, EOFError, zlib.error) as error:
         raise OrbitError(f"{path} cannot be read: {error}") from error
-    if len(content) > MOST_DATA_BYTES:
-        raise OrbitError(f"{path} unpacks to more than {MOST_DATA_BYTES >> 20} MB")
+    if len(content) > MAX_DATA_BYTES:
+        raise OrbitError(f"{path} unpacks to more than {MAX_DATA_BYTES >> 20} MB")
     return content.decode("latin-1").replace("\r\n", "\n")
 
 

@@ -28,7 +28,7 @@ from rsoconsole.orbits import (
     expect_covered,
 )
 from rsoconsole.pipeline.calibrations._navigation_streaks import (
-    MOST_LATE_S,
+    MAX_LATE_S,
     NightStreaks,
     Streak,
     header_mid,
@@ -47,7 +47,7 @@ _TYPICAL_RANGE_KM = 22_000.0
 _ORBIT_KM_S = 3.9
 """Of a navigation satellite."""
 _EPOCH = date(1970, 1, 1)
-_FEWEST_LENGTHS = 3
+_MIN_LENGTHS = 3
 """Of a track: fewer do not tell what is usual."""
 _PAUSE_S = 1800
 """Seen again later, a satellite stands before other stars."""
@@ -140,7 +140,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
     used = [streak for streak in every if streak.satellite is not None]
     if not used:
         raise OrbitError(
-            f"none of {len(every)} streaks is a satellite of {source} within {MOST_LATE_S:g} s of"
+            f"none of {len(every)} streaks is a satellite of {source} within {MAX_LATE_S:g} s of"
             " its place: follow navigation satellites, or look at site and clock"
         )
     exposures = [session.config.exposure for session in sessions]
@@ -390,7 +390,7 @@ def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatA
     for each in np.unique(track):
         of_it = (track == each) & np.isfinite(length)
         count = int(np.sum(of_it))
-        if count >= _FEWEST_LENGTHS:
+        if count >= _MIN_LENGTHS:
             apart = length[of_it] - np.median(length[of_it])
             off[of_it] = apart * math.sqrt(count / (count - 1))
     return off

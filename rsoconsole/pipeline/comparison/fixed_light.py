@@ -34,7 +34,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky import J2000_JYEAR, StarCatalogue, julian_year, sky_to_pixel
 from rsoconsole.vision import (
-    FEWEST_MATCHED,
+    MIN_MATCHED,
     PRIOR,
     SHINES_ON,
     Compared,
@@ -52,7 +52,7 @@ _COMPLETE_MAG = 10.0
 """The catalogue lacks no star brighter than this to a camera without a filter, red ones apart."""
 _WIDEST_DEG = 4.0
 """Half a field's diagonal up to which the catalogue is asked."""
-_BRIGHTEST, _MOST_STARS = slice(80), 1500
+_BRIGHTEST, _MAX_STARS = slice(80), 1500
 """Stars of a frame that are looked for among the catalogue's, and how many of those; there are
 fewer above the magnitude of completeness in the widest field."""
 
@@ -96,14 +96,14 @@ class KnownStars:
     @classmethod
     def of(cls, here: SolvedField, catalogue: StarCatalogue | None = None) -> "KnownStars | None":
         """None where the field is too wide, or too few of its stars are in the catalogue."""
-        known = catalogue_stars(here.frame, here.solution, _MOST_STARS, catalogue)
+        known = catalogue_stars(here.frame, here.solution, _MAX_STARS, catalogue)
         if known is None:
             return None
         places, magnitude = known
         stars, fwhm = here.stars, here.stars.median_fwhm_px
         bright = np.flatnonzero(~stars.is_saturated)[_BRIGHTEST]
         mine, theirs = matched(places_px(stars)[bright], places, max(fwhm, 2.0))
-        if len(mine) < FEWEST_MATCHED:
+        if len(mine) < MIN_MATCHED:
             return None
         # Magnitude of a star that gives 1 ADU.
         zero_mag = float(np.median(magnitude[theirs] + 2.5 * np.log10(stars.flux[bright][mine])))
@@ -134,7 +134,7 @@ class KnownStars:
 
 log = logging.getLogger(__name__)
 
-MOST_LOOKS = 8
+MAX_LOOKS = 8
 """Streaks of a frame that are looked at, most confident first."""
 FIXED_CONFIDENCE = 0.02
 """Times its confidence is what is fixed still believed."""
@@ -217,7 +217,7 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
     found = analysis.detections
     below = [r.detection for r in found.rejected if isinstance(r.reason, BelowTau)]
     seen = [each for each in (*found.detections, *below) if each.width_px > 0.0]
-    return seen[:MOST_LOOKS]
+    return seen[:MAX_LOOKS]
 
 
 def words_of(

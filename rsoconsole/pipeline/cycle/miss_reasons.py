@@ -37,7 +37,7 @@ CLOUD_SHARE = 0.5
 CLOUD_MAG = 0.7
 """Loss of starlight from which it is cloud; the stars of a clear drifting field vary by 0.2."""
 KEPT_FRAMES = 60
-LEAST_FRAMES = 3
+MIN_FRAMES = 3
 SAME_SKY_DEG = 5.0
 """How far star counts may be carried: across the Milky Way's edge they change within ten."""
 
@@ -79,7 +79,7 @@ class StarHistory:
             else round(stars.count * sensor_px / stars.sensor_px)
             for stars in self.frames
         )
-        return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= LEAST_FRAMES else None
+        return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= MIN_FRAMES else None
 
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
         """How bright they were in the clearest of those of a size; None before there are enough.
@@ -91,7 +91,7 @@ class StarHistory:
             for stars in self.frames
             if stars.flux_adu_s is not None and stars.sensor_px == sensor_px
         )
-        return known[(len(known) - 1) * 9 // 10] if len(known) >= LEAST_FRAMES else None
+        return known[(len(known) - 1) * 9 // 10] if len(known) >= MIN_FRAMES else None
 
 
 def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:

@@ -28,12 +28,12 @@ _POINT_FWHM = 2.5
 """What moves further in an exposure draws a streak."""
 _SAME_SIGMAS = 4.0
 """Within which two points are at one place."""
-_MOST_POINTS = 40
+_MAX_POINTS = 40
 """That are no star, in a frame; of more the brightest."""
 _POINT_PX = 0.2
 _ALIKE = 0.03
 """Of its speed: by how much a mover may change from one window of frames to the next."""
-_FEWEST_BENT = 5
+_MIN_BENT = 5
 """Points from which on its path is a parabola."""
 _TURN_SHARE = 0.002
 """How far a path may bend from a straight line at constant speed, as a share of its length."""
@@ -217,7 +217,7 @@ def _no_stars(number: int, frames: Sequence[Points]) -> np.ndarray:
     for other, frame in enumerate(frames):
         if other != number and len(frame) and len(own):
             is_alone &= ~np.isfinite(KDTree(frame.u).query(own.u, distance_upper_bound=reach)[0])
-    return np.flatnonzero(is_alone)[:_MOST_POINTS]
+    return np.flatnonzero(is_alone)[:_MAX_POINTS]
 
 
 def _mover(
@@ -231,7 +231,7 @@ def _mover(
     t_mid = int((t[0] + t[-1]) // 2)
     since_s = (t - t_mid) / NS_PER_S
     span_s = float(since_s[-1] - since_s[0])
-    terms = 3 if len(points) >= _FEWEST_BENT else 2
+    terms = 3 if len(points) >= _MIN_BENT else 2
     rows = np.stack([(since_s / span_s) ** n for n in range(terms)], axis=-1)
     fitted = np.linalg.lstsq(rows, _on(plane, seen), rcond=None)[0]
     at = np.array([since_s[0], 0.0, since_s[-1]]) / span_s

@@ -29,7 +29,7 @@ SAME_TEMPERATURE_C = 2.0
 """Degrees in which a sensor's dark current grows by a quarter."""
 SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
 """Keywords whose values a master and a frame have in common where both tell them."""
-MOST_NONFINITE = 0.2
+MAX_NONFINITE = 0.2
 """Of a master's pixels: fewer that are NaN or infinite count as the median about them."""
 _SAMPLE = 5
 _PLAIN = "1x1"
@@ -135,7 +135,7 @@ def read_pixels(path: Path) -> PixelArray:
 
 
 def _read(path: Path) -> Frame:
-    return read_frame(path, 0, max_nonfinite_fraction=MOST_NONFINITE)
+    return read_frame(path, 0, max_nonfinite_fraction=MAX_NONFINITE)
 
 
 def read_master(setting: str, path: Path) -> Master:
@@ -196,7 +196,7 @@ def _degrees_apart(one_c: float | None, other_c: float | None) -> float:
     return math.inf if one_c is None or other_c is None else abs(one_c - other_c)
 
 
-_MOST_PREPARED = 2
+_MAX_PREPARED = 2
 """A pair of masters takes 6 bytes a pixel: no more of them are held ready."""
 
 
@@ -308,7 +308,7 @@ class Calibration:
         """Raises FrameError or ValueError where a file is no more what it was."""
         ready = self._prepared.pop(choice, None)
         if ready is None:
-            while len(self._prepared) >= _MOST_PREPARED:
+            while len(self._prepared) >= _MAX_PREPARED:
                 self._prepared.popitem(last=False)
             flat = None if choice.flat is None else _pixels_of(choice.flat, choice)
             ready = DarkAndFlat(_dark_pixels(choice), flat, has_mosaic=choice.has_mosaic)

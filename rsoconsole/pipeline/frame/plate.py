@@ -11,11 +11,11 @@ from rsoconsole.records import Detection, Detections, Frame, NotSolved, Solution
 from rsoconsole.sky import wrap_180
 from rsoconsole.vision import StarList
 
-LEAST_PART_PX = 1_100
+MIN_PART_PX = 1_100
 """A side, at least: fewer pixels have too few catalogue stars for the plate."""
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 """Likewise, of the frame's short side."""
-MOST_SHARE = 0.7
+MAX_SHARE = 0.7
 """Of the frame's pixels: a larger part is no faster than the whole."""
 _GRID_PX = 16
 
@@ -80,13 +80,13 @@ class Part:
 
 def middle_of(frame: Frame, reach_px: float) -> Part | None:
     """So far about the centre; None where that is most of the frame."""
-    least_px = max(LEAST_PART_PX / 2.0, LEAST_SHARE * min(frame.width_px, frame.height_px))
+    least_px = max(MIN_PART_PX / 2.0, MIN_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
     sides = [
         min(2 * int(half_px) // _GRID_PX * _GRID_PX, side)
         for side in (frame.width_px, frame.height_px)
     ]
-    if sides[0] * sides[1] > MOST_SHARE * frame.width_px * frame.height_px:
+    if sides[0] * sides[1] > MAX_SHARE * frame.width_px * frame.height_px:
         return None
     return Part(
         x0_px=(frame.width_px - sides[0]) // 2,
@@ -113,7 +113,7 @@ def part_between(before: Frame, frame: Frame) -> Part | None:
     )
 
 
-LEAST_S = 0.2
+MIN_S = 0.2
 """Less than this of a deadline is not worth another search."""
 _CLOUD_SHARE = 0.5
 """Of the stars that the last plate had: with fewer it is cloud that hides the field."""
@@ -206,7 +206,7 @@ class PlateFinder:
         attempts = 0
         for number, less in enumerate(weaker):
             left_s = end_s - time.monotonic()
-            if isinstance(found, Solution) or left_s < LEAST_S:
+            if isinstance(found, Solution) or left_s < MIN_S:
                 break
             # The last one may take all that is left: it has no hints.
             found = self._attempt(frame, stars, less, left_s / (len(weaker) - number))

@@ -23,7 +23,7 @@ from rsoconsole.pipeline.frame.measurement import measured
 from rsoconsole.pipeline.frame.plate import Part, PlateFinder, middle_of
 from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
 from rsoconsole.vision import (
-    FEWEST_MATCHED,
+    MIN_MATCHED,
     ConfidenceCurve,
     Network,
     Proposer,
@@ -45,7 +45,7 @@ class Glance:
 
 log = logging.getLogger(__name__)
 
-_BRIGHTEST, _MOST_STARS = slice(80), 600
+_BRIGHTEST, _MAX_STARS = slice(80), 600
 
 
 class ZeroPoint:
@@ -61,7 +61,7 @@ class ZeroPoint:
 
         The catalogue's band is not the camera's: compare nights and hours of one camera alone.
         None without a plate or exposure, for trailed stars, and where fewer than
-        ``FEWEST_MATCHED`` unsaturated stars are in the catalogue.
+        ``MIN_MATCHED`` unsaturated stars are in the catalogue.
         """
         is_usable = isinstance(solution, Solution) and stars.trail is None and frame.exposure_s
         if self._is_broken or not is_usable:
@@ -69,7 +69,7 @@ class ZeroPoint:
         assert isinstance(solution, Solution)
         assert frame.exposure_s is not None
         try:
-            known = catalogue_stars(frame, solution, _MOST_STARS)
+            known = catalogue_stars(frame, solution, _MAX_STARS)
         except RsoconsoleError as error:
             log.warning("no zero points: %s", error)
             self._is_broken = True
@@ -80,7 +80,7 @@ class ZeroPoint:
         bright = np.flatnonzero(~stars.is_saturated & (stars.flux > 0.0))[_BRIGHTEST]
         mine_px = np.stack([stars.x_px, stars.y_px], axis=1)[bright]
         mine, theirs = matched(mine_px, places, max(stars.median_fwhm_px, 2.0))
-        if len(mine) < FEWEST_MATCHED:
+        if len(mine) < MIN_MATCHED:
             return None
         rate_adu_s = stars.flux[bright][mine] / frame.exposure_s
         return float(np.median(magnitude[theirs] + 2.5 * np.log10(rate_adu_s)))

@@ -29,9 +29,9 @@ MARGIN_PX = 80.0
 """Of sky about what is looked at."""
 LARGEST_SIDE_PX = 2200
 """Of the piece that is looked at: a mark across more of the frame stays rough."""
-LEAST_SNR, LEAST_QUARTILE_SNR, MOST_ROUGH = 8.0, 3.0, 0.9
+MIN_SNR, MIN_QUARTILE_SNR, MAX_ROUGH = 8.0, 3.0, 0.9
 """Of a line that is believed; the last as far as neither slow change nor one period explains it."""
-LEAST_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
+MIN_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
 """Under a rougher mark than that there is more sky, and more in it that is like a line."""
 OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
 """How far off the ends are looked for, the nearest first; none further than the mark is rough."""
@@ -120,9 +120,9 @@ def _shifted(ends: Box, piece: _Piece) -> Box:
 
 def _is_believed(trace: Trace, sigma: float) -> bool:
     return (
-        trace.snr >= (LEAST_SNR if sigma <= FAR_SIGMA_PX else LEAST_SNR_FAR)
-        and trace.lower_quartile_snr >= LEAST_QUARTILE_SNR
-        and trace.roughness <= MOST_ROUGH
+        trace.snr >= (MIN_SNR if sigma <= FAR_SIGMA_PX else MIN_SNR_FAR)
+        and trace.lower_quartile_snr >= MIN_QUARTILE_SNR
+        and trace.roughness <= MAX_ROUGH
     )
 
 

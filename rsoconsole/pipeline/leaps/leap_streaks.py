@@ -17,11 +17,11 @@ from rsoconsole.sky import pixel_to_sky
 from rsoconsole.tracking import MAY_BE_FOLLOWED
 from rsoconsole.words import NS_PER_S
 
-LEAST_SIGMA_PX = 0.3
+MIN_SIGMA_PX = 0.3
 """Of an end, however well its streak fits."""
 UNKNOWN_BIAS_S = 0.1
 """What a shutter may be off in all frames together, where nobody has measured it."""
-LEAST_SCATTER_S = 1e-4
+MIN_SCATTER_S = 1e-4
 STATED_FRAMES = 2.0
 """Frames' worth of belief in a scatter of the shutter that stands in the settings alone."""
 RIM_PX = 6.0
@@ -89,7 +89,7 @@ def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
     is_measured = is_gps or shutter.bias_sigma_s > 0.0
     return Timing(
-        scatter_s=max(shutter.sigma_s, LEAST_SCATTER_S),
+        scatter_s=max(shutter.sigma_s, MIN_SCATTER_S),
         bias_sigma_s=shutter.bias_sigma_s or unknown_s,
         scatter_frames=math.inf if is_measured else STATED_FRAMES,
     )
@@ -99,10 +99,10 @@ def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tupl
     """Arcsec of either end, along and across: both of the midpoint's, by what parts them."""
     scale = solution.scale_arcsec_px
     # Two ends that err by themselves make a midpoint that errs by a root of two less.
-    along_px = max(math.sqrt(2.0) * detection.sigma_along_px, LEAST_SIGMA_PX)
+    along_px = max(math.sqrt(2.0) * detection.sigma_along_px, MIN_SIGMA_PX)
     turn_deg = detection.sigma_angle_deg or 0.0
     lever_px = detection.length_px / 2.0 * math.radians(turn_deg)
-    across_px = max(math.hypot(detection.sigma_across_px, lever_px), LEAST_SIGMA_PX)
+    across_px = max(math.hypot(detection.sigma_across_px, lever_px), MIN_SIGMA_PX)
     plate_arcsec2 = solution.rms_arcsec**2 / max(solution.matched, 1)
     shared = plate_arcsec2 + AIR_ARCSEC_ROOT_S**2 / max(exposure_s, 0.01)
     return (

@@ -15,7 +15,7 @@ import numpy as np
 
 from rsoconsole.config import Config, MountConfig
 from rsoconsole.orbits import SkyAhead, SkyPath
-from rsoconsole.pipeline.frame.plate import LEAST_PART_PX
+from rsoconsole.pipeline.frame.plate import MIN_PART_PX
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import LimitName, Limits, PierSide, Pose, Refusal
 from rsoconsole.words import NS_PER_S
@@ -125,7 +125,7 @@ def _slope(law: FloatArray, way_deg: FloatArray, n: int) -> FloatArray:
 
 LENGTH_PX = 250.0
 """Of a streak that is measured well; from 500 px on the detector is less sure."""
-LEAST_LENGTH_PX = 40.0
+MIN_LENGTH_PX = 40.0
 BINNED_LENGTH_PX = 100.0
 """Of a binned camera's streak, at least: with half the pixels it is as long on the sky."""
 SHORTEST_S, LONGEST_S = 0.05, 1.0
@@ -133,7 +133,7 @@ BESIDE_ARCSEC = 180.0
 """What a mount may look beside where it was sent, its offset known."""
 RIM = 0.96
 """Share of the field within which ends count as in it."""
-LEAST_WITHIN = 0.2
+MIN_WITHIN = 0.2
 """Less likely to be in the field, a leap is not worth it."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _ROUNDS = 30
@@ -253,7 +253,7 @@ class Leap:
         if self.flips:
             return False
         short_px = share * 3600.0 * min(terms.field_deg) / terms.scale_arcsec_px
-        return short_px >= LEAST_PART_PX and self.reach_px(terms) <= RIM * short_px / 2.0
+        return short_px >= MIN_PART_PX and self.reach_px(terms) <= RIM * short_px / 2.0
 
 
 NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
@@ -292,7 +292,7 @@ def next_leap(
             lifted=telescope.lifted,
         )
         if refusal is None:
-            return found if found.within >= LEAST_WITHIN else NoLeap(kind="too unsure")
+            return found if found.within >= MIN_WITHIN else NoLeap(kind="too unsure")
         last = NoLeap(kind="limit", refusal=refusal)
     return last
 
@@ -302,7 +302,7 @@ def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
     speed = max(place.speed_arcsec_s, 1e-3)
     sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
     room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
-    long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, LEAST_LENGTH_PX))
+    long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, MIN_LENGTH_PX))
     wanted_s = long_px * terms.scale_arcsec_px / speed
     return float(np.clip(wanted_s, SHORTEST_S, LONGEST_S))
 

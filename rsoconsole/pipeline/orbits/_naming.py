@@ -26,8 +26,8 @@ from rsoconsole.words import ledger_words
 FIRST_AT = 3
 _MORE = 1.5
 """Growth of the number of directions until it is asked again."""
-_MOST_MATCHES = 3
-_MOST_TRACKS = 24
+_MAX_MATCHES = 3
+_MAX_TRACKS = 24
 """Tracks that are named together, those that were compared last."""
 
 
@@ -130,7 +130,7 @@ class Naming:
                     errors=self._errors,
                 ),
             )
-        kept = [each for each in self._asked if each in tracks or each in due][-_MOST_TRACKS:]
+        kept = [each for each in self._asked if each in tracks or each in due][-_MAX_TRACKS:]
         self._asked = {track_id: self._asked[track_id] for track_id in kept}
         compared = [each.compared for each in self._asked.values()]
         answers = name_together(compared, gate_deg=gate_deg)
@@ -166,7 +166,7 @@ def on_record(frame_id: int, track_id: int, found: Identification, observations:
         hint=found.hint,
         observations=observations,
         catalogued=found.catalogued,
-        matches=tuple(_match(each) for each in found.matches[:_MOST_MATCHES]),
+        matches=tuple(_match(each) for each in found.matches[:_MAX_MATCHES]),
         not_catalogued=found.not_catalogued,
         named_with=found.named_with,
     )

@@ -119,9 +119,9 @@ def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
     return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"
 
 
-MOST_FRAMES = 400
+MAX_FRAMES = 400
 """Last measurements of a track that are compared."""
-MOST_PAIRS, PAIRS_OF_MANY = 6, 3
+MAX_PAIRS, PAIRS_OF_MANY = 6, 3
 """Pairs looked at in each frame, fewer where there are more than ``MANY`` tracks: each
 costs 1 ms, and twelve tracks are 66."""
 _NEAR_SOONER = 4.0
@@ -151,7 +151,7 @@ class _Seen:
 
     def put(self, frame_id: int, sight: _Sight) -> None:
         self.sights[frame_id] = sight
-        if len(self.sights) > MOST_FRAMES:
+        if len(self.sights) > MAX_FRAMES:
             del self.sights[min(self.sights)]
         self.together = None
 
@@ -267,7 +267,7 @@ class Pairs:
 
     @property
     def _most(self) -> int:
-        return MOST_PAIRS if len(self._alive) <= MANY else PAIRS_OF_MANY
+        return MAX_PAIRS if len(self._alive) <= MANY else PAIRS_OF_MANY
 
     def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
         """Of many pairs those of a warning in each frame, the others in turn."""

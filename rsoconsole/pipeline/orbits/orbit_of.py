@@ -8,7 +8,7 @@ import numpy as np
 
 from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
-    LEAST_SIGHTINGS,
+    MIN_SIGHTINGS,
     Alone,
     GoodingOrbit,
     MeanElements,
@@ -37,7 +37,7 @@ from rsoconsole.words import NS_PER_S, counted
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
 """Probability from which on another track of a session is taken to be of the same object."""
-_MOST_TRACKS = 8
+_MAX_TRACKS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ def find_orbit(
     first = max(given, key=lambda pair: len(pair[1]))
     middle = first[1].epoch_utc_ns
     rest = [(*pair, True) for pair in given if pair is not first]
-    rest += [(each, arc, False) for each in others[:_MOST_TRACKS] for arc in arcs(each.seen)]
+    rest += [(each, arc, False) for each in others[:_MAX_TRACKS] for arc in arcs(each.seen)]
     rest.sort(key=lambda each: abs(each[1].epoch_utc_ns - middle))
     used, parts = [first[1]], [_part(*first, is_used=True, probability=None)]
     start = alone(first[1], prior) if rest else None
@@ -113,7 +113,7 @@ def find_by_gooding(observed: Observed) -> Found:
         observed=observed,
         parts=(_part(observed, seen, is_used=True, probability=None),),
     )
-    if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
+    if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
     lines = three_lines(seen)
     three = seen.of(np.searchsorted(seen.t_s, lines.t_s))
@@ -199,8 +199,8 @@ def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: flo
 
 
 def _why_none(seen: Sightings) -> str:
-    if len(seen) < LEAST_SIGHTINGS:
-        return f"{counted(len(seen), 'direction')}: at least {LEAST_SIGHTINGS} are needed"
+    if len(seen) < MIN_SIGHTINGS:
+        return f"{counted(len(seen), 'direction')}: at least {MIN_SIGHTINGS} are needed"
     if seen.t_s[-1] <= seen.t_s[0]:
         return "all directions are of one instant: they tell no motion"
     return "no bound orbit fits the directions"

@@ -38,7 +38,7 @@ ASKED_AT = (6, 12, 24, 48, 96)
 orbit whether it knows what no track took."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
-_MOST_EARLIER = 4
+_MAX_EARLIER = 4
 _MORE_TO_SEEK = 1.2
 """Where no start led to an orbit, all are tried again after this growth of the directions: it
 takes most of a second with some hundreds of them, and one more changes nothing."""
@@ -225,7 +225,7 @@ class OnlineOrbit:
             before = self._targets.pop(ended)
             if before.orbit is not None:
                 before.joined = None  # its parts are in it for good
-                self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
+                self._earlier = [*self._earlier, before][-_MAX_EARLIER:]
         targets = [self._targets.setdefault(each, _Target()) for each in begun_with]
         self._lead = targets[0]
         return targets

@@ -40,14 +40,14 @@ from rsoconsole.session import (
 )
 from rsoconsole.words import NS_PER_S
 
-FEWEST_TRACKS = 5
+MIN_TRACKS = 5
 """Directions that a track needs to be kept: fewer are as well a satellite's glints."""
-_MOST_DIRECTIONS = 40
+_MAX_DIRECTIONS = 40
 _TOGETHER = 4
 """An object's latest tracks that are put into one orbit."""
 _SAME_RMS = 3.0
 """The directions of several nights leave at most this factor times what one night's leave,"""
-_MOST_COMMON_ARCSEC = 10.0
+_MAX_COMMON_ARCSEC = 10.0
 """and what forces and stars are off for whole nights, up to this."""
 _KNOWN = ("free", "constrained by prior")
 
@@ -140,7 +140,7 @@ def keep(
     is_simulated = SessionReader(folder).about().get("is_simulated") is True
     path = path or ledger_path(is_simulated=is_simulated)
     long = sorted(
-        (each for each in tracks if len(each.seen) >= FEWEST_TRACKS), key=lambda each: each.number
+        (each for each in tracks if len(each.seen) >= MIN_TRACKS), key=lambda each: each.number
     )
     ready = [(each, longest_arc(each.seen)) for each in long]
     orbits = [_determined(arc) for _, arc in ready]
@@ -174,7 +174,7 @@ def keep(
 
 
 def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
-    return tuple(each.number for each in tracks if len(each.seen) < FEWEST_TRACKS)
+    return tuple(each.number for each in tracks if len(each.seen) < MIN_TRACKS)
 
 
 def _numbers(
@@ -258,7 +258,7 @@ def _ledger_track(
     folder: Path, observed: Observed, arc: Sightings, *, is_simulated: bool
 ) -> LedgerTrack:
     t, ra, dec, rate, covariance = attributable(arc)
-    step = max(1, -(-len(arc) // _MOST_DIRECTIONS))
+    step = max(1, -(-len(arc) // _MAX_DIRECTIONS))
     some = arc.of(np.arange(0, len(arc), step))
     cov = np.linalg.inv(np.swapaxes(some.whitening, -1, -2) @ some.whitening)
     rows = np.stack(
@@ -301,7 +301,7 @@ def _ledger_orbit(
     if earlier and orbit is not None:
         parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]
         whole = together([*parts, arc])[0]
-        joined, common = _determined(whole), min(common_error_arcsec(whole), _MOST_COMMON_ARCSEC)
+        joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
             return _orbit_on_file(joined, 1 + len(parts))

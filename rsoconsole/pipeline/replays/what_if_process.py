@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 IDLE_S = 60.0
 """Without a question the process ends."""
-MOST_KEPT = 60_000
+MAX_KEPT = 60_000
 """Records that are kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
 """Added to its niceness: it stands behind an engine that observes on the same computer."""
@@ -68,7 +68,7 @@ class LogOfOneSession:
     memory of a small computer.
     """
 
-    def __init__(self, most_kept: int = MOST_KEPT) -> None:
+    def __init__(self, most_kept: int = MAX_KEPT) -> None:
         self._most_kept = most_kept
         self._folder: Path | None = None
         self._records: list[Record] = []

@@ -13,7 +13,7 @@ from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, NotSolved, Solution
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
 
-MOST_MASKED = 0.2
+MAX_MASKED = 0.2
 """Of a frame's pixels that may be masked: its stars are still found."""
 
 

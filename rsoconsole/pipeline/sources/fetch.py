@@ -28,13 +28,13 @@ from rsoconsole import __version__
 from rsoconsole.base import OrbitError
 from rsoconsole.config import shown
 
-MOST_BYTES = 64 << 20
+MAX_BYTES = 64 << 20
 """Of one answer, unpacked: the whole catalogue is a third of that."""
-MOST_REDIRECTS = 5
+MAX_REDIRECTS = 5
 DEADLINE_S = 180.0
 SILENT_S = 30.0
 _CHUNK = 1 << 16
-_MOST_OF_A_REFUSAL, _LONGEST_REASON, _SHORTEST_SECRET = 4096, 200, 3
+_MAX_OF_A_REFUSAL, _LONGEST_REASON, _SHORTEST_SECRET = 4096, 200, 3
 _REFUSALS = {401, 403, 429, 451}
 
 FaultKind = Literal["refused", "unreachable", "failed"]
@@ -54,7 +54,7 @@ class FetchError(OrbitError):
 class _Redirects(urllib.request.HTTPRedirectHandler):
     """A few, never from https to http, and with an account to no other host."""
 
-    max_redirections = MOST_REDIRECTS
+    max_redirections = MAX_REDIRECTS
     max_repeats = 2
 
     def __init__(self, *, is_bound: bool) -> None:
@@ -154,8 +154,8 @@ def _body(answer: Any, deadline: float) -> bytes:
     got, parts = 0, list[bytes]()
     while chunk := answer.read1(_CHUNK):
         got += len(chunk)
-        if got > MOST_BYTES:
-            raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+        if got > MAX_BYTES:
+            raise FetchError(f"it sends more than {MAX_BYTES >> 20} MB", "failed")
         parts.append(chunk)
         if time.monotonic() > deadline:
             raise TimeoutError
@@ -168,18 +168,18 @@ def _body(answer: Any, deadline: float) -> bytes:
         plain = gunzipped(b"".join(parts))
     except EOFError as error:
         raise cut_off from error
-    if len(plain) > MOST_BYTES:
-        raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+    if len(plain) > MAX_BYTES:
+        raise FetchError(f"it sends more than {MAX_BYTES >> 20} MB", "failed")
     return plain
 
 
 def gunzipped(content: bytes) -> bytes:
-    """All members of a gzip, one byte more than ``MOST_BYTES`` at most.
+    """All members of a gzip, one byte more than ``MAX_BYTES`` at most.
 
     Raises EOFError where it ends too early, OSError or zlib.error where it is none.
     """
     with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
-        return stream.read(MOST_BYTES + 1)
+        return stream.read(MAX_BYTES + 1)
 
 
 def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
@@ -220,9 +220,9 @@ def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
     """
     try:
         with contextlib.closing(error):
-            content = error.read(_MOST_OF_A_REFUSAL)
+            content = error.read(_MAX_OF_A_REFUSAL)
         if (error.headers.get("Content-Encoding") or "").strip().lower() == "gzip":
-            content = zlib.decompressobj(wbits=31).decompress(content, _MOST_OF_A_REFUSAL)
+            content = zlib.decompressobj(wbits=31).decompress(content, _MAX_OF_A_REFUSAL)
     except (OSError, http.client.HTTPException, zlib.error):
         return ""
     text = html.unescape(content.decode("utf-8", "replace"))
@@ -249,7 +249,7 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 
 
 def text_of(content: bytes) -> str:
-    """The text. Raises OrbitError where it is none, or unpacked larger than ``MOST_BYTES``."""
+    """The text. Raises OrbitError where it is none, or unpacked larger than ``MAX_BYTES``."""
     if content.startswith(_GZIP):
         content = _gunzipped(content)
     elif content.startswith(_ZIP):
@@ -284,8 +284,8 @@ def _gunzipped(content: bytes) -> bytes:
         raise OrbitError(f"its gzip is broken ({error})") from error
     except EOFError as error:
         raise OrbitError("its gzip ends before it is whole") from error
-    if len(plain) > MOST_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MOST_BYTES >> 20} MB")
+    if len(plain) > MAX_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
     return plain
 
 
@@ -296,9 +296,9 @@ def _of_archive(content: bytes) -> bytes:
             if len(files) != 1:
                 raise OrbitError(f"its archive holds {len(files)} files, one is needed")
             with archive.open(files[0]) as stream:
-                plain = stream.read(MOST_BYTES + 1)
+                plain = stream.read(MAX_BYTES + 1)
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as error:
         raise OrbitError(f"its archive is broken ({error})") from error
-    if len(plain) > MOST_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MOST_BYTES >> 20} MB")
+    if len(plain) > MAX_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
     return plain

@@ -92,7 +92,7 @@ def parse_source(text: str) -> Source:
     return Source(f"{kind}:{what}", kind, what)
 
 
-LEAST_NS = 2 * 3600 * NS_PER_S
+MIN_NS = 2 * 3600 * NS_PER_S
 """A source is asked at most once in so long, whatever came of it."""
 INDEX = "sources.json"
 LOCK = ".lock"
@@ -125,7 +125,7 @@ class Kept:
         """When it may be asked again. A stamp of the future, by a clock since set right, is now."""
         if self.asked_utc_ns is None:
             return now_utc_ns
-        return min(self.asked_utc_ns, now_utc_ns) + LEAST_NS
+        return min(self.asked_utc_ns, now_utc_ns) + MIN_NS
 
 
 def default_folder() -> Path:

@@ -10,7 +10,7 @@ from rsoconsole.base import OrbitError, raised_as, read_private, said_as
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.pipeline.sources.fetch import (
     DEADLINE_S,
-    MOST_BYTES,
+    MAX_BYTES,
     Fetcher,
     FetchError,
     expect_elements_not_a_page,
@@ -171,8 +171,8 @@ def _file_content(path: Path) -> bytes:
     with said_as(OrbitError, f"{path} cannot be read: "):
         if not path.is_file():
             raise OrbitError(f"{path} is no file: {NAME_ELEMENTS}")
-        if path.stat().st_size > MOST_BYTES:
-            raise OrbitError(f"{path} is larger than {MOST_BYTES >> 20} MB: name element sets")
+        if path.stat().st_size > MAX_BYTES:
+            raise OrbitError(f"{path} is larger than {MAX_BYTES >> 20} MB: name element sets")
         return path.read_bytes()
 
 

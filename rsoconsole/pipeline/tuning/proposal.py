@@ -25,7 +25,7 @@ from rsoconsole.tracking import scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
 """The gate at first and later: wide, so that an R too small cuts off none that show it."""
-MOST_ROUNDS = 3
+MAX_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +55,12 @@ def propose(
     arcs, changes, rounds = _arcs(sessions, None), {}, 0
     inquiry = Inquiry(arcs, presets[0], on_evaluation)
     evaluations = 0
-    while inquiry.count >= LEAST and rounds < MOST_ROUNDS:
+    while inquiry.count >= LEAST and rounds < MAX_ROUNDS:
         rounds += 1
         changes = inquiry.run()
         evaluations += inquiry.search.evaluations
         again = _arcs(sessions, changes)
-        if rounds == MOST_ROUNDS or _taken(again) == _taken(arcs):
+        if rounds == MAX_ROUNDS or _taken(again) == _taken(arcs):
             break
         arcs = again
         inquiry = Inquiry(arcs, presets[0], on_evaluation)

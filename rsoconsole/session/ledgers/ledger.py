@@ -16,7 +16,7 @@ from rsoconsole.session.log.codec import from_json_value
 from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
 
 FORMAT = 1
-_MOST_NAME = 40
+_MAX_NAME = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +142,8 @@ def kept(number: int, track: LedgerTrack) -> Change:
 
 def renamed(number: int, name: str) -> Change:
     """The operator's name for it. Raises SessionError for one that cannot be shown."""
-    if len(name) > _MOST_NAME or not name.isprintable():
-        raise SessionError(f"a name has at most {_MOST_NAME} characters, all of them printable")
+    if len(name) > _MAX_NAME or not name.isprintable():
+        raise SessionError(f"a name has at most {_MAX_NAME} characters, all of them printable")
     return {"did": "renamed", "number": number, "name": name.strip()}
 
 

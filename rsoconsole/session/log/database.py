@@ -23,10 +23,10 @@ from rsoconsole.session.log.schema import (
     create_script,
 )
 
-MOST_ROW_BYTES = 64_000_000
+MAX_ROW_BYTES = 64_000_000
 """The largest records have some ten thousand bytes."""
 STEPS_A_CALL = 100_000
-LEAST_CALLS = 500
+MIN_CALLS = 500
 """Fifty million steps: seconds on a slow machine."""
 BYTES_A_CALL = 10_000
 """Ten steps a byte; all that the program asks of a session takes a thirtieth of a step."""
@@ -49,8 +49,8 @@ def bound(connection: sqlite3.Connection, path: Path) -> None:
 
     SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
     """
-    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_ROW_BYTES)
-    left = LEAST_CALLS + sum(map(_bytes, (path, path.with_name(WAL)))) // BYTES_A_CALL
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_ROW_BYTES)
+    left = MIN_CALLS + sum(map(_bytes, (path, path.with_name(WAL)))) // BYTES_A_CALL
 
     def is_over() -> bool:
         nonlocal left

@@ -16,7 +16,7 @@ from rsoconsole.base import SessionError, json_of, lock_file, said_as, sync_fold
 
 _WAIT_S = 20.0
 """For another writer."""
-_MOST_BYTES = 200_000_000
+_MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
 Step = Callable[[Lines], tuple[Sequence[int], Sequence[Mapping[str, Any]]]]
@@ -36,7 +36,7 @@ class LineFile:
         """All of them; none where there is no file. Raises SessionError."""
         with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
-                if self.path.stat().st_size > _MOST_BYTES:
+                if self.path.stat().st_size > _MAX_BYTES:
                     raise SessionError(f"{self.path} is larger than any ledger: move it away")
                 return self.path.read_bytes().split(b"\n")
             except FileNotFoundError:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from rsoconsole.session.log.database import MOST_ROW_BYTES
+from rsoconsole.session.log.database import MAX_ROW_BYTES
 
 Value: TypeAlias = int | float | str | bytes | None
 Fields: TypeAlias = tuple[Value, ...]
@@ -92,7 +92,7 @@ class Pages:
 
     def _payload(self, image: bytes, place: int, size: int, kind: int) -> bytes:
         """A row's bytes, those on overflow pages included. Source: fileformat2.html, 1.6."""
-        if size > MOST_ROW_BYTES:
+        if size > MAX_ROW_BYTES:
             raise ValueError("no row is that long")
         usable = self._usable
         most = usable - 35 if kind == _TABLE_LEAF else (usable - 12) * 64 // 255 - 23

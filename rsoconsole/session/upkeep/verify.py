@@ -142,7 +142,7 @@ class FilesCheck:
             self._on_bytes(self._found.bytes, self._total)
 
 
-_MOST_SQLITE_WORDS = 5
+_MAX_SQLITE_WORDS = 5
 _FILE_ROWS = """
 SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'frame' DESC, path
 """
@@ -191,7 +191,7 @@ def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] |
     found.state = state_of(about)
     try:
         with closing(reader.connect()) as connection:
-            for words in page_faults(connection)[:_MOST_SQLITE_WORDS]:
+            for words in page_faults(connection)[:_MAX_SQLITE_WORDS]:
                 found.damage(DATABASE, f"SQLite: {' '.join(words.split())}", REPAIR)
             _verify_log(connection, found, LogDigest.from_meta(about))
             rows = [

@@ -32,7 +32,7 @@ from rsoconsole.session.log.schema import CONFIG, DATABASE, FOLDERS
 from rsoconsole.session.log.worker import Faults
 
 Statement = tuple[str, tuple[object, ...]]
-LEAST_BYTES = 200_000_000
+MIN_BYTES = 200_000_000
 """Free on a disk that a rescue is begun on: many nights' logs."""
 _AT_A_TIME = 1000
 _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
@@ -74,7 +74,7 @@ class Rescue:
             folder = place / self._session.name
             try:
                 place.mkdir(mode=0o700, parents=True, exist_ok=True)
-                if shutil.disk_usage(place).free < LEAST_BYTES or folder.exists():
+                if shutil.disk_usage(place).free < MIN_BYTES or folder.exists():
                     _leave(place)
                     continue
                 self._make(folder)
@@ -151,7 +151,7 @@ def _leave(place: Path) -> None:
 COMMIT_S = 0.25
 RETRY_S = 1.0
 MAX_BATCH = 2000
-_MOST_RECENT = 2000
+_MAX_RECENT = 2000
 MAX_WAITING = 500_000
 """Records kept in memory while the disk refuses them: many nights' worth."""
 
@@ -197,7 +197,7 @@ class LogWriter:
         self._damage = ""
         self._has_taken_over = False
         """The rescue session has what could still be read of the lost log."""
-        self._recent: deque[Statement] = deque(maxlen=_MOST_RECENT)
+        self._recent: deque[Statement] = deque(maxlen=_MAX_RECENT)
         """What was committed last: some of it may be lost with the log."""
         self._faults = faults
         self._connect = connect

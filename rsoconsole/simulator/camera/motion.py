@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 AIR_TAU_S = 0.05
 WIND_TAU_S = 0.3
 DRIFT_EXPOSURE_S = 10.0
-_MOST_STEPS = 800
+_MAX_STEPS = 800
 _CELL_PX = 0.5
 _WIND, _AIR, _WORM = 20, 21, 22
 
@@ -91,7 +91,7 @@ def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, 
     is_moving = is_moving or seeing.image_motion_arcsec or world.optics.rotation_deg_h
     if not is_moving and (mount_px is None or not np.any(mount_px)):
         return None
-    steps = int(np.clip(math.ceil(exposure_s / (0.5 * AIR_TAU_S)), 40, _MOST_STEPS)) + 1
+    steps = int(np.clip(math.ceil(exposure_s / (0.5 * AIR_TAU_S)), 40, _MAX_STEPS)) + 1
     share = np.linspace(0.0, 1.0, steps)
     angle = math.radians(stars.drift_angle_deg)
     trail = stars.drift_px * exposure_s / DRIFT_EXPOSURE_S * (share - 0.5)

@@ -11,7 +11,7 @@ from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card
 from rsoconsole.simulator.mount.indi_vectors import numbers
 
 _GROUP = "Image Settings"
-MOST_BINNING = 4
+MAX_BINNING = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class ReadOut:
     def binned(self, horizontal: float, vertical: float) -> "ReadOut | None":
         """With that number of pixels joined; None where the camera cannot."""
         is_square = horizontal == vertical == int(horizontal)
-        if not (is_square and 1 <= horizontal <= MOST_BINNING):
+        if not (is_square and 1 <= horizontal <= MAX_BINNING):
             return None
         return replace(self, binning=int(horizontal))
 

@@ -16,7 +16,7 @@ REPORT_EVERY_NS = 1 * NS
 _LONGEST_STEP_S = 0.1
 CATCH_UP = 4.0
 """How many times faster paced time passes while it is behind the wall's."""
-MOST_BEHIND_S = 60.0
+MAX_BEHIND_S = 60.0
 """Wall seconds that are caught up; what lies further back (a machine that slept) is given up."""
 
 
@@ -71,7 +71,7 @@ class VirtualClock:
         wall_s = (t_next_utc_ns - self._now_utc_ns) / NS / self.speed
         now_s = self._wall_s()
         due_s = now_s if self._on_schedule_s is None else self._on_schedule_s
-        due_s = max(due_s, now_s - MOST_BEHIND_S)
+        due_s = max(due_s, now_s - MAX_BEHIND_S)
         pause_s = max(due_s + wall_s - now_s, wall_s / CATCH_UP)
         try:
             await asyncio.wait_for(self._interrupted.wait(), pause_s)

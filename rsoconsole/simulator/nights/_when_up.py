@@ -40,7 +40,7 @@ TOGETHER_FIELDS = 0.6
 """Share of the field's short side within which several targets must stand."""
 HIGHEST_DECLINATION_DEG = 80.0
 """Beyond it right ascensions run wild; no time is picked there."""
-LEAST_SNR = 30.0
+MIN_SNR = 30.0
 """Integrated SNR that a target should have; no time is picked at which it would be fainter."""
 SIDEREAL_ARCSEC_S = 15.0411
 SKY_ELECTRONS_S = 13.2
@@ -218,7 +218,7 @@ def conditions(seen: Look, limits: LimitsConfig, optics: OpticsConfig) -> dict[s
             "up": np.all(is_up & is_reached, axis=0),
             "in darkness": seen.sun_altitude_deg <= limits.twilight_deg - 0.2,
             "lit": np.all(seen.lit >= 1.0, axis=0),
-            "bright": np.all(seen.snr >= LEAST_SNR, axis=0),
+            "bright": np.all(seen.snr >= MIN_SNR, axis=0),
             "in one field": seen.apart_deg <= TOGETHER_FIELDS * min(optics.field_deg),
         }
 
@@ -260,7 +260,7 @@ def _why_never(
         "up": f"above {limits.min_altitude_deg + ALTITUDE_MARGIN_DEG:.0f} deg and within reach",
         "in darkness": f"up while the Sun is below {limits.twilight_deg:.0f} deg",
         "lit": "up in darkness and in sunlight",
-        "bright": f"so bright that its streak has an SNR of {LEAST_SNR:.0f}",
+        "bright": f"so bright that its streak has an SNR of {MIN_SNR:.0f}",
         "in one field": f"within {TOGETHER_FIELDS * min(optics.field_deg):.2f} deg of each other",
     }[asked[-1]]
     remedy = "another --site, or --at a later time"

@@ -63,7 +63,7 @@ class BrightnessHistory:
 
 _PHASE_STREAM = 31
 _STEPS_A_FLASH = 40
-_FEWEST_NODES, _MOST_NODES = 201, 4001
+_MIN_NODES, _MAX_NODES = 201, 4001
 
 
 def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatArray) -> FloatArray:
@@ -83,4 +83,4 @@ def flash_nodes(world: SatelliteWorld, exposure_s: float) -> int:
     if world.flash_period_s <= 0.0:
         return 1
     steps = math.ceil(exposure_s / world.flash_period_s * _STEPS_A_FLASH)
-    return int(np.clip(steps, _FEWEST_NODES, _MOST_NODES)) // 2 * 2 + 1
+    return int(np.clip(steps, _MIN_NODES, _MAX_NODES)) // 2 * 2 + 1

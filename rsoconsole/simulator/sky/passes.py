@@ -24,7 +24,7 @@ MARGIN_PX = 250.0
 """How far outside the sensor a source may lie and still be drawn or told of."""
 NODES = 11
 """Places in time along an exposure: enough for all but the unsteady and the fastest."""
-_MOST_NODES = 641
+_MAX_NODES = 641
 STRAIGHT_PX = 0.05
 """How far a way may leave the chord between two of its places."""
 _SAME_INSTANT_S = 1e-8
@@ -175,7 +175,7 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
     if bend_px <= STRAIGHT_PX:
         return len(x_px)
     finer = math.ceil(math.sqrt(bend_px / STRAIGHT_PX))
-    return max(len(x_px), min(steps * finer + 1, _MOST_NODES))
+    return max(len(x_px), min(steps * finer + 1, _MAX_NODES))
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:

@@ -37,7 +37,7 @@ OTHERS_A_DEG2 = 0.04
 _BROKEN_ARCSEC = 60.0
 """Scale of the distance to where it reappears; far away it falls with the cube."""
 _MOST = 8
-_MOST_MISSED = 6
+_MAX_MISSED = 6
 """More frames without it say no more: what hides it may last."""
 _KEPT_S = 130.0
 """Without another streak of it."""
@@ -113,7 +113,7 @@ def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
     # Cauchy's density in two dimensions.
     reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
     another = OTHERS_A_DEG2 / 3600.0**2
-    missed = min(unexplained, _MOST_MISSED)
+    missed = min(unexplained, _MAX_MISSED)
     breaks = WRONG_PAIR if predicted.innovations == 0 else BREAKS
     return float(breaks * reappears / another * UNDETECTED**-missed)
 

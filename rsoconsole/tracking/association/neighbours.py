@@ -33,10 +33,10 @@ UNSEEN_COST = 9.0
 """Of something known that is not there, as much as a deviation of 3 sigma."""
 UNKNOWN_COST = 9.0
 """Of something seen with the same motion where nothing is known."""
-LEAST_MARGIN = 4.0
+MIN_MARGIN = 4.0
 """By how much one identity must be better than the next: seven to one."""
 KEPT_S = 7200.0
-MOST_KEPT = 8
+MAX_KEPT = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ def remembered(
         if (taken.t_mid_utc_ns - old.t_utc_ns) / 1e9 <= KEPT_S
         and not any(_apart_arcsec(old, new) < NEAREST_ARCSEC for new in seen)
     )
-    return (*seen, *unseen)[:MOST_KEPT]
+    return (*seen, *unseen)[:MAX_KEPT]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,7 @@ OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
 """Faster by their own rates they are no members of one slot: those rates are believed."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
-_LEAST_ARCSEC = 0.5
+_MIN_ARCSEC = 0.5
 """Sigma on each axis of any place against another in its frame: the lens, ends that err."""
 
 
@@ -221,7 +221,7 @@ def own_covariance(
         rate = np.array(lqe.sky_rate_arcsec_s(track))
         ahead = rate / max(float(np.hypot(*rate)), 1e-3)
     own = scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
-    return own + _LEAST_ARCSEC**2 * np.eye(2)
+    return own + _MIN_ARCSEC**2 * np.eye(2)
 
 
 def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:

@@ -24,10 +24,10 @@ SIDEREAL_RAD_S = 7.292115e-5
 """The Earth's turn: what stands over the ground moves by that over the stars."""
 LONGEST_HORIZON_S = 6 * 3600.0
 """A quarter of that turn."""
-LEAST_FRAMES = 3
+MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
-_OFFSET_SHARES, _LEAST_OFFSET_ARCSEC = (1.0 / 3.0, 10.0 / 3.0), 60.0
+_OFFSET_SHARES, _MIN_OFFSET_ARCSEC = (1.0 / 3.0, 10.0 / 3.0), 60.0
 """How far the middle of a swing may lie from the other one, by the swing's width."""
 _HALF_TURN_SHARE, _OF_WIDE_SWINGS, _WIDE_ARCSEC = 0.05, 0.2, 1e3
 """Of a swing's width that of half a turn: orbits that lean, a site that is not the Earth's centre.
@@ -99,7 +99,7 @@ class RelativePath:
 def ways_between(one: Sights, other: Sights) -> Ways | None:
     """The frames that showed both; None where there are too few to tell a motion."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
-    if len(i) < LEAST_FRAMES:
+    if len(i) < MIN_FRAMES:
         return None
     # A rolling shutter sees one a moment after the other.
     late_s = (one.t_utc_ns[i] - other.t_utc_ns[j]) / NS_PER_S
@@ -195,7 +195,7 @@ def _priors() -> FloatArray:
         _SWINGS_ARCSEC, _DRIFTS_ARCSEC_RAD, _OFFSET_SHARES
     ):
         half = (_OF_WIDE_SWINGS if swing >= _WIDE_ARCSEC else _HALF_TURN_SHARE) * swing
-        least = _LEAST_OFFSET_ARCSEC * share / _OFFSET_SHARES[0]
+        least = _MIN_OFFSET_ARCSEC * share / _OFFSET_SHARES[0]
         rows.append([max(least, share * swing), drift, swing, swing, half, half])
     return np.array(rows)
 

@@ -51,7 +51,7 @@ def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, fl
 
 
 _WORTH_REPORTING = 1.5
-_MOST_CORRELATED = 0.99999
+_MAX_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
 """Sigma on each axis of what all directions of a night share (the catalogue's frame, the lens) and
@@ -198,7 +198,7 @@ def _position(
 ) -> Position:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
-    most = _MOST_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
+    most = _MAX_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
     noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
     cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
     to_sky = np.array([cos_dec, 1.0])

@@ -37,9 +37,9 @@ PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
 """Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
 errors larger than they say, across the motion as well as along it."""
-MOST_SCATTER_S = 3.0
-_LEAST_SCATTER_S = 0.005
-SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, 14)
+MAX_SCATTER_S = 3.0
+_MIN_SCATTER_S = 0.005
+SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
 """Timing scatter beyond what the measurements' covariances contain."""
 
 
@@ -77,7 +77,7 @@ _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 where the shutter's own is calibrated, so that it is in the measurements' covariances already."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
-LEAST_WEIGHT = 1e-12
+MIN_WEIGHT = 1e-12
 _CALM_Q, _OPEN_Q = 3e-9, 1e-8
 """White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
 _CALM_RATE_ARCSEC_S = 15.0
@@ -86,7 +86,7 @@ _CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
 turning Earth does. From one measurement to the next it changes as at random over such lengths."""
 _GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
 """By how much at least over a coast that is longer than that."""
-_LONGEST_STEP_S, _MOST_STEPS = 120.0, 60
+_LONGEST_STEP_S, _MAX_STEPS = 120.0, 60
 _WIDENED = 2.0
 """Of the variances that the admissible region leaves: it is no census."""
 _MOST = np.array([60.0 * 3600.0, 60.0 * 3600.0, 10.0 * 3600.0, 10.0 * 3600.0])
@@ -207,7 +207,7 @@ def initiate(
         t_utc_ns=first.t_utc_ns,
         means=np.repeat(means, FINE.per_motion, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        log_weights=np.log(np.maximum(weights.ravel(), LEAST_WEIGHT)),
+        log_weights=np.log(np.maximum(weights.ravel(), MIN_WEIGHT)),
         path_since_update_rad=np.zeros(len(covariances.reshape(-1, 6, 6))),
     )
 
@@ -218,7 +218,7 @@ def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
     ``roots`` (6,): of the operator's factors of the process noise; None: all 1.
     """
     left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
-    steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MOST_STEPS)
+    steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MAX_STEPS)
     scale = np.ones((6, 6)) if roots is None else np.outer(roots, roots)
     for _ in range(steps if left_s else 0):
         bank = _stepped(bank, left_s / steps, scale)
@@ -277,7 +277,7 @@ def _sound(bank: Bank) -> Bank:
             means[astray, ACCELERATION:] = 0.0
             covariances[astray, ACCELERATION:, :] = 0.0
             covariances[astray, :, ACCELERATION:] = 0.0
-        path[astray], log_weights[astray] = path[best], math.log(LEAST_WEIGHT)
+        path[astray], log_weights[astray] = path[best], math.log(MIN_WEIGHT)
     return replace(
         bank,
         means=means,
@@ -385,7 +385,7 @@ def thinned(bank: Bank) -> Bank:
     of_motion = (scale[:, None] * len(COARSE.scatters_s) + scatter).ravel()
     onto = np.arange(len(MOTIONS))[:, None] * COARSE.per_motion + of_motion
     belongs = np.zeros((len(MOTIONS) * COARSE.per_motion, len(bank.means)))
-    belongs[onto.ravel(), np.arange(len(bank.means))] = np.maximum(bank.weights, LEAST_WEIGHT)
+    belongs[onto.ravel(), np.arange(len(bank.means))] = np.maximum(bank.weights, MIN_WEIGHT)
     weights = belongs.sum(axis=1)
     share = belongs / weights[:, None]
     means = share @ bank.means
@@ -417,10 +417,10 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
 ) -> Bank:
     """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
     every = len(MOTIONS) * FINE.per_motion
-    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _LEAST_SCATTER_S)))))
+    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _MIN_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
-    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), LEAST_WEIGHT)
-    weights[:, widest, nearest] = np.maximum(motion_probabilities, LEAST_WEIGHT)
+    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), MIN_WEIGHT)
+    weights[:, widest, nearest] = np.maximum(motion_probabilities, MIN_WEIGHT)
     means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
     calm = slice(0, ANY_ORBIT * FINE.per_motion)
     means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[

@@ -15,14 +15,14 @@ from rsoconsole.records import FloatArray
 from rsoconsole.tracking.filters.bank import (
     ANY_ORBIT,
     GREAT_CIRCLE,
-    LEAST_WEIGHT,
+    MIN_WEIGHT,
     VARIANCE_SCALES,
     Bank,
     Position,
 )
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, moved
 
-_LEAST_SHARE = 1e-14
+_MIN_SHARE = 1e-14
 """Of the product of both variances, that a determinant keeps."""
 
 
@@ -114,7 +114,7 @@ def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     xx, xy, yy = s[..., 0, 0], s[..., 0, 1], s[..., 1, 1]
     # What is sure in one direction and all but unknown in the other has no digits left for it.
-    det = np.maximum(xx * yy - xy * xy, _LEAST_SHARE * xx * yy)
+    det = np.maximum(xx * yy - xy * xy, _MIN_SHARE * xx * yy)
     inverse = np.empty_like(s)
     inverse[..., 0, 0], inverse[..., 1, 1] = yy / det, xx / det
     inverse[..., 0, 1] = inverse[..., 1, 0] = -xy / det
@@ -142,7 +142,7 @@ RARE, _RARE_SCATTER_S = 0.01, 0.8
 has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
 _LENGTH_SAYS_TOO_MUCH = 0.15
 """Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
-_MOST_LOG_ODDS = 3.0
+_MAX_LOG_ODDS = 3.0
 """So that a night that changes is believed again soon."""
 
 
@@ -232,7 +232,7 @@ def taken(found: Innovation) -> Update:
         bank,
         means=bank.means + both.steps,
         covariances=both.covariances,
-        log_weights=np.maximum(total - log_likelihood, math.log(LEAST_WEIGHT)),
+        log_weights=np.maximum(total - log_likelihood, math.log(MIN_WEIGHT)),
         path_since_update_rad=np.zeros(len(log_weights)),
         length_log_odds=length_log_odds,
     )
@@ -261,7 +261,7 @@ def covariance_of(found: Innovation) -> FloatArray:
 
 
 def _log_weights(bank: Bank) -> FloatArray:
-    return np.log(np.maximum(bank.weights, LEAST_WEIGHT))
+    return np.log(np.maximum(bank.weights, MIN_WEIGHT))
 
 
 def _says_too_much(bank: Bank) -> float:
@@ -278,7 +278,7 @@ def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
     without_length = answer(bank.covariances, found.without_length)
     odds = log_sum(log_weights + with_length.log_likelihoods)
     odds -= log_sum(log_weights + without_length.log_likelihoods)
-    after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+    after = min(max(bank.length_log_odds + odds, -_MAX_LOG_ODDS), _MAX_LOG_ODDS)
     return merged(with_length, without_length, _says_too_much(bank)), after
 
 

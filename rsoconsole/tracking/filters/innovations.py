@@ -20,7 +20,7 @@ NIS_BAND = (0.0506, 7.3778)
 WINDOW = 12
 LEAST = 5
 """Fewer NIS say nothing."""
-_MOST_STEPS = 60
+_MAX_STEPS = 60
 _ONE_SIDED = 0.5
 """Correlation of successive innovations from which on they run on one side."""
 
@@ -82,7 +82,7 @@ def _mean_exceeded(count: int, chance: float) -> float:
     ninth = 1.0 / (9.0 * count)
     start = 1.0 - ninth + NormalDist().inv_cdf(1.0 - chance) * math.sqrt(ninth)
     half_sum = count * max(start, 0.01) ** 3
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         log_terms = [k * math.log(half_sum) - half_sum - math.lgamma(k + 1.0) for k in range(count)]
         surplus = math.fsum(map(math.exp, log_terms)) - chance
         step = surplus / math.exp(log_terms[-1])

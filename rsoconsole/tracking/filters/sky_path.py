@@ -21,7 +21,7 @@ from rsoconsole.sky import direction_to_unit, unit_to_direction
 ARCSEC_RAD = math.radians(1.0 / 3600.0)
 X, Y, VX, VY, ACCELERATION, TURN = range(6)
 """Of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
-_LEAST_DEPTH = 0.05
+_MIN_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
 _STEPS = np.array([1.0, 1.0, 1e-3, 1e-3, 1e-6, 1e-3])
 """Small ones, for slopes."""
@@ -68,10 +68,10 @@ class Plane:
         """(2,) arcsec; what is about a right angle away or more lies far off on its side."""
         unit = _unit_of(ra_icrs_deg, dec_icrs_deg)
         flat, depth = np.array([unit @ self.east, unit @ self.north]), float(unit @ self.towards)
-        if depth < _LEAST_DEPTH:
+        if depth < _MIN_DEPTH:
             size = float(np.hypot(*flat))
             flat = flat / size if size > 0.0 else np.array([1.0, 0.0])
-            depth = _LEAST_DEPTH
+            depth = _MIN_DEPTH
         return np.asarray(flat / depth / ARCSEC_RAD)
 
     def direction_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:

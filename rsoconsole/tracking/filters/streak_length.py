@@ -36,7 +36,7 @@ REMEMBERED = 30
 """Frames of which the excess is remembered."""
 _NONE_AT_FIRST = (0.0, 0.0)
 """As if two streaks had been as long as they should be: the centre does not follow the first."""
-_FEWEST_FOR_SCATTER = 4
+_MIN_FOR_SCATTER = 4
 _OFF_SIGMAS = 2.5
 """Beyond which an excess speaks for itself."""
 _MAD_TO_SIGMA = 1.4826
@@ -44,7 +44,7 @@ _ALONE = 0.85
 """Share of the excess's scatter that is of ends which err alone: haze moves both alike."""
 _PART_SHARE = 0.15
 """Of its length that a streak lacks which shows a part of it: more than blur and haze take."""
-_FEWEST_PARTS = 3
+_MIN_PARTS = 3
 """In a row, before they are taken for a run."""
 _FLASHING_SHARE = 0.3
 """Of the streaks remembered that show a part, from which on it flashes rather than meets clouds."""
@@ -93,13 +93,13 @@ def along_error_arcsec(
     ee, en, nn = measurement.cov_sky_arcsec2
     own2 = max(float(ahead @ np.array([[ee, en], [en, nn]]) @ ahead), 0.0)
     parts = _parts_in_a_row(before, length)
-    if parts >= _FEWEST_PARTS:
+    if parts >= _MIN_PARTS:
         lacks = max(-excess - _HARMLESS_SHARE * length, 0.0)
         over = max(excess, 0.0)
         return math.sqrt(max((1 + parts) * lacks**2 / 12.0 + over**2 / 4.0 - own2, 0.0))
     centre = statistics.median((*before, *_NONE_AT_FIRST))
     scatter = 0.0
-    if len(before) >= _FEWEST_FOR_SCATTER:
+    if len(before) >= _MIN_FOR_SCATTER:
         scatter = _ALONE * _MAD_TO_SIGMA * statistics.median(abs(each - centre) for each in before)
     away = abs(excess - centre)
     if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
@@ -131,13 +131,13 @@ def with_part_error(
 
 def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """Whether the last streaks showed a part of their length, one after the other."""
-    return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _FEWEST_PARTS
+    return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _MIN_PARTS
 
 
 def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """Whether enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
-    return parts >= max(_FEWEST_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
+    return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
 
 def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:

@@ -208,9 +208,9 @@ _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
 """What is near, and what moves alike: number of sigma, and share of the speed."""
 _WIDER = 2.2
 """Of the variances that points claim, as a track believes before it has learnt (``bank``)."""
-_MOST_POINTS = 60
+_MAX_POINTS = 60
 """In a window; with more of them there is no telling."""
-_FEWEST_FALSE = 0.5
+_MIN_FALSE = 0.5
 """Points a frame that are no object's are believed at least."""
 APART_COST = ALONE_COST + UNSURE_COST / 2.0
 """Of a pair that goes a way of its own beside tracks: its streaks' directions and lengths by one
@@ -322,7 +322,7 @@ def _of_points(
 ) -> dict[Measurement, Chain]:
     waiting = _parted((*before.earlier, *before.candidates))[1]
     window = _by_frame([*waiting, *points])
-    if not points or len(window) < 2 or sum(map(len, window.values())) > _MOST_POINTS:
+    if not points or len(window) < 2 or sum(map(len, window.values())) > _MAX_POINTS:
         return {}
     plane = Plane.at(points[0].ra_icrs_deg, points[0].dec_icrs_deg)
     frames = list(window.values())
@@ -418,6 +418,6 @@ def _known(
         area=(7200.0 * settings.half_field_deg) ** 2,
         # Faster, it would have drawn a streak.
         largest_speed=SHORTEST_WITH_DIRECTION_ARCSEC / seen.exposure_s,
-        false_points=max(float(np.median([len(each) for each in frames])), _FEWEST_FALSE),
+        false_points=max(float(np.median([len(each) for each in frames])), _MIN_FALSE),
         common=common,
     )

@@ -38,18 +38,18 @@ from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
 
 log = logging.getLogger(__name__)
 
-LEAST_RECORDED_CONFIDENCE = 0.01
+MIN_RECORDED_CONFIDENCE = 0.01
 """Whom the network believes less is not on record where no line fits either."""
 
 
 DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
 """What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
-_MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
+_MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
-_MOST_BEYOND = 0.6
-_MOST_NARROW = 1.0
+_MAX_BEYOND = 0.6
+_MAX_NARROW = 1.0
 """Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
 _SURELY_NARROW = 4.5
 """Sigma of it from which on that tells: of less, noise makes as much."""
@@ -195,7 +195,7 @@ class Measurements:
             matched, narrow = width_at_a_glance(
                 self.frame.pixels, self.sky, ends_of_box(box), width_px
             )
-            is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
+            is_narrow = narrow > max(_MAX_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
         signal = line_signal(
             self.frame.pixels, self.sky, ends_of_box(box), width_px / FWHM_PER_SIGMA
@@ -337,7 +337,7 @@ class Measurements:
         self.rejected += [
             Rejection(detection=each.found, reason=reason)
             for each in others
-            if LEAST_RECORDED_CONFIDENCE <= each.found.confidence < said
+            if MIN_RECORDED_CONFIDENCE <= each.found.confidence < said
         ]
         self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
 
@@ -357,8 +357,8 @@ class Measurements:
             (ratio > _WIDEST, "too wide", trace.width_px, width_px),
             (length_px < _SHORTEST * star_px, "too short", length_px, None),
             (trace.lower_quartile_snr < quartile, "dark in between", None, None),
-            (trace.roughness > _MOST_ROUGH, "uneven", trace.roughness, _MOST_ROUGH),
-            (trace.beyond > _MOST_BEYOND, "longer trail", None, None),
+            (trace.roughness > _MAX_ROUGH, "uneven", trace.roughness, _MAX_ROUGH),
+            (trace.beyond > _MAX_BEYOND, "longer trail", None, None),
         )
         for is_shut, kind, value, limit in gates:
             if is_shut:
@@ -367,7 +367,7 @@ class Measurements:
 
     def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
         """Keep a candidate on record with what speaks against it, if the network believes it."""
-        if box.confidence < LEAST_RECORDED_CONFIDENCE:
+        if box.confidence < MIN_RECORDED_CONFIDENCE:
             return
         found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
         self.rejected.append(Rejection(detection=found, reason=reason))

@@ -25,10 +25,10 @@ Said: TypeAlias = Literal["stars", "no stars", "unclear"]
 _LONGEST_PX = 1500.0
 _ON_LINE, _REACH = 0.75, 1.5
 """Off the line and along it, in widths, as far as a star's light counts as its own."""
-_FEWEST, _MOST_TIMES = 2, 2.5
+_FEWEST, _MAX_TIMES = 2, 2.5
 """Stars that make a chain; times its catalogue light that a star may have: colours differ."""
-_CHAIN, _MOST_REST, _REST_SNR, _NO_REST = 0.7, 0.25, 4.0, 0.05
-_LEAST_MISSING, _LEAST_SNR = 0.5, 10.0
+_CHAIN, _MAX_REST, _REST_SNR, _NO_REST = 0.7, 0.25, 4.0, 0.05
+_MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,10 +49,10 @@ class CatalogueLight:
     def said(self) -> Said:
         """Whether catalogue stars make the streak, or stars cannot; "unclear" as a rule."""
         has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
-        is_theirs = self.star_share > _CHAIN and self.rest_share < _MOST_REST
+        is_theirs = self.star_share > _CHAIN and self.rest_share < _MAX_REST
         if self.stars >= _FEWEST and is_theirs and not has_rest:
             return "stars"
-        is_missing = self.missing_share > _LEAST_MISSING and self.rest_snr > _LEAST_SNR
+        is_missing = self.missing_share > _MIN_MISSING and self.rest_snr > _MIN_SNR
         return "no stars" if is_missing else "unclear"
 
 
@@ -86,7 +86,7 @@ def catalogue_light(
     is_theirs = owner.any(axis=0)
     # A column that two stars may own counts once.
     theirs = float(light[is_theirs].sum())
-    theirs = min(theirs, _MOST_TIMES * float(predicted.sum()))
+    theirs = min(theirs, _MAX_TIMES * float(predicted.sum()))
     is_rest = ~is_theirs
     rest = float(light[is_rest].sum())
     window = 2 * round(fwhm) + 1

@@ -32,7 +32,7 @@ Found: TypeAlias = Literal["same", "new", "unclear"]
 
 _LONGEST_PX = 1500.0
 """No chain of stars is longer."""
-_BEYOND, _MOST_BEYOND_PX = 0.25, 60.0
+_BEYOND, _MAX_BEYOND_PX = 0.25, 60.0
 """How far the lines are followed beyond the ends, over the streak's length and at most."""
 _KNOT_PX = 24.0
 """Between places that are mapped; a plate is straight that far."""
@@ -45,7 +45,7 @@ _STAR_SIGMA, _STAR_SHARE = 4.0, 0.2
 over this frame's."""
 _SURE_SNR, _SAME_SNR = 8.0, 5.0
 """Signal to noise that the streak would have in the earlier frame, for "new" and for "same"."""
-_MOST_FRESH, _LEAST_FRESH, _NO_LIGHT, _FRESH_SNR = 0.25, 0.5, 0.05, 4.0
+_MAX_FRESH, _MIN_FRESH, _NO_LIGHT, _FRESH_SNR = 0.25, 0.5, 0.05, 4.0
 _AS_BRIGHT, _EXPLAINED, _IDENTICAL = (0.6, 1.6), 0.6, 0.75
 _LACKING, _LACKING_SNR = 0.6, 3.0
 """A faint streak that bright stars lie on has its own light between them."""
@@ -85,19 +85,19 @@ class EarlierLight:
     @property
     def found(self) -> Found:
         """Whether the light is the same or new; "unclear" wherever something speaks against it."""
-        is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MOST_FRESH
+        is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT
         if (
             self.depth_snr >= _SAME_SNR
             and _AS_BRIGHT[0] < self.amplitude < _AS_BRIGHT[1]
             and self.explained > _EXPLAINED
-            and self.fresh_share < _MOST_FRESH
+            and self.fresh_share < _MAX_FRESH
             and self.lacking > _LACKING
             and self.lacking_snr > _LACKING_SNR
             and not (has_fresh or is_dark_now)
         ):
             return "same"
-        is_new = self.fresh_share > _LEAST_FRESH and self.fresh_snr > _FRESH_SNR
+        is_new = self.fresh_share > _MIN_FRESH and self.fresh_snr > _FRESH_SNR
         return "new" if is_new and self.depth_snr >= _SURE_SNR else "unclear"
 
 
@@ -122,7 +122,7 @@ class Profile:
         length, fwhm = length_of(ends), max(width_px, 1.5)
         if not 1.0 < length < _LONGEST_PX:
             return None
-        beyond_px = min(_BEYOND * length, _MOST_BEYOND_PX) + fwhm
+        beyond_px = min(_BEYOND * length, _MAX_BEYOND_PX) + fwhm
         u = np.arange(-math.ceil(beyond_px), math.ceil(length + beyond_px) + 1, dtype=np.float64)
         v = rows_across(fwhm)
         columns = columns_at(pixels, *on_line(ends, u, v[:, None]), v, fwhm)

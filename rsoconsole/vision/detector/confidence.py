@@ -16,7 +16,7 @@ from rsoconsole.base import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, Focus, LineLight
-from rsoconsole.vision.lines.line_or_points import MOST_FWHM
+from rsoconsole.vision.lines.line_or_points import MAX_FWHM
 
 LOOKED_AT = (
     "constant",
@@ -50,19 +50,19 @@ WAYS = ("", "joined ", "trailed ")
 out: what looks like a streak is something else in each, and each has weights of its own."""
 FEATURES = tuple(way + name for way in WAYS for name in LOOKED_AT)
 """Of a candidate those of one way; the others are 0."""
-LEAST_LOGIT = -7.0
+MIN_LOGIT = -7.0
 """Of the network: what it does not see at all the line filter may."""
-MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
-_EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
-_SURE_OF_LINE, _MOST_ONE_LINE = 10.0, 2.5
+MAX_LOG_SNR, MAX_LOG_STEADY, _MIN_STEADY = 0.3, 1.5, 0.5
+_EXTENDED_FWHM, _MAX_EXTENT = 8.0, 2.0
+_SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
 """Chi-square that tells a line from a few points, and the most that its logarithm counts."""
 _ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
 """Chi-square that halves what roughness and the network's doubt say."""
-_SURE_OF_IMAGE, _MOST_LIKE, _MOST_UNLIKE = 30.0, 4.0, 3.0
+_SURE_OF_IMAGE, _MAX_LIKE, _MAX_UNLIKE = 30.0, 4.0, 3.0
 """Chi-square that tells a line from images of stars, and the most that the logarithms of it and of
 what is left of a pixel count."""
-_FULL_WEIGHT_FWHM, _LEAST_WEIGHT, _WEIGHT_WHERE_JOINED = 15.0, 0.25, 0.4
-_CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
+_FULL_WEIGHT_FWHM, _MIN_WEIGHT, _WEIGHT_WHERE_JOINED = 15.0, 0.25, 0.4
+_CLEAR_SNR, _CLEAR_FWHM, _MIN_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
 """Scatter along a line that the air and the sensor make, the same where wind or focus have made
 the stars wide, and noise of a signal to noise of 1."""
@@ -73,13 +73,13 @@ SHORT_FWHM, LONG_FWHM = 12.0, 120.0
 rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
 """A fit that finds the light going on beyond its ends looks as far again."""
-MOST_IN_LINE = 2
+MAX_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
-_SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
+_SAME_LINE_PX, _MAX_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
-_MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
+_MAX_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Factors in length that say enough alone, and beside a bright one; both within ``_BESIDE_DEG``."""
@@ -135,13 +135,13 @@ class ConfidenceCurve:
         longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
         psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
         logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
-        as_line = _DOUBT_AS_LINE if length_fwhm < MOST_FWHM else 0.0
+        as_line = _DOUBT_AS_LINE if length_fwhm < MAX_FWHM else 0.0
         weighted = _weighted(logit, length_fwhm, math.inf, focus.joined, as_line)
         z = table["constant"] + table["network"] * weighted
-        z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
-        z += max(table["steady"], 0.0) * MOST_LOG_STEADY
-        z += max(table["extent"], 0.0) * _MOST_EXTENT
-        z += max(table["one_line"], 0.0) * _MOST_ONE_LINE
+        z += max(table["log_snr"], 0.0) * MAX_LOG_SNR
+        z += max(table["steady"], 0.0) * MAX_LOG_STEADY
+        z += max(table["extent"], 0.0) * _MAX_EXTENT
+        z += max(table["one_line"], 0.0) * _MAX_ONE_LINE
         z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
         blurred, drifted = _shown(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
@@ -159,7 +159,7 @@ class ConfidenceCurve:
 
 def _logit(confidence: float) -> float:
     p = min(max(confidence, _LEAST), _MOST)
-    return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
+    return max(math.log(p / (1.0 - p)), MIN_LOGIT)
 
 
 def _weighted(
@@ -175,9 +175,9 @@ def _weighted(
     if word >= 0.0:
         return word
     clear = math.sqrt(_CLEAR_SNR / max(steady, 0.1)) if length_fwhm > _CLEAR_FWHM else 1.0
-    word *= min(max(clear, _LEAST_CLEAR), 1.0)
+    word *= min(max(clear, _MIN_CLEAR), 1.0)
     word /= 1.0 + as_line / _DOUBT_AS_LINE
-    return word * min(max(_FULL_WEIGHT_FWHM / max(length_fwhm, 0.1), _LEAST_WEIGHT), 1.0)
+    return word * min(max(_FULL_WEIGHT_FWHM / max(length_fwhm, 0.1), _MIN_WEIGHT), 1.0)
 
 
 def confidence_features(
@@ -185,8 +185,8 @@ def confidence_features(
 ) -> tuple[float, ...]:
     """What the curve looks at, in the order of ``FEATURES``.
 
-    The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
-    to noise over 20, no more than ``MOST_LOG_SNR``, since a chain of bright stars is bright too;
+    The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal
+    to noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too;
     the same of what its darker parts say of the whole, which stars in a row have little of; how
     much longer than a few widths it is; how much better one line explains a short one than a few
     stars do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower
@@ -204,7 +204,7 @@ def confidence_features(
     # What widens the stars alone, like a shaken mount, does not make a line any shorter.
     unit_px = min(max(found.width_px, SHARP_PX), psf_px)
     snr = max(found.snr, 0.1)
-    steady = max(light.lower_quartile_snr, _LEAST_STEADY)
+    steady = max(light.lower_quartile_snr, _MIN_STEADY)
     width_px = max(found.width_px, 0.1)
     like = _like_image(light)
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
@@ -224,25 +224,25 @@ def confidence_features(
         _weighted(
             _logit(found.confidence), length_px / unit_px, steady, focus.joined, max(no_ray, like)
         ),
-        min(math.log(snr / 20.0), MOST_LOG_SNR),
-        min(math.log(steady / 20.0), MOST_LOG_STEADY),
-        min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MOST_EXTENT),
-        min(math.log1p(no_ray / _SURE_OF_LINE), _MOST_ONE_LINE),
-        min(math.log1p(max(light.over_stars, 0.0) / _SURE_OF_IMAGE), _MOST_LIKE),
+        min(math.log(snr / 20.0), MAX_LOG_SNR),
+        min(math.log(steady / 20.0), MAX_LOG_STEADY),
+        min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MAX_EXTENT),
+        min(math.log1p(no_ray / _SURE_OF_LINE), _MAX_ONE_LINE),
+        min(math.log1p(max(light.over_stars, 0.0) / _SURE_OF_IMAGE), _MAX_LIKE),
         max(0.0, wide - leeway),
         max(0.0, narrow - leeway),
         max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
-        min(math.log1p(as_points / _SURE_OF_LINE), _MOST_ONE_LINE),
-        min(math.log1p(max(-light.over_stars, 0.0) / _SURE_OF_LINE), _MOST_LIKE),
-        min(math.log(max(light.left, 1.0)), _MOST_UNLIKE),
+        min(math.log1p(as_points / _SURE_OF_LINE), _MAX_ONE_LINE),
+        min(math.log1p(max(-light.over_stars, 0.0) / _SURE_OF_LINE), _MAX_LIKE),
+        min(math.log(max(light.left, 1.0)), _MAX_UNLIKE),
         max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
-        float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
+        float(min(sum(_is_in_line(found, other) for other in rest), MAX_IN_LINE)),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         light.bend / (1.0 + like / _ROUGH_AS_LINE),
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2))
         / (1.0 + as_line / _ROUGH_AS_LINE),
-        min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
+        min(math.log(max(light.confusion, 1.0)), _MAX_CONFUSED),
         _along_trails(found, focus) / (1.0 + like / _ROUGH_AS_LINE),
         *_shown(focus),
     )
@@ -291,7 +291,7 @@ def _is_in_line(one: Detection, other: Detection) -> bool:
     across = abs(dy * math.cos(angle) - dx * math.sin(angle))
     # Of a line known evenly all along: sigma of its slope is sqrt(12) of its offset's a length.
     slope_error = 3.0 * math.sqrt(12.0) * one.sigma_across_px / max(one.length_px, 1.0)
-    return across < min(_SAME_LINE_PX + slope_error * along, _MOST_OFF_LINE_PX)
+    return across < min(_SAME_LINE_PX + slope_error * along, _MAX_OFF_LINE_PX)
 
 
 def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool:

@@ -14,7 +14,7 @@ from typing import Protocol
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import BelowTau, Detection, Detections, Frame, NotAStreak, Rejection
 from rsoconsole.vision.detector._candidates import (
-    LEAST_RECORDED_CONFIDENCE,
+    MIN_RECORDED_CONFIDENCE,
     Measurements,
     Proposal,
     in_order,
@@ -47,13 +47,13 @@ from rsoconsole.vision.streaks.streak_class import Likelihood
 from rsoconsole.vision.streaks.streak_middle import with_middle
 from rsoconsole.vision.streaks.streak_names import named_with_shares
 
-MOST_FITS = 28
-MOST_QUICK_FITS = 3
-MOST_WITNESSES = 12
-LEAST_BELIEVED = 1e-3
+MAX_FITS = 28
+MAX_QUICK_FITS = 3
+MAX_WITNESSES = 12
+MIN_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
-_MOST_JOININGS = 2
-_MOST_WIDE_STARS = 1500
+_MAX_JOININGS = 2
+_MAX_WIDE_STARS = 1500
 """Wide stars cover so much of a frame that faint ones too have to be masked."""
 _WORTH_A_NAME = 0.2
 _PROMISING = 0.5
@@ -130,13 +130,13 @@ class StreakDetector:
         known = None if self._memory is None else self._memory.recall(frame)
         working = WorkingFrame.of(frame, 1)
         seen = first = self._seen(frame, watch, known, looks_again=True)
-        for _ in range(_MOST_JOININGS):
+        for _ in range(_MAX_JOININGS):
             side = pixels_to_join(seen.stars, working.frame)
             if side == 1:
                 break
             working = WorkingFrame.of(frame, side * working.side)
             joined = None if known is None else known.of_joined(working.side)
-            seen = self._seen(working.frame, watch, joined, _MOST_WIDE_STARS)
+            seen = self._seen(working.frame, watch, joined, _MAX_WIDE_STARS)
         stars = seen.stars
         if self._memory is not None:
             self._memory.remember(frame, working.original_stars(stars))
@@ -165,7 +165,7 @@ class StreakDetector:
             rejected += [
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in taken
-                if LEAST_RECORDED_CONFIDENCE < d.confidence <= threshold
+                if MIN_RECORDED_CONFIDENCE < d.confidence <= threshold
             ]
         with watch.stage("class"):
             accepted = [d for d in taken if d.confidence > threshold]
@@ -293,7 +293,7 @@ class StreakDetector:
         others: list[Proposal] = []
         for each in ordered:
             (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
-        fits, most = 0, MOST_QUICK_FITS if self._is_quick else MOST_FITS
+        fits, most = 0, MAX_QUICK_FITS if self._is_quick else MAX_FITS
         for each in hopeful:
             if measured.has(each):
                 continue
@@ -307,7 +307,7 @@ class StreakDetector:
         risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
         witnesses = 0
         for each in others:
-            is_asked = risen and witnesses < (0 if self._is_quick else MOST_WITNESSES)
+            is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
             alike = is_asked and runs_alike(from_box(frame, each.box), risen)
             if alike and measured.at_a_glance(each) is None:
                 witnesses += 1
@@ -318,8 +318,8 @@ class StreakDetector:
 
     def _has_hope(self, proposal: Proposal, focus: Focus, threshold: float) -> bool:
         said, length_px = proposal.box.confidence, proposal.box.length_px
-        if proposal.is_line or said < LEAST_BELIEVED or self._curve is None:
-            return proposal.is_line or said >= LEAST_BELIEVED
+        if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
+            return proposal.is_line or said >= MIN_BELIEVED
         box = proposal.box
         here = focus.at(0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px))
         return self._curve.highest(said, length_px, here) > threshold

@@ -218,7 +218,7 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 BoolArray = npt.NDArray[np.bool_]
 
-SAME_STREAK_DEG, _SAME_WIDTHS, _LEAST_WIDTH_PX = 10.0, 1.5, 2.0
+SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
 """Turn, and distance across in widths of it, with a least width in px."""
 _RUNS_ALIKE_DEG = 6.0
 """What a proposal's direction is worth."""
@@ -250,7 +250,7 @@ def _are_same(ends: FloatArray) -> BoolArray:
     # Of row i on the line of column j.
     place = np.abs(off[..., 0] * cos + off[..., 1] * sin)
     across = np.abs(off[..., 1] * cos - off[..., 0] * sin)
-    lies = (across < _SAME_WIDTHS * _LEAST_WIDTH_PX) & (place < 0.5 * lengths + 1.0)
+    lies = (across < _SAME_WIDTHS * _MIN_WIDTH_PX) & (place < 0.5 * lengths + 1.0)
     return np.asarray((turn <= SAME_STREAK_DEG + np.degrees(2.0 / shortest)) & (lies | lies.T))
 
 
@@ -274,7 +274,7 @@ def _lies_on(one: Detection, other: Detection) -> bool:
     dx, dy = one.x_px - other.x_px, one.y_px - other.y_px
     along = abs(dx * np.cos(angle) + dy * np.sin(angle))
     across = abs(dy * np.cos(angle) - dx * np.sin(angle))
-    reach_px = _SAME_WIDTHS * max(other.width_px, _LEAST_WIDTH_PX)
+    reach_px = _SAME_WIDTHS * max(other.width_px, _MIN_WIDTH_PX)
     return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
 
 

@@ -39,7 +39,7 @@ LOWEST_CONFIDENCE = 1e-5
 _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
 _TILE_OVERLAP_CELLS = 128
-_MOST_CANDIDATES = 600
+_MAX_CANDIDATES = 600
 ANOTHER_NETWORK = "or name another network in detector.model"
 _REINSTALL = f"reinstall rsoconsole, {ANOTHER_NETWORK}"
 
@@ -106,7 +106,7 @@ def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
     """Candidates of one answer (6, rows, columns) above a logit, most confident first, no NMS."""
     rows, columns = np.nonzero(answer[0] > lowest_logit)
     logits = answer[0][rows, columns]
-    order = np.argsort(-logits, kind="stable")[:_MOST_CANDIDATES]
+    order = np.argsort(-logits, kind="stable")[:_MAX_CANDIDATES]
     rows, columns, logits = rows[order], columns[order], logits[order]
     dx, dy, log_length, cos2, sin2 = answer[1:, rows, columns]
     x = (columns + 0.5 + dx) * STRIDE_CELLS

@@ -20,7 +20,7 @@ from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 Float32Array = npt.NDArray[np.float32]
 
 CELL_PX = 16
-_MOST_CODE = 65535.0
+_MAX_CODE = 65535.0
 LINE_REACH = 2
 """Bins on either side of one that a line through it needs."""
 
@@ -258,20 +258,20 @@ def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
     low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.
     high += 0.25 * (high - low)
-    step = max(high - low, 1e-6) / _MOST_CODE
+    step = max(high - low, 1e-6) / _MAX_CODE
     coded = _median_of_codes((cells - low) / step)
-    if not is_sky or int(coded.max()) < _MOST_CODE:
+    if not is_sky or int(coded.max()) < _MAX_CODE:
         return coded.astype(np.float32) * np.float32(step) + np.float32(low)
     # Of an amplifier's glow they are not. A median is the same on any scale that rises.
     most = math.log1p((float(cells.max()) - low) / step)
-    coded = _median_of_codes(np.log1p((cells - low) / step) * (_MOST_CODE / most))
-    return np.asarray(np.expm1(coded * np.float32(most / _MOST_CODE)) * step + low, np.float32)
+    coded = _median_of_codes(np.log1p((cells - low) / step) * (_MAX_CODE / most))
+    return np.asarray(np.expm1(coded * np.float32(most / _MAX_CODE)) * step + low, np.float32)
 
 
 def _median_of_codes(codes: Float32Array) -> npt.NDArray[np.uint16]:
     import cv2
 
-    whole = np.clip(codes, 0.0, _MOST_CODE).astype(np.uint16)
+    whole = np.clip(codes, 0.0, _MAX_CODE).astype(np.uint16)
     # Mirrored, not repeated: a star in a corner must not count nine times.
     framed = cv2.copyMakeBorder(whole, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
     return np.asarray(cv2.medianBlur(framed, 5)[2:-2, 2:-2])

@@ -21,7 +21,7 @@ CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
 _COLOURS = frozenset("RGBCYMWL")
 _GRID = 8
 """The sky's levels are compared in this many pieces along each side."""
-_MIN_STARS, _MOST_STARS = 15, 200
+_MIN_STARS, _MAX_STARS = 15, 200
 _STAR_SIGMAS = 10.0
 _STAR_FIELD_PX = 1500
 """Cells a side of the middle in which stars are looked for."""
@@ -130,7 +130,7 @@ def _gains_of_stars(
     peaks &= signal > _STAR_SIGMAS
     peaks[:4], peaks[-4:], peaks[:, :4], peaks[:, -4:] = False, False, False, False
     y, x = np.nonzero(peaks)
-    brightest = np.argsort(-signal[y, x], kind="stable")[: 4 * _MOST_STARS]
+    brightest = np.argsort(-signal[y, x], kind="stable")[: 4 * _MAX_STARS]
     shares = []
     for row, column in zip(y[brightest], x[brightest], strict=True):
         around = np.s_[row - 1 : row + 2, column - 1 : column + 2]
@@ -142,7 +142,7 @@ def _gains_of_stars(
         if light.min() <= 0.0 or light.max() > 0.7 * light.sum():
             continue
         shares.append(light / light.sum())
-        if len(shares) >= _MOST_STARS:
+        if len(shares) >= _MAX_STARS:
             break
     if len(shares) < _MIN_STARS:
         return None
@@ -192,11 +192,11 @@ def _spread(grid: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDArra
 Float32Array = npt.NDArray[np.float32]
 IndexArray = npt.NDArray[np.intp]
 
-LEAST_LIT = 0.1
+MIN_LIT = 0.1
 """Of the flat's median: what has less light is not divided by it."""
 HOT_SHARE = 0.5
 """Of a pixel's range: where the dark fills more of it, the pixel is not used."""
-MOST_DEFECTS = 0.01
+MAX_DEFECTS = 0.01
 """Of all pixels: with more of them, none is filled from its neighbours."""
 _HOTTEST = 0.01
 """Of all pixels: how many of the brightest in the dark are looked at."""
@@ -287,7 +287,7 @@ class DarkAndFlat:
         if self._filled is None or self._filled[0] != saturation_adu:
             fullest = self.level_adu + HOT_SHARE * (saturation_adu - self.level_adu)
             wanted = np.union1d(self._unlit, self._hot[self._hot_adu > fullest])
-            if wanted.size > MOST_DEFECTS * self._offset.size:
+            if wanted.size > MAX_DEFECTS * self._offset.size:
                 wanted = wanted[:0]
             self._filled = (saturation_adu, *_neighbours(wanted, self.shape, self._step))
         return self._filled[1:]
@@ -321,13 +321,13 @@ def _gains(
     if flat is None:
         return None, 1.0, nowhere
     light = normalised(flat, has_mosaic=has_mosaic)
-    is_dark = light < LEAST_LIT
+    is_dark = light < MIN_LIT
     if is_dark.any():
         # In a dark corner the gain stays at its most; what is dark among the lit is a defect.
         coded = np.clip(light * 1000.0, 0.0, 65535.0).astype(np.uint16)
         around = cv2.medianBlur(coded, 5)
-        nowhere = np.flatnonzero(is_dark & (around >= 1000.0 * LEAST_LIT))
-    gain = np.reciprocal(np.maximum(light, np.float32(LEAST_LIT)))
+        nowhere = np.flatnonzero(is_dark & (around >= 1000.0 * MIN_LIT))
+    gain = np.reciprocal(np.maximum(light, np.float32(MIN_LIT)))
     if np.all(gain == 1.0):
         return None, 1.0, nowhere
     step = float(gain.max()) / _GAIN_STEPS

@@ -29,7 +29,7 @@ def median_of(values: npt.ArrayLike) -> float:
 
 
 _SMALLEST = 1e-9
-_LEAST_DETERMINED = 1e-3
+_MIN_DETERMINED = 1e-3
 """Of two places' own products: closer ones cannot be told apart."""
 
 
@@ -40,7 +40,7 @@ def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
     """
     own = np.maximum(np.diag(gram), _SMALLEST)
     single = np.maximum(projected, 0.0) ** 2 / own
-    det = np.maximum(own[:, None] * own - gram**2, _LEAST_DETERMINED * own[:, None] * own)
+    det = np.maximum(own[:, None] * own - gram**2, _MIN_DETERMINED * own[:, None] * own)
     first = (own[None] * projected[:, None] - gram * projected) / det
     gained = np.where(
         (first > 0.0) & (first.T > 0.0),
@@ -50,21 +50,21 @@ def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
     return [int(at) for at in np.unravel_index(int(np.argmax(gained)), gained.shape)]
 
 
-FEWEST_POINTS = 5
+MIN_POINTS = 5
 """Of fewer it may be chance."""
-MOST_POINTS = 40
+MAX_POINTS = 40
 """Among more, a streak's pieces are the smaller part."""
 
 
 def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> npt.NDArray[np.bool_]:
     """Which points, (n,) each, lie within ``reach_px`` of the line through two that holds most.
 
-    None of them, where those are fewer than ``FEWEST_POINTS`` or not the larger part, or where
-    there are more than ``MOST_POINTS``.
+    None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where
+    there are more than ``MAX_POINTS``.
     """
     count = x_px.size
     none = np.zeros(count, dtype=bool)
-    if not FEWEST_POINTS <= count <= MOST_POINTS:
+    if not MIN_POINTS <= count <= MAX_POINTS:
         return none
     first, second = np.triu_indices(count, 1)
     dx, dy = x_px[second] - x_px[first], y_px[second] - y_px[first]
@@ -73,4 +73,4 @@ def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> npt.NDAr
     is_on = np.abs(off_x * dy - off_y * dx) < reach_px * length
     on = is_on[:, int(np.argmax(is_on.sum(axis=0)))]
     most = np.count_nonzero(on)
-    return on if most >= FEWEST_POINTS and 2 * most > count else none
+    return on if most >= MIN_POINTS and 2 * most > count else none

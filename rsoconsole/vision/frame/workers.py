@@ -46,14 +46,14 @@ class Workers:
 CALLER_ALONE = Workers()
 
 
-MOST_THREADS = 4
+MAX_THREADS = 4
 """What is left of a frame's work beyond these is too small to divide: a Raspberry Pi has four."""
 CGROUPS = Path("/sys/fs/cgroup")
 
 
 def threads_for(wanted: int) -> int:
     """Threads to use where ``wanted`` are configured; 0: one a core, at most four."""
-    return wanted if wanted > 0 else min(available_cores(), MOST_THREADS)
+    return wanted if wanted > 0 else min(available_cores(), MAX_THREADS)
 
 
 def available_cores(cgroups: Path = CGROUPS, own: Path = Path("/proc/self/cgroup")) -> int:

@@ -19,7 +19,7 @@ _LONG_ROWS = 32
 _STEPS = 24.0
 """Of whole numbers in one sigma: they add up twice as fast."""
 
-_MOST_STEPS = 32767 >> _LONGEST
+_MAX_STEPS = 32767 >> _LONGEST
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def threshold(rows: int) -> float:
 
 
 def seeds_in(cells: Float32Array) -> Iterator[Seed]:
-    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MOST_STEPS, _MOST_STEPS)
+    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MAX_STEPS, _MAX_STEPS)
     whole = steps.astype(np.int16)
     for is_turned in (False, True):
         for is_flipped in (False, True):

@@ -19,29 +19,29 @@ from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
 from rsoconsole.vision.lines._line_seeds import Float32Array, Seed, seeds_in, threshold
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
-LEAST_SNR = 5.0
+MIN_SNR = 5.0
 """Sigma of the cells' own scatter of a whole line that was traced."""
-MOST_LINES = 56
-FINEST_PX, _MOST_CELLS = 4, 300_000
+MAX_LINES = 56
+FINEST_PX, _MAX_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
-_MOST_SEEDS, _MOST_TRACED = 300, 12
+_MAX_SEEDS, _MAX_TRACED = 300, 12
 _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
 """Sigma of a cell: what light of no line counts at most, and what light of a line does."""
 _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
 """So bright, and so little of it along any line: a star, of which nothing counts."""
-_MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
+_MAX_GAP, _MIN_GAP, _DARK = 0.3, 6, 0.15
 """Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
 _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
-_FEWEST_COARSE = 8
+_MIN_COARSE = 8
 _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
 """Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
 _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are looked at to find where it runs."""
 _CHUNKS = 8
-_MOST_PARTS, _LIT_SHARE, _LEAST_LIT = 16, 0.4, 3.0
+_MAX_PARTS, _LIT_SHARE, _MIN_LIT = 16, 0.4, 3.0
 """Parts into which a sum is cut; what the middling ones of them hold at least of it, and sigma of
 the whole, were all like them."""
 _BEYOND = 12.0
@@ -65,7 +65,7 @@ class CellLine:
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
     """Side of a frame's cells: about a star's width, twice that where that would be slow."""
     side = finest_px
-    while height * width > _MOST_CELLS * side**2 and side < CELL_PX:
+    while height * width > _MAX_CELLS * side**2 and side < CELL_PX:
         side *= 2
     return side
 
@@ -87,7 +87,7 @@ def propose_lines(
     found = [(line, side_px) for line in find_lines(cells)]
     # What draws the stars out may draw a streak out as far, to a band.
     coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)
-    if 1 < coarser <= min(cells.shape) // _FEWEST_COARSE:
+    if 1 < coarser <= min(cells.shape) // _MIN_COARSE:
         found += [(line, side_px * coarser) for line in find_lines(_coarse(cells, coarser))]
     return [
         replace(
@@ -202,7 +202,7 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     for _, seed in sorted(lit, key=lambda each: -each[0]):
         # In a field of stars thousands of short sums stand out, and bad columns are long: all that
         # is alike has its share.
-        if traced[seed.alike] == _MOST_TRACED:
+        if traced[seed.alike] == _MAX_TRACED:
             continue
         if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold(seed.rows)):
             continue
@@ -211,9 +211,9 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
         if line is not None:
             _erase(left, line)
             _erase(smooth, line)
-            if line.snr > LEAST_SNR:
+            if line.snr > MIN_SNR:
                 found.append(line)
-        if len(found) == MOST_LINES:
+        if len(found) == MAX_LINES:
             break
     return sorted(found, key=lambda line: -line.snr)
 
@@ -224,18 +224,18 @@ def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, 
     Each with what its middling parts say of the whole.
     """
     rows = seeds[0].rows
-    seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+    seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MAX_SEEDS]
     t = np.linspace(0.0, 1.0, rows)
     ends = np.array([(s.x_a, s.y_a, s.x_b, s.y_b) for s in seeds], dtype=np.float64)
     columns = np.rint(ends[:, :1] + (ends[:, 2:3] - ends[:, :1]) * t).astype(np.intp)
     lines = np.rint(ends[:, 1:2] + (ends[:, 3:] - ends[:, 1:2]) * t).astype(np.intp)
     light = cells[lines.clip(0, cells.shape[0] - 1), columns.clip(0, cells.shape[1] - 1)]
-    parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MOST_PARTS), -1).mean(axis=2)
+    parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MAX_PARTS), -1).mean(axis=2)
     middling = (np.median(parts, axis=1) * math.sqrt(rows)).tolist()
     return [
         (value, seed)
         for value, seed in zip(middling, seeds, strict=True)
-        if value > max(_LIT_SHARE * seed.snr, _LEAST_LIT)
+        if value > max(_LIT_SHARE * seed.snr, _MIN_LIT)
     ]
 
 
@@ -364,8 +364,8 @@ def _stretch(
 
 def _without_gap(profile: Float32Array, start: int, end: int, level: float) -> tuple[int, int]:
     """The stretch, or the brighter of its parts where much between them is dark: two streaks."""
-    most = int(_MOST_GAP * (end - start))
-    if most < _LEAST_GAP:
+    most = int(_MAX_GAP * (end - start))
+    if most < _MIN_GAP:
         return start, end
     # Mean light of every window as long as the longest gap that one streak may have.
     total = np.concatenate([[0.0], np.cumsum(np.clip(profile[start:end], -level, 2.0 * level))])

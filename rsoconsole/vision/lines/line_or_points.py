@@ -1,7 +1,7 @@
 """Whether the light along a short line is one line's or that of a few stars in a row.
 
 Both are put through the stars' own width and fitted to the profile along the line: points, as many
-as it takes up to ``_MOST_POINTS``, each for the price of a star that happens to stand there,
+as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there,
 against a line with two ends, for nothing, whose brightness changes slowly or in one period. Points
 closer than about two widths explain a line as well as a line does: it is ahead by their price then,
 as it is in front of a faint star. Where drift has drawn the stars out, a point is as long as they
@@ -19,9 +19,9 @@ from rsoconsole.vision.frame.median import best_pair, median_of
 from rsoconsole.vision.lines.line_strip import BoolArray, Course, LineProfile, LineStrip, profile_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
-_MOST_PARTS = 48
-_ENOUGH, _LEAST_SEEN = 8, 0.3
-_FEWEST_PARTS = 3
+_MAX_PARTS = 48
+_ENOUGH, _MIN_SEEN = 8, 0.3
+_MIN_PARTS = 3
 _MAD_TO_SIGMA = 1.4826
 _SMALLEST = 1e-9
 
@@ -57,12 +57,12 @@ def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> 
     ``scatter``: noise of a part in units of what its pixels make (``confusion``).
     """
     length = ends[1] - ends[0]
-    count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MOST_PARTS))
+    count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MAX_PARTS))
     found = _parts(profile, ends, count, scatter)
-    if len(found) < _FEWEST_PARTS:
+    if len(found) < _MIN_PARTS:
         # A star hides a part: finer ones tell what is left.
         found = _parts(profile, ends, 2 * count, scatter)
-    if len(found) < _FEWEST_PARTS:
+    if len(found) < _MIN_PARTS:
         return 0.0, 0.0
     place, light, sigmas = (np.array(column) for column in zip(*found, strict=True))
     quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(len(found))
@@ -77,7 +77,7 @@ def _parts(
     for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
         part = profile.between(low, high)
         known = int(np.count_nonzero(part))
-        if known >= max(2.0, _LEAST_SEEN * (high - low)):
+        if known >= max(2.0, _MIN_SEEN * (high - low)):
             noise = math.sqrt(float((profile.error[part] ** 2).sum())) / known
             found.append((0.5 * (low + high), float(profile.light[part].mean()), scatter * noise))
     return found
@@ -119,16 +119,16 @@ def explained_by_a_wave(
     return float(((ss * rc**2 - 2.0 * cs * rc * rs + cc * rs**2) / det).max())
 
 
-MOST_FWHM = 30.0
+MAX_FWHM = 30.0
 """Length in widths of a star up to which a few stars may look like a line."""
-_MOST_POINTS = 4
+_MAX_POINTS = 4
 _PRICE_OF_A_POINT, _PRICE_OF_A_PERIOD = 12.0, 16.0
 """Chi-square: place and light of a star in the field's own density; period, depth and phase of a
 tumbling body."""
 _UNLIKE = 0.12
 """What the profile of a line and of a star differ from ours by, as a share of the mean light."""
 _STEP_SIGMAS, _BEYOND_SIGMAS = 0.4, 4.0
-_LEAST_PERIOD_SIGMAS, _MOST_PERIODS = 10.0, 8.0
+_MIN_PERIOD_SIGMAS, _MAX_PERIODS = 10.0, 8.0
 _FEWEST = 5
 _LIT_SHARE = 0.1
 """Of the highest correlation with a star anywhere: where there is less none is tried."""
@@ -146,7 +146,7 @@ def line_over_points(
     along the line.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
-    if length > MOST_FWHM * FWHM_PER_SIGMA * sigma:
+    if length > MAX_FWHM * FWHM_PER_SIGMA * sigma:
         return 0.0
     beyond = _BEYOND_SIGMAS * sigma
     used = profile.between(ends[0] - beyond, ends[1] + beyond)
@@ -177,7 +177,7 @@ def _left_by_line(
     basis, _ = np.linalg.qr(np.stack([box, box * t], axis=1))
     rest = value - basis @ (basis.T @ value)
     left = float(rest @ rest)
-    most = min(_MOST_PERIODS, length / (_LEAST_PERIOD_SIGMAS * sigma))
+    most = min(_MAX_PERIODS, length / (_MIN_PERIOD_SIGMAS * sigma))
     if most < 1.0:
         return left
     phase = math.pi * t[:, None] * np.linspace(1.0, most, 4 * math.ceil(most))
@@ -217,7 +217,7 @@ def _left_by_points(
     single = np.maximum(projected, 0.0) ** 2 / own
     best = total - float(single.max()) + _PRICE_OF_A_POINT
     chosen = best_pair(gram, projected)
-    for count in range(2, _MOST_POINTS + 1):
+    for count in range(2, _MAX_POINTS + 1):
         if count > 2:
             chosen.append(_one_more(shapes, value, chosen))
         rest = value - shapes[:, chosen] @ _lights(shapes, value, chosen)

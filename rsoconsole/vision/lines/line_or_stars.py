@@ -21,15 +21,15 @@ from rsoconsole.vision.stars.image import StarImage, disc, star_image
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
 
-MOST_FWHM = 20.0
+MAX_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""
 Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int_]
 
-_STEP_SIGMAS, _BEYOND_SIGMAS, _LEAST_STEP_PX, _MOST_STEP_PX = 0.6, 3.0, 0.7, 2.0
-_MOST_PLACES, _MOST_BESIDE, _LEAST_SIDE_PX = 160, 30, 5
-_MOST_STARS, _MOST_THROUGH = 4, 2
+_STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
+_MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
+_MAX_STARS, _MAX_THROUGH = 4, 2
 """Stars in a row that may look like a line, and those that may stand on one."""
 _PRICE_OF_A_STAR, _PRICE_OF_A_PERIOD = 12.0, 16.0
 """Chi-square: place and light of a star in the field's own density; period, depth and phase."""
@@ -40,7 +40,7 @@ _BESIDE_FWHM = 0.8
 """A listed star so far off the line is beside it."""
 _END_STEPS = 2
 """How far an end may be off, in steps."""
-_LEAST_LEFT, _MOST_LEFT = 1.0, 25.0
+_MIN_LEFT, _MAX_LEFT = 1.0, 25.0
 """Chi-square that one pixel leaves: at most, for a hot one is of neither."""
 _SIGMA_PER_MAD = 1.4826
 _SMALLEST = 1e-9
@@ -69,7 +69,7 @@ class ShortLights:
     def held(self, found: Detection) -> LineOrStars | None:
         """One light, places in the camera's pixels; None where that tells nothing."""
         fwhm_px = self._stars.fwhm_at(found.x_px, found.y_px)
-        if found.length_px > MOST_FWHM * fwhm_px or found.length_px < 1.0:
+        if found.length_px > MAX_FWHM * fwhm_px or found.length_px < 1.0:
             return None
         if not self._is_made:
             self._image = star_image(self._pixels, self._sky, self._stars)
@@ -86,10 +86,10 @@ class ShortLights:
 
     def _compared(self, image: StarImage, found: Detection, fwhm_px: float) -> LineOrStars | None:
         sigma, course = fwhm_px / FWHM_PER_SIGMA, _Course.of(found)
-        step = max(min(_STEP_SIGMAS * sigma, _MOST_STEP_PX), _LEAST_STEP_PX)
+        step = max(min(_STEP_SIGMAS * sigma, _MAX_STEP_PX), _MIN_STEP_PX)
         count = int((course.length + 2.0 * _BEYOND_SIGMAS * sigma) / step) + 1
         u = np.asarray((np.arange(count) - 0.5 * (count - 1)) * step, dtype=np.float64)
-        if count > _MOST_PLACES:
+        if count > _MAX_PLACES:
             return None
         box = _box(self._pixels, self._sky, image, course, 0.5 * count * step)
         if box is None:
@@ -107,8 +107,8 @@ class ShortLights:
             narrow = it.line_leaves(np.tensordot(lights, of_line, 1), star_places)
             rest, by_line = min((rest, by_line), narrow, key=lambda each: each[1])
         by_stars = _left_by_stars(it, star_places, of_stars, step)
-        left = float(np.minimum(rest**2, _MOST_LEFT).sum()) / it.freedom
-        over = (by_stars - by_line) / max(left, _LEAST_LEFT)
+        left = float(np.minimum(rest**2, _MAX_LEFT).sum()) / it.freedom
+        over = (by_stars - by_line) / max(left, _MIN_LEFT)
         return LineOrStars(over_stars=over, left=left)
 
 
@@ -200,7 +200,7 @@ def _box(
     room = image.reach
     left, top = max(math.floor(x.min()) - room, 0), max(math.floor(y.min()) - room, 0)
     box = pixels[top : math.ceil(y.max()) + room + 1, left : math.ceil(x.max()) + room + 1]
-    if min(box.shape) < _LEAST_SIDE_PX:
+    if min(box.shape) < _MIN_SIDE_PX:
         return None
     at = round(left + 0.5 * box.shape[1]), round(top + 0.5 * box.shape[0])
     light = box.astype(np.float32) - np.float32(sky.at(sky.level, *at))
@@ -226,7 +226,7 @@ class _Comparison:
     ) -> None:
         away = course.away(stars.x_px, stars.y_px)
         beside = np.flatnonzero((away > _BESIDE_FWHM * fwhm_px) & (away < 2.0 * image.reach))
-        beside = beside[:_MOST_BESIDE]
+        beside = beside[:_MAX_BESIDE]
         images = box.images(image, stars.x_px[beside], stars.y_px[beside])
         free = np.concatenate([box.white[:, None], box.columns(images)], axis=1)
         self._free, _ = np.linalg.qr(free)
@@ -253,7 +253,7 @@ class _Comparison:
         columns = self.columns(np.stack([line, across, across * along]))
         own = np.maximum((places**2).sum(axis=0), _SMALLEST)
         best, least = self.target, math.inf
-        for count in range(_MOST_THROUGH + 1):
+        for count in range(_MAX_THROUGH + 1):
             weights, *_ = np.linalg.lstsq(columns, self.target, rcond=None)
             rest = self.target - columns @ weights
             left = float(rest @ rest) + count * _PRICE_OF_A_STAR
@@ -329,7 +329,7 @@ def _left_by_stars(it: _Comparison, places: FloatArray, images: Float32Array, st
     single = np.maximum(projected, 0.0) ** 2 / own
     chosen = [int(np.argmax(single))]
     left = math.inf
-    for count in range(1, _MOST_STARS + 1):
+    for count in range(1, _MAX_STARS + 1):
         if count == 2:
             chosen = best_pair(gram, projected)
         elif count > 2:

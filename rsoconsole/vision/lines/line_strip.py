@@ -25,9 +25,9 @@ OFF_PX = 9.0
 """How far off its line a proposal may be, px, at its middle and at its ends."""
 INTERPOLATED_VARIANCE = 1.0 / 6.0
 """px^2 that linear interpolation adds across."""
-_BEYOND, _LEAST_BEYOND_PX = 0.35, 40.0
+_BEYOND, _MIN_BEYOND_PX = 0.35, 40.0
 _ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
-LEAST_KNOWN = 0.4
+MIN_KNOWN = 0.4
 """Of a column's weight: of less, what is seen is no measure of the line there."""
 _SKY_PX, _SKY_LIMIT = 41, 3.0
 _SMALLEST = 1e-9
@@ -92,7 +92,7 @@ def strip_about(
         return None
     dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
     height, width = pixels.shape
-    more = max(_BEYOND * length, _LEAST_BEYOND_PX)
+    more = max(_BEYOND * length, _MIN_BEYOND_PX)
     low, high = wanted = -more, length + more
     for start, rate, size in ((x_a, dx, width), (y_a, dy, height)):
         if abs(rate) > 1e-6:
@@ -229,7 +229,7 @@ def profile_of(strip: LineStrip, course: Way, sigma: float) -> LineProfile:
     share = np.einsum("ij,ij->j", known, weight).astype(np.float64)
     nominal = 1.0 / (2.0 * math.sqrt(math.pi) * sigma)
     light = np.einsum("ij,ij->j", known, strip.values).astype(np.float64)
-    is_known = share > LEAST_KNOWN * nominal
+    is_known = share > MIN_KNOWN * nominal
     share = np.maximum(share, _SMALLEST)
     return LineProfile(
         light=np.where(is_known, light / share, 0.0),

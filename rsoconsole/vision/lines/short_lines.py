@@ -14,7 +14,7 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.stars import StarList
 
-MOST_SHORT, _MOST_WHERE_SHARP = 12, 6
+MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """What lies so near to a line that is proposed already is a piece of it."""
@@ -24,7 +24,7 @@ def short_lines(
     stars: StarList, found: Sequence[CellLine], *, is_sharp: bool = False
 ) -> list[CellLine]:
     """The surest lights that are longer than wide, one at most a line ``found`` already; pixels."""
-    most = _MOST_WHERE_SHARP if is_sharp else MOST_SHORT
+    most = _MAX_WHERE_SHARP if is_sharp else MAX_SHORT
     lights = stars.oblong
     if lights is None:
         return []

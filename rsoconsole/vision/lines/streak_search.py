@@ -19,7 +19,7 @@ _OFFSETS_PX = 10.0
 _WINDOW = 5
 _PARTS = 6
 _ISLAND = 14
-_MOST_BINS = 600
+_MAX_BINS = 600
 _FLICKER_SHARE = 0.06
 _CLIP = (-1.5, 4.0)
 """Of the smoothed signal to noise, so that a star in the way counts little."""
@@ -348,7 +348,7 @@ def _profile(
 
 def _typical_level(profile: FloatArray, is_known: BoolArray, noise: float) -> float | None:
     """Mean of the stretch that is least likely to be plain sky; None when none stands out."""
-    group = -(-profile.size // _MOST_BINS)
+    group = -(-profile.size // _MAX_BINS)
     if group > 1:
         size = profile.size // group * group
         count = is_known[:size].reshape(-1, group).sum(axis=1)

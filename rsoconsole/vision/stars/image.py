@@ -18,8 +18,8 @@ from rsoconsole.vision.stars.stars import StarList
 Float32Array = npt.NDArray[np.float32]
 
 _FEWEST, _MOST = 8, 60
-_LEAST_SNR, _ALONE_FWHM, _REACH_FWHM, _LEAST_REACH_PX = 20.0, 3.0, 1.5, 5
-_LEAST_MISFIT, _MOST_MISFIT = 0.02, 0.2
+_MIN_SNR, _ALONE_FWHM, _REACH_FWHM, _MIN_REACH_PX = 20.0, 3.0, 1.5, 5
+_MIN_MISFIT, _MAX_MISFIT = 0.02, 0.2
 _BRIGHT_SHARE = 0.3
 _ROOM_PX = 2
 _SMALLEST = 1e-9
@@ -56,7 +56,7 @@ def disc(fwhm_px: float) -> StarImage:
     """A Gaussian one of this width."""
     import cv2
 
-    reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _LEAST_REACH_PX)
+    reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _MIN_REACH_PX)
     line = cv2.getGaussianKernel(2 * reach + 1, fwhm_px / FWHM_PER_SIGMA)
     return StarImage(pixels=(line @ line.T).astype(np.float32))
 
@@ -65,7 +65,7 @@ def star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImag
     """The frame's own, of pixels (height, width) in ADU; None where too few stars are alone."""
     half_trail = 0.0 if stars.trail is None else 0.5 * stars.trail.length_px
     size_px = stars.median_fwhm_px + half_trail
-    reach = max(math.ceil(_REACH_FWHM * stars.median_fwhm_px + half_trail) + 1, _LEAST_REACH_PX)
+    reach = max(math.ceil(_REACH_FWHM * stars.median_fwhm_px + half_trail) + 1, _MIN_REACH_PX)
     shape = pixels.shape[0], pixels.shape[1]
     images, errors = [], []
     for i in _alone(stars, _ALONE_FWHM * size_px, reach + _ROOM_PX + 1, shape)[:_MOST].tolist():
@@ -102,7 +102,7 @@ def _alone(
 ) -> npt.NDArray[np.intp]:
     """Indices of bright stars without neighbours, the brightest first."""
     x, y = stars.x_px, stars.y_px
-    is_good = (stars.snr > _LEAST_SNR) & ~stars.is_saturated
+    is_good = (stars.snr > _MIN_SNR) & ~stars.is_saturated
     is_good &= (x > rim_px) & (x < shape[1] - 1 - rim_px)
     is_good &= (y > rim_px) & (y < shape[0] - 1 - rim_px)
     away = np.hypot(x[:, None] - x, y[:, None] - y)
@@ -117,4 +117,4 @@ def _misfit(stack: FloatArray, middle: FloatArray, errors: FloatArray) -> float:
     bright = middle > _BRIGHT_SHARE * peak
     scatter = np.sqrt(((stack[:, bright] - middle[bright]) ** 2).mean(axis=1))
     beyond = np.sqrt(np.maximum(scatter**2 - errors**2, 0.0)) / peak
-    return float(np.clip(np.median(beyond), _LEAST_MISFIT, _MOST_MISFIT))
+    return float(np.clip(np.median(beyond), _MIN_MISFIT, _MAX_MISFIT))

@@ -132,11 +132,11 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
     )
 
 
-FEWEST_STARS = 2
+MIN_SHIFT_STARS = 2
 """That agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
 """Stars, catalogue stars: one after the other until one of them is no chance."""
-_MOST_BY_CHANCE = 1e-4 / len(_ASKED)
+_MAX_BY_CHANCE = 1e-4 / len(_ASKED)
 """How often as many agree by chance, in a frame, at most."""
 _TOLERANCE_PX = 2.0
 """Of a star's centre in poor light, of the plate between two fields."""
@@ -165,7 +165,7 @@ def shifted_onto(
     stars = np.asarray(stars_xy_px, float)[:most_stars, :2]
     size_px = (width_px, height_px)
     shown, places_px = _shown(predicted, catalogue_deg, most_catalogued, size_px, reach_px)
-    if min(len(stars), len(shown)) < FEWEST_STARS:
+    if min(len(stars), len(shown)) < MIN_SHIFT_STARS:
         return None
     off_px = stars[:, None, :] - places_px[None]
     share = math.pi * reach_px**2 / (width_px * height_px)
@@ -198,7 +198,7 @@ def _shift(off_px: FloatArray, reach_px: float, share: float) -> FloatArray | No
     """
     rows, columns = np.nonzero(np.hypot(off_px[..., 0], off_px[..., 1]) <= reach_px)
     best: FloatArray | None = None
-    most = FEWEST_STARS - 1
+    most = MIN_SHIFT_STARS - 1
     for shift in off_px[rows, columns]:
         for _ in range(2):  # the first pair is no better centred than the others
             of_stars, of_catalogue = _agreeing(off_px, shift)
@@ -209,7 +209,7 @@ def _shift(off_px: FloatArray, reach_px: float, share: float) -> FloatArray | No
         if agreeing > most:
             best, most = shift, agreeing
     pairs = off_px.shape[0] * off_px.shape[1] * share
-    if best is None or _by_chance(pairs, most, reach_px) > _MOST_BY_CHANCE:
+    if best is None or _by_chance(pairs, most, reach_px) > _MAX_BY_CHANCE:
         return None
     return best
 
@@ -231,10 +231,9 @@ def _by_chance(pairs: float, agreeing: int, reach_px: float) -> float:
 
 IntArray = npt.NDArray[np.intp]
 
-FEWEST_MATCHED = 6
-_MOST_OFF = 0.5
+_MAX_OFF = 0.5
 """Widths of a star by which all stars may be off in common."""
-_MOST_SCATTER = 0.5
+_MAX_SCATTER = 0.5
 """Distance of the quartiles of the ratios of light over their median: more is cloud in parts."""
 
 
@@ -271,10 +270,10 @@ def agreement(
 ) -> StarAgreement | None:
     """Of places (n, 2) in pixels of one frame and light (n,); None where too few are the same."""
     i, j = matched(one_px, other_px, max(1.5 * fwhm, 2.0))
-    if len(i) < FEWEST_MATCHED:
+    if len(i) < MIN_MATCHED:
         return None
     ratio = other_adu[j] / one_adu[i]
     low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
     off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
-    is_good = middle > 0.0 and off_px < _MOST_OFF * fwhm and high - low < _MOST_SCATTER * middle
+    is_good = middle > 0.0 and off_px < _MAX_OFF * fwhm and high - low < _MAX_SCATTER * middle
     return StarAgreement(flux_ratio=middle, is_good=is_good)

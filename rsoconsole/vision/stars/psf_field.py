@@ -18,13 +18,13 @@ from rsoconsole.records import FloatArray
 WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
 """Where the width of a frame's stars is from: its own stars, earlier frames', or nowhere."""
 
-FEWEST_STARS = 40
+MIN_STARS = 40
 """Of fewer, scatter makes a change as large as one that counts."""
-_LEAST_CHANGE = 0.08
+_MIN_CHANGE = 0.08
 """Largest over smallest width among the stars' places, less 1, from which on it counts."""
-_LEAST_F = 12.0
+_MIN_F = 12.0
 """Of the change over its error, squared, a term: 1e-7 by chance; blends are more than chance."""
-_MOST_SCATTER = 0.2
+_MAX_SCATTER = 0.2
 """Of single stars about the surface, relative: beyond it they are no discs of one telescope, but
 lights near the horizon or the brightest of many video frames, and no star's width follows."""
 _BISQUARE = 4.685
@@ -113,10 +113,10 @@ def fit_psf_field(
 ) -> PsfField | None:
     """How unsaturated stars' widths, (n,) each, change over a frame of ``shape`` (height, width).
 
-    None where there are fewer than ``FEWEST_STARS``, where their widths follow no surface, and
+    None where there are fewer than ``MIN_STARS``, where their widths follow no surface, and
     where the change is no more than their scatter explains or too small to matter.
     """
-    if x_px.size < FEWEST_STARS:
+    if x_px.size < MIN_STARS:
         return None
     height, width = shape
     middle_px = 0.5 * (width - 1), 0.5 * (height - 1)
@@ -125,11 +125,11 @@ def fit_psf_field(
     log_fwhm = np.log(np.maximum(fwhm_px, _SMALLEST))
     bowl = design[:, :_SLOPE_AND_BOWL]
     found = _robust(bowl, log_fwhm)
-    is_wild = _scatter(log_fwhm - bowl @ found) > _MOST_SCATTER
-    if is_wild or _f_value(bowl, log_fwhm, found, 1) < _LEAST_F:
+    is_wild = _scatter(log_fwhm - bowl @ found) > _MAX_SCATTER
+    if is_wild or _f_value(bowl, log_fwhm, found, 1) < _MIN_F:
         return None
     steeper = _robust(design, log_fwhm, np.append(found, 0.0))
-    if _f_value(design, log_fwhm, steeper, _SLOPE_AND_BOWL) > _LEAST_F:
+    if _f_value(design, log_fwhm, steeper, _SLOPE_AND_BOWL) > _MIN_F:
         found = steeper
     at_stars = design[:, : found.size] @ found
     low, high = float(at_stars.min()), float(at_stars.max())
@@ -140,7 +140,7 @@ def fit_psf_field(
         log_fwhm=tuple(found.tolist()),
         log_range=(low - more, high + more),
     )
-    return field if high - low > math.log1p(_LEAST_CHANGE) else None
+    return field if high - low > math.log1p(_MIN_CHANGE) else None
 
 
 def _design(

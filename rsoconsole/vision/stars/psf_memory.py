@@ -14,7 +14,7 @@ from rsoconsole.vision.stars.stars import StarList
 
 HOLDS_NS = 30 * 60 * 10**9
 """Of the frames' own time, from one exposure's middle to the other's."""
-FEWEST_STARS_KEPT = 12
+MIN_STARS_KEPT = 12
 """Of fewer the width is measured, but may be that of something else."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
@@ -54,11 +54,11 @@ class PsfMemory:
     def remember(self, frame: Frame, stars: StarList) -> None:
         """Keep the width of a frame's stars, in its pixels.
 
-        Nothing is kept of a frame without a time, of one with fewer than ``FEWEST_STARS``, and of
+        Nothing is kept of a frame without a time, of one with fewer than ``MIN_STARS``, and of
         one whose stars are trails: drift and wind pass with it.
         """
         is_good = stars.width_source == "measured" and stars.trail is None
-        if not is_good or len(stars) < FEWEST_STARS_KEPT or frame.t_mid_utc_ns is None:
+        if not is_good or len(stars) < MIN_STARS_KEPT or frame.t_mid_utc_ns is None:
             return
         self._last = _Known(
             psf=Psf(fwhm_px=stars.median_fwhm_px, field=stars.psf_field),

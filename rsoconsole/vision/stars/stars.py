@@ -15,16 +15,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
 from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
-from rsoconsole.vision.frame.median import MOST_POINTS, on_one_line
+from rsoconsole.vision.frame.median import MAX_POINTS, on_one_line
 from rsoconsole.vision.stars.psf_field import (
-    FEWEST_STARS,
+    MIN_STARS,
     Psf,
     PsfField,
     WidthSource,
     fit_psf_field,
 )
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
-from rsoconsole.vision.stars.trailed_stars import MOST_OBLONG, Oblong, Trail, Trailed, trailed_stars
+from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, Oblong, Trail, Trailed, trailed_stars
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -36,7 +36,7 @@ STAR_BLOCK_PX = 8
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
-_MOST_ASKED = 16_000
+_MAX_ASKED = 16_000
 """Places looked at for candidates: a warm sensor's hot pixels are many more than its stars."""
 _LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
 """The three brightest beside a lone pixel are noise: 1.6 sigma of 24. Beside a fainter one than the
@@ -57,9 +57,9 @@ _SHARPEST, _WIDEST = 0.62, 2.5
 _OBLONG, _ROUND, _OBLONG_SNR, _HALF_FWHM = 1.25, 1.08, 10.0, 2.0
 """Axis ratio and signal to noise of what may be too long for a star, and the ratio that noise makes
 of round ones; half its length, roughly."""
-_SHAPE_SEEN_SNR, _MOST_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
+_SHAPE_SEEN_SNR, _MAX_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
-_FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
+_MIN_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
 """Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
 
 
@@ -197,7 +197,7 @@ def _candidates(
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * block_px, row * block_px, sky, _MOST_ASKED)
+    chosen = _spread(column * block_px, row * block_px, sky, _MAX_ASKED)
     x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
     is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
     x_px, y_px = x_px[is_light], y_px[is_light]
@@ -277,7 +277,7 @@ def _psf_fwhm(
     is_light = ~is_saturated & (probe.snr > 2 * MIN_SNR) & (probe.peak_share < _MAX_PEAK_SHARE)
     lit, good = np.count_nonzero(is_light), np.count_nonzero(is_good)
     is_drawn_out = bool(
-        lit >= _FEWEST_TRAILS
+        lit >= _MIN_TRAILS
         and good < _MAX_POINTS * lit
         and np.median(probe.axis_ratio[is_light]) > _DRAWN_OUT
     )
@@ -308,7 +308,7 @@ def _psf_field(
     ``is_level_known``: whether the frame's width is the expected one's too.
     """
     is_fit = is_good & (found.snr > 2 * MIN_SNR)
-    if np.count_nonzero(is_fit) >= FEWEST_STARS:
+    if np.count_nonzero(is_fit) >= MIN_STARS:
         stars = found.x_px[is_fit], found.y_px[is_fit], found.fwhm_px[is_fit]
         return fit_psf_field(*stars, (shape[0], shape[1]))
     if expected is None or expected.field is None:
@@ -321,7 +321,7 @@ def _psf_field(
 
 def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
     """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
-    if not _FEWEST <= np.count_nonzero(is_good) <= MOST_POINTS:
+    if not _FEWEST <= np.count_nonzero(is_good) <= MAX_POINTS:
         return is_good
     good = np.flatnonzero(is_good)
     reach_px = 0.5 * float(np.median(found.fwhm_px[good]))
@@ -352,10 +352,10 @@ def _oblong(
     kept = np.flatnonzero(is_long)
     # What is bright enough for its shape to be seen is no surer for being brighter.
     seen = np.minimum(found.snr[kept], _SHAPE_SEEN_SNR)
-    longer = np.minimum(ratio[kept], _MOST_RATIO) - 1.0
+    longer = np.minimum(ratio[kept], _MAX_RATIO) - 1.0
     kept = kept[np.argsort(-longer * seen, kind="stable")]
     apart_px = float(np.median(width_px)) if width_px.size else 0.0
-    kept = _apart(found, kept, apart_px)[:MOST_OBLONG]
+    kept = _apart(found, kept, apart_px)[:MAX_OBLONG]
     return Oblong(
         x_px=found.x_px[kept],
         y_px=found.y_px[kept],

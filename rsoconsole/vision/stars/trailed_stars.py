@@ -16,7 +16,7 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored
 
-MOST_OBLONG = 60
+MAX_OBLONG = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,12 +40,12 @@ _LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
 """Light counts above so much of the brightest (smoothed) pixel, and above the noise."""
 _BRIGHTEST = 80
 _FEWEST = 8
-_LEAST_RATIO = 1.4
+_MIN_RATIO = 1.4
 _SAME_ANGLE_DEG, _SAME_LENGTH = 8.0, 0.25
 _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
 _RIM_PX = 2
-_LONG, _LONG_SNR, _MOST_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
+_LONG, _LONG_SNR, _MAX_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
 """Length in widths of a star, signal to noise, and axis ratio and signal to noise beyond which more
 says no more."""
 
@@ -128,20 +128,20 @@ def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
     """Those that are longer than a few widths, the surest first."""
     long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
     long.sort(key=_sureness, reverse=True)
-    columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MOST_OBLONG]]
+    columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MAX_OBLONG]]
     x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
     return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
 
 
 def _sureness(piece: _Piece) -> float:
     """That it is one narrow light: a blend of stars is bright and wide."""
-    ratio = min(piece.along / piece.across, _MOST_RATIO)
+    ratio = min(piece.along / piece.across, _MAX_RATIO)
     return ratio * min(piece.snr, _SHAPE_SEEN_SNR)
 
 
 def _agreed(pieces: list[_Piece]) -> Trail | None:
     """The length and direction of most of them."""
-    long = [each for each in pieces if each.along > _LEAST_RATIO * each.across]
+    long = [each for each in pieces if each.along > _MIN_RATIO * each.across]
     if len(long) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
         return None
     # Direction as a vector of twice the angle: 179 and 1 degree are neighbours.

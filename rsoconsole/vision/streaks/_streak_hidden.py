@@ -27,7 +27,7 @@ _SURE = 2.0
 """Sigmas of the mean light that tell lit from dark."""
 _KNOWN_PX = 0.7
 """One sigma of an end read off the light alone."""
-_LEAST_LEVEL, _SURE_LEVEL = 3.0, 6.0
+_MIN_LEVEL, _SURE_LEVEL = 3.0, 6.0
 """Of the streak over the noise of a bin: below, bins tell nothing; above, one is enough."""
 
 
@@ -68,7 +68,7 @@ def with_hidden_ends(
         level = line.amplitudes[0 if side == 0 else -1]
         outward = _outward(stretch, sense, profile.light.size)
         hidden, bin_of_end = stretch[1] - stretch[0], end - profile.first
-        if level < _LEAST_LEVEL * profile.noise:
+        if level < _MIN_LEVEL * profile.noise:
             if _lies_open(profile, stretch, sense, bin_of_end, level):
                 continue
             # Too faint to be read off: anywhere in what is hidden.

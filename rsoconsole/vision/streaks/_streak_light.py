@@ -16,14 +16,14 @@ from rsoconsole.vision.lines.line_columns import length_of
 from rsoconsole.vision.lines.streak_search import Box
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
-FEWEST_COLUMNS = 16
-FEWEST_PERIODS = 4.0
+MIN_COLUMNS = 16
+MIN_PERIODS = 4.0
 _SHORTEST_PERIOD = 1.4
 """In widths of the stars: what comes again faster is blurred to evenness."""
 _FALSE_ALARM = 1e-4
 _ALONE_FWHM = 0.9
 """Widths along a streak that a periodogram's sample is worth."""
-_LEAST_DEPTH = 0.08
+_MIN_DEPTH = 0.08
 _OVERSAMPLED = 4
 _ABOVE_OTHERS = 6.0
 """Times the median power of the frequencies about it that a regular pulse must have."""
@@ -98,7 +98,7 @@ def light_along(
 
     length, fwhm = length_of(ends), max(width_px, 1.5)
     count = int(length) + 1
-    if count < FEWEST_COLUMNS:
+    if count < MIN_COLUMNS:
         return None
     dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
     core_px = max(math.ceil(_CORE * fwhm), 2)
@@ -119,7 +119,7 @@ def light_along(
     beside = strip[np.abs(v[:, 0]) >= near_px]
     level = _smoothed(np.median(beside, axis=0), 2 * math.ceil(2.0 * fwhm) + 1)
     light = (strip[is_core] - level).sum(axis=0)[is_inside].astype(np.float64)
-    if light.size < FEWEST_COLUMNS:
+    if light.size < MIN_COLUMNS:
         return None
     noise = max(sky.at(sky.noise, 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])), 1e-6)
     sigma = noise * math.sqrt(float(is_core.sum()) * _LEFT)
@@ -141,7 +141,7 @@ def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -
     count, length = light.size, length_of(ends)
     begins_at = round(_BEYOND * length - along.first_px)
     inner = slice(max(begins_at, 0), max(begins_at + round(length), 0))
-    if light[inner].size < FEWEST_COLUMNS or not light[inner].mean() > 0.0:
+    if light[inner].size < MIN_COLUMNS or not light[inner].mean() > 0.0:
         return None
     noise = (along.sigma_adu / (_CALM * float(light[inner].mean()))) ** 2
     window = 2 * int(0.5 * max(noise, along.fwhm_px)) + 1
@@ -195,7 +195,7 @@ def modulation_of(along: StreakLight) -> Modulation | None:
     wave = np.fft.rfft(rest, size)
     power = np.abs(wave) ** 2 * 2.0 / (count * total)
     frequency = np.arange(power.size) / size
-    is_asked = (frequency >= FEWEST_PERIODS / count) & (
+    is_asked = (frequency >= MIN_PERIODS / count) & (
         frequency <= 1.0 / (_SHORTEST_PERIOD * along.fwhm_px)
     )
     if not is_asked.any():
@@ -219,7 +219,7 @@ def modulation_of(along: StreakLight) -> Modulation | None:
     kept = math.exp(-2.0 * (math.pi * sigma / period_px) ** 2)
     first = 2.0 * float(np.abs(wave[at])) / count / mean
     depth = _depth(light, period_px)
-    if min(depth, first) < _LEAST_DEPTH:
+    if min(depth, first) < _MIN_DEPTH:
         return None
     return Modulation(
         periods=count / period_px,

@@ -315,7 +315,7 @@ _SMOOTHED_PX, _INTERPOLATED_PX = 0.6, 0.5
 """Sigma of the smoothing, and what linear interpolation adds to it in quadrature."""
 _REACH_PX, _END_PX = 6, 3
 """How far across is looked, and how much of either end is left out."""
-_FEWEST, _LEAST_SEEN = 9, 0.4
+_FEWEST, _MIN_SEEN = 9, 0.4
 """Columns that tell enough, and their share of a line."""
 _BRIGHTNESS_BY_NOISE, _PLACE_BY_NOISE = 0.66, 0.95
 """What noise makes of an even line's brightness, as a share, and of its place, in sigmas of a star;
@@ -395,7 +395,7 @@ def _light_and_place(
     is_inner = is_there[in_core].all(axis=0)
     is_inner[:_END_PX] = is_inner[-_END_PX:] = False
     is_seen = is_inner & is_good[in_core].all(axis=0)
-    if is_seen.sum() < max(_FEWEST, _LEAST_SEEN * is_inner.sum()):
+    if is_seen.sum() < max(_FEWEST, _MIN_SEEN * is_inner.sum()):
         is_seen = is_inner
     light = (profile * strip).sum(axis=0)[is_seen]
     if light.size < _FEWEST or not light.mean() > 0.0:

@@ -51,7 +51,7 @@ _UNSURE_PX = 0.5
 """Sigma along from which on a second fit from the first one's ends is worth its time."""
 AS_CHAINS_FWHM = 25.0
 """Length in widths of a star up to which cosmic rays and chains of stars are as long."""
-MOST_UNEVEN = 1.5
+MAX_UNEVEN = 1.5
 """What is less uneven is believed less."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
@@ -152,7 +152,7 @@ def _seen_again(
         cutout = cut_out(pixels, sky, _box_of(ends, ends), MARGIN_PX, stars)
         lumpiness, bend = unevenness(cutout, ends, psf_sigma, fit.snr)
         fit = replace(fit, bend=bend, lumpiness=lumpiness)
-    if fit.unevenness > MOST_UNEVEN:
+    if fit.unevenness > MAX_UNEVEN:
         reason = NotAStreak(kind="patchy")
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
         reason = NotAStreak(kind="dark in between")

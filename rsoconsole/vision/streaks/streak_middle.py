@@ -44,18 +44,18 @@ _UNSTEADY = 0.03
 """One sigma of how much brighter a steady light becomes from middle to end; likewise bulges."""
 _BEYOND = 4.0
 """Sigmas of the disc beyond the ends where light still is."""
-_FINEST, _MOST_COSINES, _MOST_SOURCES = 1.5, 32, 400
-_LEAST_SOURCES, _FEWEST_COLUMNS = 6, 8
-_LOOKS, _MOST_MOVED, _CLOSE = 2, 2.0, 0.05
+_FINEST, _MAX_COSINES, _MAX_SOURCES = 1.5, 32, 400
+_MIN_SOURCES, _MIN_COLUMNS = 6, 8
+_LOOKS, _MAX_MOVED, _CLOSE = 2, 2.0, 0.05
 """Sigmas of the disc by which ends may move a look, and the middle at most; below which they
 stay."""
-_MOST_MISFIT = 2.5
+_MAX_MISFIT = 2.5
 """Of more, a star lies on it that is on no list."""
 _JITTER, _SMALLEST = 1e-6, 1e-9
 _ACROSS, _ALONG = 1.25, 0.85
 """Sigmas, of the stars' disc, of the Gaussian across in which light is summed, and of the disc of
 an instant: wind widens the stars', and sways the streak."""
-_MOST_ASIDE, _MOST_STEPS = 3.0, 120
+_MAX_ASIDE, _MAX_STEPS = 3.0, 120
 """Sigmas of the disc that the way may leave the line; and how often it is looked at."""
 _STRAIGHT, _SMOOTH = 0.01, 0.2
 """Of the typical light: what a sigma off the line costs, and a turn of one to the next column."""
@@ -131,7 +131,7 @@ def _in_strip(
     way = _way(strip, first, last, sigma)
     profile = profile_of(strip, way, _ACROSS * sigma)
     used = profile.between(first - room, last + room)
-    if np.count_nonzero(profile.between(first, last)) < _FEWEST_COLUMNS:
+    if np.count_nonzero(profile.between(first, last)) < _MIN_COLUMNS:
         return None
     error = confusion(strip, used, course, sigma) * profile.error[used]
     u = profile.columns[used].astype(np.float64)
@@ -140,7 +140,7 @@ def _in_strip(
         return None
     a, b, found = settled
     offset = 0.5 * (a + b - first - last)
-    if not (found.misfit <= _MOST_MISFIT and abs(offset) <= _MOST_MOVED * sigma):
+    if not (found.misfit <= _MAX_MISFIT and abs(offset) <= _MAX_MOVED * sigma):
         return None
     # Faint stars count by where they are: one near an end pulls more than many in the middle.
     beside = np.array([found.weights @ each for each in _beside(strip, used, way, sigma)])
@@ -165,7 +165,7 @@ def _settled(
         found = _look(u, light, error, (a, b), _ALONG * sigma)
         if found is None:
             return None
-        shift, stretch = np.clip(found.value, -_MOST_MOVED * sigma, _MOST_MOVED * sigma).tolist()
+        shift, stretch = np.clip(found.value, -_MAX_MOVED * sigma, _MAX_MOVED * sigma).tolist()
         a, b = a + shift - stretch, b + shift + stretch
         if b - a < sigma:
             return None
@@ -191,10 +191,10 @@ def _way(strip: LineStrip, first: float, last: float, sigma: float) -> _Wanderin
     """The way from end to end that is brightest, as far as it bends little (Viterbi 1967)."""
     import cv2
 
-    rim = math.ceil(_MOST_ASIDE * sigma)
+    rim = math.ceil(_MAX_ASIDE * sigma)
     kernel = cv2.getGaussianKernel(2 * math.ceil(1.5 * sigma) + 1, 0.5 * sigma)
     calm = cv2.sepFilter2D(np.where(strip.is_good, strip.values, 0.0), cv2.CV_64F, kernel, kernel)
-    stride = max(1, math.ceil((last - first) / _MOST_STEPS))
+    stride = max(1, math.ceil((last - first) / _MAX_STEPS))
     columns = np.arange(round(first), round(last) + 1, stride)
     light = calm[strip.reach - rim : strip.reach + rim + 1, columns]
     typical = max(median_of(light.max(axis=0)), _SMALLEST)
@@ -243,7 +243,7 @@ def _look(
 ) -> _Look | None:
     """How the profile lies to even motion between these ends."""
     a, b = ends
-    sources = int(np.clip(round(b - a), _LEAST_SOURCES, _MOST_SOURCES))
+    sources = int(np.clip(round(b - a), _MIN_SOURCES, _MAX_SOURCES))
     share = (np.arange(sources) + 0.5) / sources
     step, along = (b - a) / sources, 2.0 * share - 1.0
     away = u[:, None] - (a + share * (b - a))
@@ -253,7 +253,7 @@ def _look(
     flux = float((weight * light) @ shape) / float((weight * shape) @ shape)
     if not flux > 0.0:
         return None
-    cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MOST_COSINES))
+    cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MAX_COSINES))
     wander = np.cos(np.pi * share[:, None] * np.arange(1, cosines + 1))
     terms = np.concatenate(
         [

@@ -20,7 +20,7 @@ from rsoconsole.vision.streaks._streak_light import (
 )
 from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
 
-LEAST_CUT, LEAST_WHOLE = 2, 3
+MIN_CUT, MIN_WHOLE = 2, 3
 """Lines that make a train: where the frame cuts two of them, and where it does not."""
 SLOWEST_DEG_S = 0.05
 """Whole ones slower than this are neighbours in a slot, which run alike for ever."""
@@ -72,8 +72,8 @@ def _train(one: Detection, streaks: Sequence[Detection]) -> int:
         for each in streaks
         if each is one or (_is_parallel(one, each) and _is_as_long(one, each))
     ]
-    is_cut = sum(each.kind != "streak" for each in alike) >= LEAST_CUT
-    return len(alike) if len(alike) >= (LEAST_CUT if is_cut else LEAST_WHOLE) else 0
+    is_cut = sum(each.kind != "streak" for each in alike) >= MIN_CUT
+    return len(alike) if len(alike) >= (MIN_CUT if is_cut else MIN_WHOLE) else 0
 
 
 def _is_parallel(one: Detection, other: Detection) -> bool:
@@ -102,7 +102,7 @@ _PULSE_SNR = 25.0
 """Signal to noise of the summed light from which half a pulse of it would show."""
 _PER_QUARTILES = 0.7413
 """Sigma of a normal law over the distance of its quartiles."""
-_LEAST_STARS = 8
+_MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
 SHINES_ON = ("satellite", "aircraft", "undetermined")
 """What may shine all through an exposure, so that places along it are times."""
@@ -213,7 +213,7 @@ def _scatter(stars: StarList) -> float:
     if stars.psf_field is not None:
         widths = widths / stars.expected_fwhm_px()
     widths = widths[~stars.is_saturated]
-    if widths.size < _LEAST_STARS:
+    if widths.size < _MIN_STARS:
         return _UNKNOWN_SCATTER
     low, high = np.percentile(np.log(np.maximum(widths, 0.1)), (25.0, 75.0))
     return float(_PER_QUARTILES * (high - low))

@@ -19,7 +19,7 @@ from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import confusion, drawn_along, line_over_points, texture
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
-    LEAST_KNOWN,
+    MIN_KNOWN,
     OFF_PX,
     BoolArray,
     Course,
@@ -40,11 +40,11 @@ _PARTS = 16
 _LIT = 0.4
 _CLIP = 5.0
 """Sigma of a part that counts at most when the line is looked for: a star is no line."""
-_TIMES_TYPICAL, _MOST_SLOPE = 1.5, 0.45
+_TIMES_TYPICAL, _MAX_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
-_TIMES_LEVEL, _OUT_SIGMA, _MOST_OUT = 3.0, 5.0, 0.4
+_TIMES_LEVEL, _OUT_SIGMA, _MAX_OUT = 3.0, 5.0, 0.4
 _EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
-_BRIGHT_SIGMA, _NEARER, _MOST_LOOKS = 6.0, 1e-3, 3
+_BRIGHT_SIGMA, _NEARER, _MAX_LOOKS = 6.0, 1e-3, 3
 _NOT_NOISE = 2.5
 _SMALLEST = 1e-9
 
@@ -96,7 +96,7 @@ def trace_line(
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
     strip = strip_about(pixels, sky, ends, stars, sigma)
     found, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
-    for _ in range(_MOST_LOOKS):
+    for _ in range(_MAX_LOOKS):
         if found is None or not goes_on:
             break
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
@@ -161,7 +161,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
     side = 2 * round(FWHM_PER_SIGMA * sigma) + 1
     about = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     is_bright = cv2.dilate(is_bright.astype(np.uint8), about) > 0
-    if np.count_nonzero(is_bright[near].any(axis=0) & inside) < _MOST_OUT * inside.sum():
+    if np.count_nonzero(is_bright[near].any(axis=0) & inside) < _MAX_OUT * inside.sum():
         strip.is_good[is_bright] = False
 
 
@@ -177,7 +177,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
     noise = median_of(profile.error[inside]) / math.sqrt(window)
     bright = calm > max(_TIMES_LEVEL * typical, typical + _OUT_SIGMA * noise)
     bright = np.convolve(bright, np.ones(2 * window + 1), mode="same") > 0.5
-    if np.count_nonzero(bright & inside) < _MOST_OUT * np.count_nonzero(inside):
+    if np.count_nonzero(bright & inside) < _MAX_OUT * np.count_nonzero(inside):
         strip.is_good[:, bright] = False
 
 
@@ -206,7 +206,7 @@ def _course(
     light = np.clip(light, -2.0, max(_CLIP, _TIMES_TYPICAL * typical))
     half = max(0.5 * float(inside.sum()), 1.0)
     offsets = np.arange(-off_px, off_px + 0.25, 0.5)
-    slopes = np.arange(-off_px, off_px + 0.25, 0.5) / max(half, off_px / _MOST_SLOPE)
+    slopes = np.arange(-off_px, off_px + 0.25, 0.5) / max(half, off_px / _MAX_SLOPE)
     rows = offsets[:, None, None] + slopes[:, None] * (place - middle) + strip.reach
     rows = np.clip(np.rint(rows), 0, light.shape[1] - 1).astype(np.intp)
     total = light[np.arange(place.size), rows].sum(axis=-1)
@@ -259,7 +259,7 @@ def _better(
         nominal = np.einsum("ij,ij->j", weight, weight)
         weight *= strip.is_good[:, chosen]
         # What a mask leaves of a column is a star's wing, not the line.
-        weight *= np.einsum("ij,ij->j", weight, weight) > LEAST_KNOWN * nominal
+        weight *= np.einsum("ij,ij->j", weight, weight) > MIN_KNOWN * nominal
         values = strip.values[:, chosen]
         off = (v - start.at(chosen)).astype(np.float32)
         moment = np.einsum("ij,ij,ij->j", weight, off, values).astype(np.float64)

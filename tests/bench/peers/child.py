@@ -2,7 +2,7 @@
 
 ``python -m tests.bench.peers.child NAME SETTINGS_JSON``: paths of pickled frames come in, one a
 line; for each a JSON object goes out. Memory is the highest resident size of this process; one that
-asks for more than ``MOST_MEMORY_GIB`` gets an error instead, not the machine.
+asks for more than ``MAX_MEMORY_GIB`` gets an error instead, not the machine.
 """
 
 import contextlib
@@ -24,14 +24,14 @@ from typing import Any
 from tests.bench.peers.roster import PEERS
 
 CORES = "2"
-MOST_MEMORY_GIB = 10
+MAX_MEMORY_GIB = 10
 
 
 def main() -> None:
     """Serve until the input ends."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_GIB << 30, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_GIB << 30, resource.RLIM_INFINITY))
     find = PEERS[sys.argv[1]].open(json.loads(sys.argv[2]))
     for row in sys.stdin:
         frame = pickle.loads(Path(row.strip()).read_bytes())

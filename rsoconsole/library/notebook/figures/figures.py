@@ -27,7 +27,7 @@ from rsoconsole.session import SessionReader, clock_notes
 
 FigureFormat = Literal["png", "svg", "pdf"]
 WIDTH_IN = 6.6
-MOST_NOTES = 3
+MAX_NOTES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +98,7 @@ def write_figures(
             drawing.draw(figure, night)
             if notes:
                 # Times on both sides of such an instant do not go together.
-                words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MOST_NOTES])
+                words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MAX_NOTES])
                 figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
             path = out / f"{number}_{drawing.name}.{file_format}"
             with said_as(SessionError, f"{path} cannot be written: "):

@@ -18,9 +18,9 @@ from rsoconsole.session import SessionReader
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import clock
 
-MOST_PICTURES = 40
+MAX_PICTURES = 40
 """Evenly chosen; those of missed frames come on top."""
-MOST_BYTES = 5_000_000
+MAX_BYTES = 5_000_000
 """Of all pictures together, as the page carries them."""
 WIDE_PX = 300
 QUALITY = 72
@@ -48,9 +48,9 @@ class ShownFrame:
 
 
 def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
-    """At most ``MOST_PICTURES`` spread evenly, first and last among them, and all the missed."""
+    """At most ``MAX_PICTURES`` spread evenly, first and last among them, and all the missed."""
     count = len(frames)
-    most = min(count, MOST_PICTURES)
+    most = min(count, MAX_PICTURES)
     even = {frames[round(k * (count - 1) / max(most - 1, 1))] for k in range(most)}
     return sorted(even | (set(missed) & set(frames)))
 
@@ -66,7 +66,7 @@ def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
         if picture is None:
             continue
         spent_bytes += len(picture.data_uri)
-        if spent_bytes > MOST_BYTES:
+        if spent_bytes > MAX_BYTES:
             break
         found.append(picture)
     return tuple(found)

@@ -48,7 +48,7 @@ from rsoconsole.words import (
     when,
 )
 
-MOST_PAIRS = 40
+MAX_PAIRS = 40
 """In the page's table, those that came nearest first; the rest stand in the session."""
 
 
@@ -185,9 +185,9 @@ def _median(values: Sequence[float]) -> float | None:
 
 
 TEMPLATE = "report.html.j2"
-MOST_ROWS = 2000
+MAX_ROWS = 2000
 """Measurements in the page's table; the rest stand in the CSV."""
-MOST_ENTRIES = 1000
+MAX_ENTRIES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,22 +221,22 @@ def render_report(session: Path) -> Report:
             changes=settings_words(changes) if isinstance(changes, Mapping) else "",
             exported=exported,
             course=course,
-            entries=course.entries[:MOST_ENTRIES],
-            entries_left_out=max(len(course.entries) - MOST_ENTRIES, 0),
+            entries=course.entries[:MAX_ENTRIES],
+            entries_left_out=max(len(course.entries) - MAX_ENTRIES, 0),
             figures=figures,
             verdict=_conclusion(night, figures, tracks, said),
             key_figures=_key_figures(figures, course),
             tracks=tracks,
-            pairs=field.pairs[:MOST_PAIRS],
-            pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
+            pairs=field.pairs[:MAX_PAIRS],
+            pairs_left_out=max(len(field.pairs) - MAX_PAIRS, 0),
             unseen=field.unseen,
             passes=pass_facts(record for _, _, record in SessionReader(session).records()),
             drawings=inline_figures(night, _with_firsts(night, rows)),
             alts=_alts(night, figures),
             pictures=shown,
             pictures_left_out=len(night.frames) - len(shown),
-            rows=rows[:MOST_ROWS],
-            rows_left_out=max(len(rows) - MOST_ROWS, 0),
+            rows=rows[:MAX_ROWS],
+            rows_left_out=max(len(rows) - MAX_ROWS, 0),
             shutter=_shutter(exported),
             quality=_quality(night),
             version=__version__,
