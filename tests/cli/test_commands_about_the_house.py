@@ -18,9 +18,9 @@ from rsoconsole.instruments.solver.index_files import shipped_index_dir
 from rsoconsole.session import SessionReader, archive_session, verify_session
 from rsoconsole.session.files import upkeep_log
 from tests.children.bad_server import BadServer, bad_server, send
-from tests.element_sources.test_catalogue_update import GOOD
 from tests.nights.target_night import INDEX
 from tests.pages.command_house import PROGRAM, House, NearHouse, Recipes, a_house
+from tests.pipeline.test_catalogue_update import GOOD
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, make
 
 RECIPES = Recipes()

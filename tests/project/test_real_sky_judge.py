@@ -14,7 +14,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from tests.notebook.test_figures import ARCSEC, FRAMES, NS, measurement, taken
+from tests.library.test_figures import ARCSEC, FRAMES, NS, measurement, taken
 from tests.real_sky.real_sky_judge import judge
 
 SCATTER_ARCSEC = 3.0

@@ -8,7 +8,7 @@ from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import scenario_named
 from tests.cli.test_demo import night
-from tests.notebook.test_figures import ARCSEC, FRAMES, MISSED, NS, measurement, record
+from tests.library.test_figures import ARCSEC, FRAMES, MISSED, NS, measurement, record
 
 TARGETS = {"intelsat-14": "INTELSAT 14", "ses-10": "SES 10", "intelsat-21": "INTELSAT 21"}
 

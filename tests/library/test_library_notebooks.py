@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.library.test_notebook import pictures, read, words
 from tests.nights.samples import SAMPLE, SESSIONS
-from tests.notebook.test_notebook import pictures, read, words
 from tests.rigs.browser_lab import environment_of
 
 FRAMES = SESSIONS / "frames"
