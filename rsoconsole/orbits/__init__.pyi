@@ -24,7 +24,6 @@ from .elements.omm_messages import omm as omm
 from .elements.sgp4_fit import ANALYST_NUMBERS as ANALYST_NUMBERS
 from .elements.sgp4_fit import MeanElements as MeanElements
 from .elements.sgp4_fit import mean_elements as mean_elements
-from .elements.sky_paths import array_of as array_of
 from .first.directions import Sightings as Sightings
 from .first.directions import State as State
 from .first.directions import at_epoch as at_epoch

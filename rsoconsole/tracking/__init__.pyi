@@ -1,6 +1,6 @@
+from ._takeover import SURE_ODDS as SURE_ODDS
 from .association.following import CROSSED as CROSSED
 from .association.following import MAY_BE_FOLLOWED as MAY_BE_FOLLOWED
-from .association.following import SURE_ODDS as SURE_ODDS
 from .association.following import Following as Following
 from .association.following import FollowSettings as FollowSettings
 from .association.following import Seen as Seen

@@ -11,15 +11,8 @@ from rsoconsole.records import (
     TrackLost,
     TrackState,
 )
-from rsoconsole.tracking._takeover import (
-    INDISTINGUISHABLE,
-    Step,
-    is_in_field,
-    off_nis,
-    rejections,
-    updated_with,
-    with_rivals,
-)
+from rsoconsole.tracking._gates import INDISTINGUISHABLE, all_updated_with, off_nis, rejections
+from rsoconsole.tracking._takeover import Step, is_in_field, with_rivals
 from rsoconsole.tracking.association.following import (
     NOTHING_SEEN,
     FollowSettings,
@@ -33,9 +26,8 @@ from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.initiation.acquisition import (
     NOT_CHOSEN,
     beside,
-    excesses_with,
     first_state,
-    half_turns_with,
+    streaks_with,
 )
 from rsoconsole.tracking.joint import Weighed
 
@@ -59,17 +51,11 @@ def stepped_track(
     """A track after a frame of which it takes one measurement, or none."""
     predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
     if chosen is not None:
-        others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not chosen}
         state = updated[chosen].state
         by_filter = weighed.by_filter.get(chosen)
         if by_filter is not None and by_filter.kind == "NIS":
             state = replace(state, filter_nis=by_filter.nis)
-        rejected: tuple[FoldRecord, ...] = (
-            predicted,
-            state,
-            *rejections({**reasons, **others}, updated),
-        )
-        return _measured(state, before, chosen, seen, rejected)
+        return _measured(state, before, chosen, seen, _records(weighed, state, chosen))
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
@@ -87,14 +73,15 @@ def stepped_track(
 
 def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> Step:
     """A track after a frame that could not show it apart from another."""
-    reasons = {m: why for m, why in weighed.reasons.items() if m is not own.streak}
-    others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not own.streak}
-    rejected: tuple[FoldRecord, ...] = (
-        weighed.predicted,
-        own.updated,
-        *rejections({**reasons, **others}, weighed.updated),
-    )
-    return _measured(own.updated, before, own.taken, seen, rejected)
+    records = _records(weighed, own.updated, own.streak)
+    return _measured(own.updated, before, own.taken, seen, records)
+
+
+def _records(weighed: Weighed, updated: TrackState, streak: Measurement) -> tuple[FoldRecord, ...]:
+    """Prediction, update with a streak of the frame, and why its others were not taken."""
+    reasons = {m: why for m, why in weighed.reasons.items() if m is not streak}
+    reasons |= {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not streak}
+    return (weighed.predicted, updated, *rejections(reasons, weighed.updated))
 
 
 def initiated_again(
@@ -103,8 +90,7 @@ def initiated_again(
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    pair = (found.first, found.second)
-    fresh = first_state(pair, track_id, seen, settings, is_lead=before.track.is_lead)
+    fresh = first_state(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
     track = replace(fresh.track, replaces=before.track.track_id)
     fresh = replace(fresh, track=track, is_kept=before.is_kept)
     return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
@@ -133,16 +119,12 @@ def _measured(
     records: tuple[FoldRecord, ...],
 ) -> Step:
     """A track that has taken a measurement."""
-    neighbours = beside(before.neighbours, track, taken, seen)
-    excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
-    half_turns = half_turns_with(before.half_turns_arcsec, track, taken, seen)
     after = replace(
         before,
         track=track,
         taken=taken,
-        neighbours=neighbours,
-        excesses_arcsec=excesses,
-        half_turns_arcsec=half_turns,
+        neighbours=beside(before.neighbours, track, taken, seen),
+        streaks=streaks_with(before.streaks, track, taken, seen),
         rivals=(),
         unexplained=0,
         ambiguous=0,
@@ -156,7 +138,7 @@ def follow_chosen(
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = updated_with(predicted, chosen, before, seen, settings).state
+    updated = all_updated_with(predicted, (chosen,), before, seen, settings)[chosen].state
     if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))

@@ -19,6 +19,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import blended, further_tracks, track_words
+from rsoconsole.tracking._gates import INDISTINGUISHABLE, all_updated_with, nis_of, refusals
 from rsoconsole.tracking._one_track import (
     follow_chosen,
     initiated_again,
@@ -26,14 +27,7 @@ from rsoconsole.tracking._one_track import (
     shared_track,
     stepped_track,
 )
-from rsoconsole.tracking._takeover import (
-    INDISTINGUISHABLE,
-    Step,
-    all_updated_with,
-    cause_of,
-    nis_of,
-    refusals,
-)
+from rsoconsole.tracking._takeover import Step
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
     CROSSED,
@@ -131,7 +125,7 @@ def _follow_tracks(
         done = step
         if step.reacquired is not None:
             last_track_id += 1
-            causes += [cause_of(step.reacquired)] * (number == 0)
+            causes += [step.reacquired.cause] * (number == 0)
             done = initiated_again(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()

@@ -110,12 +110,15 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
     track = step.after.track
     # What chance would hardly have made of points is no chance because one frame hides it.
     is_chain = before.taken is not None and streak_motion(before.taken) is None
+    is_seldom = not step.after.is_kept and step.after.unexplained > UNSEEN_EACH * (
+        track.innovations + 1
+    )
     outlives = before.is_kept or (is_chain and track.misses == 1)
     if step.after.is_on_trial and not outlives:
         lost = TrackLost(kind="not confirmed")
     elif _has_left(step.after, seen):
         lost = TrackLost(kind="left the field")
-    elif _is_seldom(step.after) and chains.is_wide(settings):
+    elif is_seldom and chains.is_wide(settings):
         lost = TrackLost(kind="seen too seldom", unseen_frames=step.after.unexplained)
     if lost is None:
         return step
@@ -129,12 +132,6 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
 def _is_confirmed(tracked: Tracked) -> bool:
     """Whether it was measured after what it began with, and is no longer on trial."""
     return tracked.track.innovations >= max(tracked.trial, chains.ON_TRIAL)
-
-
-def _is_seldom(coasted: Tracked) -> bool:
-    """Whether it has been missed where it should have been seen more often than it was seen."""
-    most = UNSEEN_EACH * (coasted.track.innovations + 1)
-    return not coasted.is_kept and coasted.unexplained > most
 
 
 def _has_left(coasted: Tracked, seen: Seen) -> bool:
@@ -180,7 +177,7 @@ def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[
     What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
     tracks' is not free.
     """
-    taken = [s.after.taken for s in steps if s.is_measured and s.after is not None]
+    taken = [s.after.taken for s in steps if s.is_measured and s.after and s.after.taken]
     is_wide = chains.is_wide(settings)
     claimed = {m for step in steps for m in _waited_for(step, is_wide)}
     claimed |= {
@@ -200,7 +197,8 @@ def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[
         and m.object_class in MAY_BE_FOLLOWED
         and m not in claimed
         and not any(
-            t is not None and (m.measurement_id == t.measurement_id or _is_same(m, t))
+            m.measurement_id == t.measurement_id
+            or way_between(m, t).length_arcsec < _SAME_STREAK_ARCSEC
             for t in taken
         )
     )
@@ -232,20 +230,6 @@ def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
     return disagreement(refused.measurement, expected) is None
 
 
-def _is_same(m: Measurement, taken: Measurement) -> bool:
-    return way_between(m, taken).length_arcsec < _SAME_STREAK_ARCSEC
-
-
-def without_refusals_of(
-    records: tuple[FoldRecord, ...], tracks: tuple[Tracked, ...]
-) -> tuple[FoldRecord, ...]:
-    """What has begun a track is no longer refused by others."""
-    seconds = {each.taken for each in tracks}
-    return tuple(
-        r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
-    )
-
-
 def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     after: Following,
@@ -259,7 +243,11 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
     if chains.is_wide(settings):
         before = _with_given_back(before, steps)
     found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
-    remaining = without_refusals_of(records, found)
+    # What has begun a track is no longer refused by others.
+    seconds = {each.taken for each in found}
+    remaining = (
+        r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
+    )
     return replace(
         after,
         candidates=tuple(m for m in free if m not in used),

@@ -19,11 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, NotTaken, TrackState
-from rsoconsole.tracking._takeover import nis_of
-from rsoconsole.tracking.association.neighbours import NEAREST_ARCSEC, BoolArray
+from rsoconsole.tracking._gates import nis_of
+from rsoconsole.tracking.association.neighbours import MIN_MARGIN, NEAREST_ARCSEC
 from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
     OTHER_MOTION_ARCSEC_S,
+    BoolArray,
     Pattern,
     own_covariance,
 )
@@ -37,9 +38,6 @@ DETECTED = 0.9
 """Chance that what is in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
 """Streaks in a square arcsec that move like a track and are not it: a crowded slot."""
-MIN_MARGIN = 4.0
-"""By how much the likeliest explanation must be better than one without a track's streak: seven to
-one."""
 _FREEDOM = 4.0
 """Degrees of freedom of the law by which ways err."""
 _ANCHORS = 3
@@ -126,7 +124,9 @@ def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assig
         if is_seen and len(tracks) > 1:  # one alone knows its neighbours by their pattern
             same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
-            others.append(_explained(_without(cost, row, same)).cost)
+            without = cost.copy()
+            without[row, list(same)] = np.inf
+            others.append(_explained(without).cost)
             unsure = min(others) - best.cost < MIN_MARGIN and not tracks[row].must_decide
         taken.append(pairs.columns[column] if is_seen and not unsure else None)
         is_ambiguous.append(unsure)
@@ -149,7 +149,14 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
     apart = np.linalg.norm(rates[:, None] - rates[None], axis=-1)
     return _Pairs(
         columns=columns,
-        same=[_same(columns, column) for column in range(len(columns))],
+        same=[
+            {
+                k
+                for k, m in enumerate(columns)
+                if way_between(each, m).length_arcsec < NEAREST_ARCSEC
+            }
+            for each in columns
+        ],
         alone=alone,
         places=np.array([plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg) for m in columns]),
         own=own,
@@ -216,21 +223,6 @@ def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
     unseen = np.full((rows, rows), np.inf)
     np.fill_diagonal(unseen, missed)
     return np.hstack([np.where(np.isnan(cost), np.inf, cost), unseen])
-
-
-def _same(columns: Sequence[Measurement], column: int) -> set[int]:
-    """The columns of one streak, which may have been found twice."""
-    return {k for k, m in enumerate(columns) if _apart_arcsec(columns[column], m) < NEAREST_ARCSEC}
-
-
-def _without(cost: FloatArray, row: int, same: set[int]) -> FloatArray:
-    other = cost.copy()
-    other[row, list(same)] = np.inf
-    return other
-
-
-def _apart_arcsec(one: Measurement, other: Measurement) -> float:
-    return way_between(one, other).length_arcsec
 
 
 def _explained(cost: FloatArray) -> _Explanation:

@@ -11,11 +11,11 @@ import time
 from collections import Counter
 
 import numpy as np
+from sgp4.api import SatrecArray
 
 from rsoconsole.orbits import (
     CatalogueEntry,
     FieldCatalogue,
-    array_of,
     match_field,
     nearest_in_epoch_of_each,
 )
@@ -44,7 +44,7 @@ class Fields:
         self.t_utc_ns = DAY_UTC_NS + round(self.rng.uniform(0.0, 0.2) * 86_400) * NS_PER_S
         entries = nearest_in_epoch_of_each(entries, self.t_utc_ns)
         self.true = tuple(off_its_elements(each, self.t_utc_ns, self.rng) for each in entries)
-        self.satellites = array_of([each.record for each in self.true])
+        self.satellites = SatrecArray([each.record for each in self.true])
         self.asked_s: list[float] = []
 
     def run(self, side_deg: float = 1.5) -> Counter[str]:

@@ -10,11 +10,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rsoconsole.records import Measurement, NotTaken
+from rsoconsole.records import NotTaken
 from rsoconsole.tracking import Following, Tracked, follow
-from rsoconsole.tracking._takeover import updated_with
+from rsoconsole.tracking._gates import all_updated_with
 from rsoconsole.tracking.filters import estimator
-from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.initiation.acquisition import initiated
 from rsoconsole.tracking.joint import Weighed, assigned
 from tests.tiers import plain_first
@@ -102,9 +101,7 @@ def weighed_of(names: tuple[str, ...], spacing_arcsec: float, shown: dict[str, f
         track = initiated(*pairs[name], 1, sight, settings)
         before = Tracked(track=track, taken=pairs[name][1])
         predicted = estimator.predict(track, sight.t_mid_utc_ns, settings.filter, 2)
-        updated: dict[Measurement, Update] = {
-            m: updated_with(predicted, m, before, sight, settings) for m in sight.measurements
-        }
+        updated = all_updated_with(predicted, sight.measurements, before, sight, settings)
         reasons = {m: NotTaken.by_gate(s.nis, 11.83) for m, s in updated.items() if s.nis > 11.83}
         told.append(Weighed(predicted=predicted, updated=updated, reasons=reasons))
     return told

@@ -25,7 +25,8 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
-from rsoconsole.tracking.association.following import Rival, odds
+from rsoconsole.tracking._takeover import odds
+from rsoconsole.tracking.association.following import Rival
 from rsoconsole.words import text
 from tests.tiers import plain_first
 from tests.tracking.test_bank import CADENCE_S, places_of

@@ -78,21 +78,20 @@ def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
     )
 
 
-def join(first: Alone, second: Alone) -> Joined | None:
-    """One orbit through both, begun from the longer; None where none comes near."""
+def log_odds(first: Alone, second: Alone) -> float:
+    """That both are of one object, against a chance meeting; minus infinity where none fits.
+
+    One orbit is sought through both, begun from the longer.
+    """
     longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
-    return through(
+    both = through(
         (longer.seen, shorter.seen),
         longer.state,
         longer.seen.epoch_utc_ns,
         longer.population,
         worst_chi2=first.chi2 + second.chi2 + _HOPELESS,
     )
-
-
-def log_odds(first: Alone, second: Alone) -> float:
-    """That both are of one object, against a chance meeting; minus infinity where none fits."""
-    return _log_odds(first.population, join(first, second), first.log_evidence, second)
+    return _log_odds(first.population, both, first.log_evidence, second)
 
 
 def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> float:

@@ -4,11 +4,10 @@ An object that is ``ahead``, in seconds, is now where its elements put it that m
 from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sgp4.api import Satrec, SatrecArray
+from sgp4.api import SatrecArray
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import LIGHT_KM_S, earth_velocity_km_s, jd_utc, site_gcrs, teme_to_gcrs_rotation
@@ -84,11 +83,6 @@ class Exposure:
             each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
         )
         return opening, middle, closing
-
-
-def array_of(records: Sequence[Satrec]) -> SatrecArray:
-    """Objects for ``Lookout.seen``."""
-    return SatrecArray(list(records))
 
 
 def drawn(opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int) -> FloatArray:

@@ -71,23 +71,18 @@ def compare(
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))
     is_good = np.all(np.isfinite(expected.towards), axis=(1, 2))
     expected = _some(expected, is_good)
+    followed = tuple(each for each, good in zip(entries, is_good, strict=True) if good)
     offsets, covariance, misfit = _offsets(seen, expected)
     widening = max(1.0, float(np.min(misfit))) if misfit.size else 1.0
     middle = len(seen) + 1
     return Comparison(
-        entries=tuple(each for each, good in zip(entries, is_good, strict=True) if good),
+        entries=followed,
         offsets=offsets,
         covariance=covariance * widening,
         by_errors=_by_errors(expected, len(seen))[:, : offsets.shape[1]],
         rate_arcsec_s=expected.rate_rad_s[:, middle] / ARCSEC_RAD,
         range_km=expected.range_km[:, middle],
-        mean_motion_rad_s=np.array(
-            [
-                each.record.no_kozai / 60.0
-                for each, good in zip(entries, is_good, strict=True)
-                if good
-            ]
-        ),
+        mean_motion_rad_s=np.array([each.record.no_kozai / 60.0 for each in followed]),
         errors=errors,
     )
 

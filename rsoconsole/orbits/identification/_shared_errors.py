@@ -33,34 +33,16 @@ class Case:
     """How what elements are off is shared: factors of the variances of ``element_errors``."""
 
     probability: float
-    shared_undisturbed: float
-    shared_moved: float
-    own_undisturbed: float
-    own_moved: float
+    shared_undisturbed: float = 0.0
+    shared_moved: float = 0.0
+    own_undisturbed: float = 1.0
+    own_moved: float = 1.0
 
 
 CASES = (
-    Case(
-        probability=0.5,
-        shared_undisturbed=0.0,
-        shared_moved=0.0,
-        own_undisturbed=1.0,
-        own_moved=1.0,
-    ),
-    Case(
-        probability=0.25,
-        shared_undisturbed=0.75,
-        shared_moved=0.0,
-        own_undisturbed=0.25,
-        own_moved=1.0,
-    ),
-    Case(
-        probability=0.25,
-        shared_undisturbed=0.0,
-        shared_moved=1.0,
-        own_undisturbed=0.25,
-        own_moved=0.5,
-    ),
+    Case(probability=0.5),
+    Case(probability=0.25, shared_undisturbed=0.75, own_undisturbed=0.25),
+    Case(probability=0.25, shared_moved=1.0, own_undisturbed=0.25, own_moved=0.5),
 )
 
 

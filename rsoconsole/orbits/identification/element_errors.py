@@ -21,7 +21,8 @@ Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107
 here. What one's own nights measured (``element_fit``) multiplies the spreads by factors.
 """
 
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -32,7 +33,8 @@ from rsoconsole.records import FloatArray
 
 Regime = Literal["GEO", "MEO", "LEO", "HEO"]
 ERROR_REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
-_Terms = tuple[float, float, float]
+_Terms = tuple[float, ...]
+"""At the epoch, by the day and by the day squared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,35 +94,17 @@ class ElementErrors:
         undisturbed, manoeuvred = dict(self.undisturbed), dict(self.manoeuvred)
         for regime, each in factors.items():
             ahead = (each.along_at_epoch, each.along_by_age, each.along_by_age)
-            kept = _times(undisturbed[regime], along=ahead, across=(each.across,) * 3)
-            undisturbed[regime] = kept
-            manoeuvred[regime] = _wider(kept, manoeuvred[regime])
+            # The shape goes with the place along the track: twice its swing is seen there.
+            factors_of = Spread(along=ahead, across=(each.across,) * 3, shape=ahead)
+            undisturbed[regime] = _by_terms(operator.mul, undisturbed[regime], factors_of)
+            manoeuvred[regime] = _by_terms(max, undisturbed[regime], manoeuvred[regime])
         return ElementErrors(undisturbed=undisturbed, manoeuvred=manoeuvred)
 
 
-def _times(spread: Spread, *, along: _Terms, across: _Terms) -> Spread:
-    """The shape goes with the place along the track: twice its swing is seen there."""
-    return Spread(
-        along=_product(spread.along, along),
-        across=_product(spread.across, across),
-        shape=_product(spread.shape, along),
-    )
-
-
-def _product(terms: _Terms, by: _Terms) -> _Terms:
-    return (terms[0] * by[0], terms[1] * by[1], terms[2] * by[2])
-
-
-def _wider(a: Spread, b: Spread) -> Spread:
-    return Spread(
-        along=_widest(a.along, b.along),
-        across=_widest(a.across, b.across),
-        shape=_widest(a.shape, b.shape),
-    )
-
-
-def _widest(a: _Terms, b: _Terms) -> _Terms:
-    return (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
+def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spread:
+    """Each term of two spreads made into one."""
+    along, across = map(of, a.along, b.along), map(of, a.across, b.across)
+    return Spread(along=tuple(along), across=tuple(across), shape=tuple(map(of, a.shape, b.shape)))
 
 
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)

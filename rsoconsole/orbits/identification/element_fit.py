@@ -99,7 +99,10 @@ def _fitted(regime: Regime, rows: Sequence[ElementRow]) -> FittedFactors:
     ]
     best = np.asarray(min(tries, key=lambda each: float(each.fun)).x)
     values = np.exp(best)
-    sigmas = values * np.sqrt(np.diag(_inverse(posterior.curvature(best))))
+    size, axes = np.linalg.eigh(posterior.curvature(best))
+    # A factor is nowhere less certain than before any row.
+    inverse = (axes / np.maximum(size, PRIOR_SIGMA**-2)) @ axes.T
+    sigmas = values * np.sqrt(np.diag(inverse))
     return FittedFactors(
         regime=regime,
         factors=_factors(values),
@@ -118,12 +121,6 @@ def _factors(values: FloatArray) -> ErrorFactors:
         along_by_age=float(values[1]),
         across=float(values[2]),
     )
-
-
-def _inverse(curvature: FloatArray) -> FloatArray:
-    """A factor is nowhere less certain than before any row."""
-    size, axes = np.linalg.eigh(curvature)
-    return np.asarray((axes / np.maximum(size, PRIOR_SIGMA**-2)) @ axes.T)
 
 
 @dataclass(eq=False)

@@ -7,14 +7,14 @@ of its lead; its drawn path in the frame.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 from sgp4.api import SatrecArray
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbits.elements.sky_paths import Exposure, Seen, array_of, drawn
+from rsoconsole.orbits.elements.sky_paths import Exposure, Seen, drawn
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ERROR_REGIMES,
@@ -53,13 +53,7 @@ class ElementSpread:
 
     def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
         """The same of some of the objects."""
-        return ElementSpread(
-            share=self.share[chosen],
-            radial_km=self.radial_km[chosen],
-            along_km=self.along_km[chosen],
-            across_km=self.across_km[chosen],
-            gate_along_km=self.gate_along_km[chosen],
-        )
+        return ElementSpread(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
 def element_spread(
@@ -190,7 +184,7 @@ class FieldCatalogue:
         self._sets = tuple(e for e in nearest if abs(t_utc_ns - e.epoch_utc_ns) <= most_ns)
         self._too_old = len(nearest) - len(self._sets)
         self._at_utc_ns = t_utc_ns
-        self._satellites = array_of([each.record for each in self._sets])
+        self._satellites = SatrecArray([each.record for each in self._sets])
         self._epoch_ns = np.array([each.epoch_utc_ns for each in self._sets], np.int64)
         self._regimes = regime_numbers(
             np.array([each.revolutions_a_day for each in self._sets]),
@@ -237,7 +231,7 @@ class FieldCatalogue:
         """Rows of ``near`` and the leads from and to which each is near the field."""
         if not len(near):
             return []
-        satellites = array_of([self._sets[n].record for n in near])
+        satellites = SatrecArray([self._sets[n].record for n in near])
         now = exposure.middle.seen(satellites, np.zeros(1))
         gate_s = spread.gate_along_km / np.linalg.norm(now.v_km_s[:, 0], axis=-1)
         found = []
@@ -250,7 +244,7 @@ class FieldCatalogue:
             most_s = float(np.max(gate_s[rows]))
             steps = max(3, int(np.ceil(most_s / _STEP_S)))
             leads = np.linspace(-most_s, most_s, 2 * steps + 1)
-            chosen = array_of([self._sets[near[n]].record for n in rows])
+            chosen = SatrecArray([self._sets[near[n]].record for n in rows])
             seen = exposure.middle.seen(chosen, leads)
             across = GATE_SIGMAS * np.max(
                 np.hypot(spread.across_km[rows, :2], spread.radial_km[rows, :2]), axis=-1
@@ -281,7 +275,7 @@ class FieldCatalogue:
     ) -> Candidate | None:
         near, spreads = of
         entry, spread = self._sets[near[row]], spreads.of(np.array([row]))
-        satellite = array_of([entry.record])
+        satellite = SatrecArray([entry.record])
         leads = _leads(view, exposure, satellite, window)
         opening, middle, closing = exposure.three(satellite, np.append(leads, 0.0))
         if not np.all(np.isfinite(middle.u)):

@@ -23,6 +23,7 @@ from rsoconsole.orbits.identification.field_crossings import (
     across_of,
     across_parts,
 )
+from rsoconsole.orbits.identification.single import Verdict
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 
@@ -118,7 +119,7 @@ class Choice:
 class Matched:
     """One line's answer."""
 
-    verdict: Literal["identified", "ambiguous", "unknown"]
+    verdict: Verdict
     choices: tuple[Choice, ...]
     """From a probability of 5 % on, the likeliest first; at least one."""
 
@@ -180,19 +181,10 @@ def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
     )
     best = choices[0]
     if best.probability < SURE and len(choices) > 1:
-        verdict: Literal["identified", "ambiguous", "unknown"] = "ambiguous"
+        verdict: Verdict = "ambiguous"
     else:
         verdict = "unknown" if best.candidate is None else "identified"
     return Matched(verdict=verdict, choices=choices)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Place:
-    """What of a line is at a known instant, and when."""
-
-    at: FloatArray
-    when: int
-    """-1: the shutter's opening, 0: the middle, 1: its closing."""
 
 
 def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
@@ -260,14 +252,14 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
     start = int(np.argmax(candidate.u @ line.middle))
     if candidate.u[start] @ line.middle < np.cos(4.0 * view.radius_rad + candidate.gate_across_rad):
         return None
-    place: _Place | None = None
+    place: FloatArray | None = None
     lead_s = float(candidate.lead_s[start])
     for turn in range(_NEWTON + 1):
         three = exposure.three(candidate.satellite, np.array([lead_s]))
         if place is None:
-            place = _known_place(line, three[1].by_time[0, 0])
-        seen = three[1 + place.when]
-        off = place.at - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
+            place, when = _known_place(line, three[1].by_time[0, 0])
+        seen = three[when]
+        off = place - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
         along = seen.by_lead[0, 0]
         pace = max(float(np.linalg.norm(along)), _MIN_PACE)
         if not np.isfinite(pace) or not np.all(np.isfinite(off)):
@@ -295,12 +287,15 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
     )
 
 
-def _known_place(line: Line, by_time: FloatArray) -> _Place:
-    """The end in the frame of a line that the rim cuts, by which way the object goes."""
+def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
+    """A place of a line whose instant is known, and that: 0 opening, 1 middle, 2 closing.
+
+    Of a line that the rim cuts the end in the frame, by which way the object goes.
+    """
     if line.is_end_a == line.is_end_b:
-        return _Place(at=line.middle, when=0)
+        return line.middle, 1
     inner, outer = (line.a, line.b) if line.is_end_a else (line.b, line.a)
-    return _Place(at=inner, when=-1 if (outer - inner) @ by_time > 0.0 else 1)
+    return inner, 0 if (outer - inner) @ by_time > 0.0 else 2
 
 
 def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:

@@ -122,7 +122,8 @@ def recognise(
     scores = np.full((len(tracks), len(numbers) + 1), -np.inf)
     off = np.full((len(tracks), len(numbers)), np.nan)
     for t, track in enumerate(tracks):
-        scores[t, -1] = np.log(_STRANGERS[_is_over_its_place(track)])
+        _, _, dec_deg, rate, _ = attributable(track)
+        scores[t, -1] = np.log(_STRANGERS[_over_ground(rate, dec_deg) < BELT_ARCSEC_S])
         for each in before:
             n = numbers.index(each.number)
             found = log_density(each, track, site)
@@ -224,11 +225,6 @@ def _is_slow(track: Sightings) -> bool:
         return False
     rate = 3600.0 * float(wrap_180(track.ra_icrs_deg[-1] - track.ra_icrs_deg[0])) / span_s
     return abs(rate - _SIDEREAL_ARCSEC_S) < _SIDEREAL_ARCSEC_S / 2.0
-
-
-def _is_over_its_place(seen: Sightings) -> bool:
-    _, _, dec, rate, _ = attributable(seen)
-    return _over_ground(rate, dec) < BELT_ARCSEC_S
 
 
 def _moved_share(before: SeenBefore, days: float) -> float:

@@ -76,7 +76,19 @@ class LeapTrack:
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
         """Where it will be by the n-th hypothesis; None where that is below the ground."""
-        return _ahead(self.site, self.hypotheses[number], t_utc_ns)
+        each = self.hypotheses[number]
+        if each.orbit is None:
+            return ahead(each.cloud, self.site, t_utc_ns, each.scatter_s)
+        motion = predict_motion(each.orbit, self.site, t_utc_ns)
+        if motion is None:
+            return None
+        return SkyAhead(
+            t_utc_ns=t_utc_ns,
+            ra_icrs_deg=motion.ra_icrs_deg,
+            dec_icrs_deg=motion.dec_icrs_deg,
+            rate_arcsec_s=np.array(motion.rate_arcsec_s),
+            covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
+        )
 
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
@@ -227,21 +239,6 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
     scaled.sort(key=lambda each: -each.probability)
     kept = [each for each in scaled if each.probability > MIN_PROBABILITY]
     return LeapTrack(site=site, timing=timing, hypotheses=tuple(kept))
-
-
-def _ahead(site: Site, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
-    if each.orbit is None:
-        return ahead(each.cloud, site, t_utc_ns, each.scatter_s)
-    motion = predict_motion(each.orbit, site, t_utc_ns)
-    if motion is None:
-        return None
-    return SkyAhead(
-        t_utc_ns=t_utc_ns,
-        ra_icrs_deg=motion.ra_icrs_deg,
-        dec_icrs_deg=motion.dec_icrs_deg,
-        rate_arcsec_s=np.array(motion.rate_arcsec_s),
-        covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
-    )
 
 
 def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:

@@ -226,7 +226,13 @@ def fit_streaks(
 
     None where there is none. ``streaks`` in order of time, at least two.
     """
-    seen = _sightings(site, streaks)
+    seen = sightings(
+        site,
+        np.concatenate([each.t_utc_ns for each in streaks]),
+        np.concatenate([each.ra_icrs_deg for each in streaks]),
+        np.concatenate([each.dec_icrs_deg for each in streaks]),
+        np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
+    )
     motion = Zonal(epoch_utc_ns=seen.epoch_utc_ns)
     moved = Zonal(epoch_utc_ns=t_start_utc_ns).states(
         *start, np.array([(seen.epoch_utc_ns - t_start_utc_ns) / NS_PER_S])
@@ -255,16 +261,6 @@ def fit_streaks(
             problem.sigma_e = None
             unknowns, is_converged = _descend(problem, unknowns)
         return _finished(problem, unknowns, len(streaks), is_converged=is_converged)
-
-
-def _sightings(site: Site, streaks: Sequence[StreakEnds]) -> Sightings:
-    return sightings(
-        site,
-        np.concatenate([each.t_utc_ns for each in streaks]),
-        np.concatenate([each.ra_icrs_deg for each in streaks]),
-        np.concatenate([each.dec_icrs_deg for each in streaks]),
-        np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
-    )
 
 
 def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:

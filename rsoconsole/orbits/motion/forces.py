@@ -9,12 +9,10 @@ order (scipy's DOP853). Kilometres, seconds, along GCRS axes.
 The sums are of plain floats: for three numbers at a time numpy takes five times as long.
 """
 
-import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from math import acos, asin, ceil, cos, pi, sin, sqrt
+from math import acos, asin, ceil, cos, floor, pi, sin, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -121,7 +119,7 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
     return found[where]
 
 
-@functools.lru_cache(maxsize=8)
+@lru_cache(maxsize=8)
 def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[float]]]]:
     """Moon and Sun over whole blocks of time, of all objects alike.
 
@@ -147,8 +145,8 @@ class _Field:
         self.first_s, self.last_s = first_s, last_s
         self._push_km = SUN_PRESSURE_N_M2 * AU_KM**2 * forces.area_to_mass_m2_kg / 1000.0
         epoch_s, epoch_ns = divmod(forces.epoch_utc_ns, NS_PER_S)
-        first_block = math.floor((epoch_s + first_s) / _BLOCK_S)
-        last_block = math.floor((epoch_s + last_s) / _BLOCK_S) + 1
+        first_block = floor((epoch_s + first_s) / _BLOCK_S)
+        last_block = floor((epoch_s + last_s) / _BLOCK_S) + 1
         first_knot_s, self._cubics = _bodies(first_block, last_block)
         self._since_knot_s = epoch_s - first_knot_s + epoch_ns / NS_PER_S
         middle = forces.epoch_utc_ns + int((first_s + last_s) / 2.0 * NS_PER_S)

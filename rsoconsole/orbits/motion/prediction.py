@@ -141,13 +141,8 @@ def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]
     """
     since_s = (places.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     plain, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
-    return plain, _sky_slopes(places) @ slopes
-
-
-def _sky_slopes(places: Places) -> FloatArray:
-    """(N, 2, 3) arcsec/km: east and north by the place."""
     axes = np.stack(east_and_north(places.ra_icrs_deg, places.dec_icrs_deg), axis=-2)
-    return np.asarray(axes / places.range_km[:, None, None] / ARCSEC_RAD)
+    return plain, axes / places.range_km[:, None, None] / ARCSEC_RAD @ slopes
 
 
 def _bend_arcsec(

@@ -16,7 +16,7 @@ whole: that tells the two apart.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -97,9 +97,7 @@ class TimedDirections:
 
     def of(self, chosen: Mask) -> "TimedDirections":
         """Some of them."""
-        return TimedDirections(
-            **{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__}
-        )
+        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,21 +306,15 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
 
 def _connected(frame: Index, track: Index) -> Iterator[Index]:
     """Numbers of directions that share frames or tracks, by whatever way."""
-    parent: dict[tuple[str, int], tuple[str, int]] = {}
+    import scipy.sparse
+    from scipy.sparse.csgraph import connected_components
 
-    def root(of: tuple[str, int]) -> tuple[str, int]:
-        while parent.setdefault(of, of) != of:
-            parent[of] = parent[parent[of]]
-            of = parent[of]
-        return of
-
-    for f, t in zip(frame, track, strict=True):
-        parent[root(("frame", int(f)))] = root(("track", int(t)))
-    groups: dict[tuple[str, int], list[int]] = {}
-    for number, t in enumerate(track):
-        groups.setdefault(root(("track", int(t))), []).append(number)
-    for group in groups.values():
-        yield np.array(group, np.int64)
+    frames, tracks = (np.unique(each, return_inverse=True)[1] for each in (frame, track))
+    size, ends = len(frames), (frames, tracks + len(frames))
+    graph = scipy.sparse.coo_array((np.ones(size), ends), shape=(2 * size, 2 * size))
+    group = connected_components(graph, directed=False)[1][frames]
+    for each in dict.fromkeys(group.tolist()):
+        yield np.flatnonzero(group == each)
 
 
 def _fit(seen: TimedDirections, before: _Before) -> Fit:

@@ -35,13 +35,11 @@ from rsoconsole.records import (
     OrbitEstimate,
     Record,
     Ruling,
-    Site,
     Solution,
     TrackState,
 )
 from rsoconsole.tracking import (
     CROSSED,
-    Bend,
     Field,
     Following,
     FollowSettings,
@@ -357,13 +355,6 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         filter=config.filter,
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
-        bend=functools.partial(_bend, config.site.to_site()),
+        bend=functools.partial(bending, config.site.to_site()),
         is_shutter_known=calibrated_for(frame, config.exposure) is not None,
     )
-
-
-def _bend(
-    site: Site, t_utc_ns: int, direction_deg: tuple[float, float], rate: tuple[float, float]
-) -> Bend | None:
-    bent = bending(site, t_utc_ns, direction_deg, rate)
-    return None if bent is None else (bent.mean, bent.covariance)

@@ -15,14 +15,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Measurement, TrackState, Wcs
 from rsoconsole.sky import jacobian_arcsec_px, sky_to_pixel
+from rsoconsole.tracking.association.pattern import BoolArray
 from rsoconsole.tracking.filters.agreement import motion_between
 from rsoconsole.tracking.filters.lqe import direction_icrs_deg, sky_covariance_arcsec2
-
-BoolArray = npt.NDArray[np.bool_]
 
 NEAREST_ARCSEC = 30.0
 """Closer than that it is the same streak found twice."""

@@ -7,7 +7,7 @@ not seen, where each track's own prediction is off by what the shutter did in th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -34,11 +34,11 @@ class Pattern:
     """The ways from each track to each other, arcsec east and north, at the last frame of both."""
 
     track_ids: tuple[int, ...] = ()
-    t_utc_ns: FloatArray | None = None
+    t_utc_ns: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """(N, N); 0 where no frame has shown both."""
-    ways: FloatArray | None = None
+    ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4)))
     """(N, N, 4): east, north and their rates."""
-    covariances: FloatArray | None = None
+    covariances: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
     """(N, N, 4, 4)"""
 
     def __eq__(self, other: object) -> bool:
@@ -46,10 +46,7 @@ class Pattern:
             return False
         ours = (self.t_utc_ns, self.ways, self.covariances)
         theirs = (other.t_utc_ns, other.ways, other.covariances)
-        return all(
-            one is another or (one is not None and another is not None and _is_same(one, another))
-            for one, another in zip(ours, theirs, strict=True)
-        )
+        return all(map(np.array_equal, ours, theirs))
 
     def __hash__(self) -> int:
         return hash(self.track_ids)
@@ -75,8 +72,6 @@ class Pattern:
         """Which of M pairs are known (M,), and of those, at an instant, way and rate (K, 4) with
         their covariances (K, 4, 4).
         """
-        if self.t_utc_ns is None or self.ways is None or self.covariances is None:
-            return np.zeros(len(i), bool), np.zeros((0, 4)), np.zeros((0, 4, 4))
         at = _places_in(tracks, self.track_ids)
         a, b = at[i], at[j]
         there = (a >= 0) & (b >= 0)
@@ -128,10 +123,6 @@ NO_PATTERN = Pattern()
 """Of a field with fewer than two tracks."""
 
 
-def _is_same(one: FloatArray, other: FloatArray) -> bool:
-    return bool(np.array_equal(one, other))
-
-
 def after(
     before: Pattern,
     alive: Sequence[int],
@@ -150,14 +141,13 @@ def after(
     i, j = np.triu_indices(number, 1)
     shown = np.array([track in seen for track in alive])
     both = shown[i] & shown[j]
-    if before.t_utc_ns is not None and before.ways is not None and before.covariances is not None:
-        # What this frame has not shown stays as it was.
-        at = _places_in(tracks, before.track_ids)
-        old = ~both & (at[i] >= 0) & (at[j] >= 0)
-        a, b = at[i[old]], at[j[old]]
-        t[i[old], j[old]] = before.t_utc_ns[a, b]
-        ways[i[old], j[old]] = before.ways[a, b]
-        covariances[i[old], j[old]] = before.covariances[a, b]
+    # What this frame has not shown stays as it was.
+    at = _places_in(tracks, before.track_ids)
+    old = ~both & (at[i] >= 0) & (at[j] >= 0)
+    a, b = at[i[old]], at[j[old]]
+    t[i[old], j[old]] = before.t_utc_ns[a, b]
+    ways[i[old], j[old]] = before.ways[a, b]
+    covariances[i[old], j[old]] = before.covariances[a, b]
     if both.any():
         i, j = i[both], j[both]
         t[i, j] = float(t_utc_ns)

@@ -106,11 +106,12 @@ def ways_between(one: Sights, other: Sights) -> Ways | None:
     here, there = one.units[i], other.units[j]
     east, north = axes_at(here + there)
     moved = other.rate_arcsec_s[j] * late_s[:, None]
+    cov = one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]
     rates = np.stack([one.rate_arcsec_s[i[-1]], other.rate_arcsec_s[j[-1]]])
     return Ways(
         t_utc_ns=one.t_utc_ns[i],
         ways_arcsec=_way(here, there, east, north) + moved,
-        covariance_arcsec2=_square(one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]),
+        covariance_arcsec2=np.stack([cov[:, :2], cov[:, 1:]], axis=1),
         rate_arcsec_s=rates[int(np.argmax(np.hypot(*rates.T)))],
     )
 
@@ -245,10 +246,6 @@ def _way(here: FloatArray, there: FloatArray, east: FloatArray, north: FloatArra
     half = np.clip(np.linalg.norm(chord, axis=-1) / 2.0, 1e-12, 1.0)
     flat = np.stack([np.sum(chord * east, axis=-1), np.sum(chord * north, axis=-1)], axis=-1)
     return np.asarray(flat * (np.arcsin(half) / half)[..., None] / ARCSEC_RAD)
-
-
-def _square(cov: FloatArray) -> FloatArray:
-    return np.stack([cov[:, [0, 1]], cov[:, [1, 2]]], axis=1)
 
 
 _STEPS = 73

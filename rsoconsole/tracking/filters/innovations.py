@@ -55,7 +55,8 @@ def consistency(
     words = "in band"
     if mean > high:
         verdict = "over-confident"
-        name = "Q" if _run_on_one_side(list(residuals_arcsec)[-WINDOW:]) else "R"
+        axes = zip(*residuals_arcsec[-WINDOW:], strict=True)
+        name = "Q" if any(_correlation(each) > _ONE_SIDED for each in axes) else "R"
         above = sum(value > NIS_BAND[1] for value in recent)
         what = f"{above} of the last {count} NIS above {NIS_BAND[1]:.1f}"
         if not above:
@@ -103,11 +104,6 @@ def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
     share = len(innovations) / (len(innovations) - 1)
     products = (a * b for one in itertools.pairwise(innovations) for a, b in zip(*one, strict=True))
     return math.fsum(products) * share / total
-
-
-def _run_on_one_side(residuals: Sequence[tuple[float, float]]) -> bool:
-    """Whether successive innovations are alike on either axis."""
-    return any(_correlation([each[axis] for each in residuals]) > _ONE_SIDED for axis in (0, 1))
 
 
 def _correlation(values: Sequence[float]) -> float:

@@ -20,7 +20,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +63,19 @@ class StreakErrors(NamedTuple):
 
 
 NO_ERRORS = StreakErrors()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreakHistory:
+    """Shapes of a track's last streaks, by which the errors of the next one are judged; arcsec."""
+
+    excesses_arcsec: tuple[float, ...] = ()
+    """By how much they were longer than the motion in one exposure."""
+    half_turns_arcsec: tuple[float, ...] = ()
+    """By how much their ends lay off the line of the motion through their middles."""
+
+
+NO_STREAKS = StreakHistory()
 
 
 def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
@@ -129,11 +142,6 @@ def with_part_error(
     return replace(measurement, cov_sky_arcsec2=wider)
 
 
-def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """Whether the last streaks showed a part of their length, one after the other."""
-    return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _MIN_PARTS
-
-
 def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """Whether enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
@@ -195,7 +203,7 @@ def across_error_arcsec(
     if half is None or excess is None:
         return 0.0
     half -= statistics.median(turns_arcsec)
-    if is_run_of_parts(excesses_arcsec, expected.length_arcsec):
+    if _parts_in_a_row(excesses_arcsec, expected.length_arcsec) >= _MIN_PARTS:
         excess = 0.0  # nothing has moved its ends: they are dark
     else:
         excess -= statistics.median(excesses_arcsec)

@@ -27,7 +27,9 @@ from rsoconsole.tracking.filters.agreement import (
 )
 from rsoconsole.tracking.filters.streak_length import (
     NO_ERRORS,
+    NO_STREAKS,
     StreakErrors,
+    StreakHistory,
     across_error_arcsec,
     along_error_arcsec,
     remembered_with,
@@ -172,15 +174,13 @@ def first_state(
 ) -> Tracked:
     """What is followed from two measurements on, or more of them."""
     track = initiated(chain[0], chain[1], track_id, seen, settings)
-    excesses = excesses_with((), track, chain[1], seen)
-    half_turns = half_turns_with((), track, chain[1], seen)
+    streaks = streaks_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
         expected = expected_motion(at, seen.exposure_s)
-        errors = errors_of(m, expected, excesses, half_turns, settings)
+        errors = errors_of(m, expected, streaks, settings)
         track = estimator.update(at, m, settings.filter, errors)
-        excesses = excesses_with(excesses, track, m, seen)
-        half_turns = half_turns_with(half_turns, track, m, seen)
+        streaks = streaks_with(streaks, track, m, seen)
     if len(chain) > 2:
         track = replace(
             track,
@@ -196,8 +196,7 @@ def first_state(
         track=track,
         taken=chain[-1],
         neighbours=beside((), track, chain[-1], seen),
-        excesses_arcsec=excesses,
-        half_turns_arcsec=half_turns,
+        streaks=streaks,
         since_utc_ns=chain[-1].t_mid_utc_ns,
         trial=trial,
     )
@@ -221,36 +220,29 @@ def initiated(
     )
 
 
-def excesses_with(
-    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
-) -> tuple[float, ...]:
-    return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
-
-
-def half_turns_with(
-    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
-) -> tuple[float, ...]:
-    if track.mixture is None:
-        return ()
-    return turns_with(before, taken, expected_motion(track, seen.exposure_s))
+def streaks_with(
+    before: StreakHistory, track: TrackState, taken: Measurement, seen: Seen
+) -> StreakHistory:
+    """The shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
+    expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
+    return StreakHistory(
+        excesses_arcsec=remembered_with(before.excesses_arcsec, taken, expected),
+        half_turns_arcsec=() if track.mixture is None else turns_with(turns, taken, expected),
+    )
 
 
 def errors_of(
-    m: Measurement,
-    expected: Motion,
-    excesses_arcsec: tuple[float, ...],
-    half_turns_arcsec: tuple[float, ...],
-    settings: FollowSettings,
+    m: Measurement, expected: Motion, before: StreakHistory, settings: FollowSettings
 ) -> StreakErrors:
     """What a measurement's streak shows of the errors of its middle, for the preset that asks.
 
-    ``excesses_arcsec``, ``half_turns_arcsec``: of the track's streaks before it.
+    ``before``: the track's streaks up to it.
     """
     if settings.filter.preset != "adaptive":
         return NO_ERRORS  # the other presets believe what a measurement states
     return StreakErrors(
-        along_error_arcsec(m, expected, excesses_arcsec),
-        across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec),
+        along_error_arcsec(m, expected, before.excesses_arcsec),
+        across_error_arcsec(m, expected, before.half_turns_arcsec, before.excesses_arcsec),
     )
 
 

@@ -338,7 +338,7 @@ def _of_points(
         for each in found
         if each.points[-1][0] == last
         and _by_chance(each, found, [len(each) for each in frames], t_s, known) < CHANCE
-        for chain in [_measured(each, frames)]
+        for chain in [tuple(frames[frame][number] for frame, number in each.points)]
     }
 
 
@@ -387,10 +387,6 @@ def _spread2(one: Tracklet, other: Tracklet, t_s: Sequence[float], known: Motion
         for each in (one, other)
     )
     return own + (_SHARE * math.hypot(other.x_rate, other.y_rate)) ** 2
-
-
-def _measured(tracklet: Tracklet, frames: Sequence[Sequence[Measurement]]) -> Chain:
-    return tuple(frames[frame][number] for frame, number in tracklet.points)
 
 
 def _by_frame(points: Sequence[Measurement]) -> Mapping[int, list[Measurement]]:
