@@ -5,8 +5,8 @@ import numpy as np
 from rsoconsole.records import Measurement, NotFollowed, NotTaken, TrackState
 from rsoconsole.tracking.association.following import (
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     expected_motion,
     not_followed,
     three_sigma_deg,
@@ -33,25 +33,25 @@ from rsoconsole.tracking.initiation.acquisition import errors_of
 INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
 
 
-def all_updated_with(
+def track_updates(
     predicted: TrackState,
     measured: tuple[Measurement, ...],
-    before: Tracked,
-    seen: Seen,
+    before: LiveTrack,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, Update]:
     """Measurements that a track may take, each with the errors that its streak shows."""
     expected = expected_motion(predicted, seen.exposure_s)
     pairs = [(m, errors_of(m, expected, before.streaks, settings)) for m in measured]
-    return estimator.all_weighed(predicted, pairs, settings.filter)
+    return estimator.candidate_updates(predicted, pairs, settings.filter)
 
 
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
     updated: dict[Measurement, Update],
-    before: Tracked,
-    seen: Seen,
+    before: LiveTrack,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
@@ -60,7 +60,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     if settings.filter.preset == "adaptive":
         is_flashing = shows_parts(before.streaks.excesses_arcsec, expected.length_arcsec)
         shares = (FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE, LONGER_TOLERANCE)
-    bent_deg = BENT_TOLERANCE_DEG if chains.is_wide(settings) else DIRECTION_TOLERANCE_DEG
+    bent_deg = BENT_TOLERANCE_DEG if chains.uses_window(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
         mismatch = disagreement(measurement, expected, *shares, bent_deg)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
@@ -88,7 +88,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
     neighbours: tuple[Neighbour, ...],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
     """Which of those that move alike are not what is followed, or may not be, and why."""

@@ -11,25 +11,25 @@ from rsoconsole.records import (
     TrackLost,
     TrackState,
 )
-from rsoconsole.tracking._gates import INDISTINGUISHABLE, all_updated_with, off_nis, rejections
+from rsoconsole.tracking._gates import INDISTINGUISHABLE, off_nis, rejections, track_updates
 from rsoconsole.tracking._takeover import Step, is_in_field, with_rivals
 from rsoconsole.tracking.association.following import (
-    NOTHING_SEEN,
+    NO_DETECTION,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     not_followed,
     three_sigma_deg,
 )
-from rsoconsole.tracking.blended import Shared
+from rsoconsole.tracking.blended import SharedStreak
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.initiation.acquisition import (
     NOT_CHOSEN,
-    beside,
-    first_state,
+    neighbours_with,
+    new_track,
     streaks_with,
 )
-from rsoconsole.tracking.joint import Weighed
+from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins again."""
@@ -42,10 +42,10 @@ _ABSENT = ("no detection", "nothing fits")
 
 
 def stepped_track(
-    weighed: Weighed,
+    weighed: TrackCandidates,
     chosen: Measurement | None,
-    before: Tracked,
-    seen: Seen,
+    before: LiveTrack,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
     """A track after a frame of which it takes one measurement, or none."""
@@ -57,7 +57,7 @@ def stepped_track(
             state = replace(state, filter_nis=by_filter.nis)
         return _measured(state, before, chosen, seen, _records(weighed, state, chosen))
     reason = seen.why_absent
-    if seen.measurements and reason == NOTHING_SEEN:
+    if seen.measurements and reason == NO_DETECTION:
         reason = Missed(kind="nothing fits")
     if reason.kind == "nothing fits" and INDISTINGUISHABLE in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
@@ -71,13 +71,17 @@ def stepped_track(
     return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 
 
-def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> Step:
+def shared_track(
+    weighed: TrackCandidates, own: SharedStreak, before: LiveTrack, seen: FrameInput
+) -> Step:
     """A track after a frame that could not show it apart from another."""
     records = _records(weighed, own.updated, own.streak)
     return _measured(own.updated, before, own.taken, seen, records)
 
 
-def _records(weighed: Weighed, updated: TrackState, streak: Measurement) -> tuple[FoldRecord, ...]:
+def _records(
+    weighed: TrackCandidates, updated: TrackState, streak: Measurement
+) -> tuple[FoldRecord, ...]:
     """Prediction, update with a streak of the frame, and why its others were not taken."""
     reasons = {m: why for m, why in weighed.reasons.items() if m is not streak}
     reasons |= {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not streak}
@@ -85,18 +89,18 @@ def _records(weighed: Weighed, updated: TrackState, streak: Measurement) -> tupl
 
 
 def initiated_again(
-    step: Step, before: Tracked, track_id: int, seen: Seen, settings: FollowSettings
+    step: Step, before: LiveTrack, track_id: int, seen: FrameInput, settings: FollowSettings
 ) -> Step:
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    fresh = first_state(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
+    fresh = new_track(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
     track = replace(fresh.track, replaces=before.track.track_id)
     fresh = replace(fresh, track=track, is_kept=before.is_kept)
     return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
 
 
-def predicted_track(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
+def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackState:
     """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
 
     No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
@@ -113,9 +117,9 @@ def predicted_track(before: Tracked, seen: Seen, settings: FollowSettings) -> Tr
 
 def _measured(
     track: TrackState,
-    before: Tracked,
+    before: LiveTrack,
     taken: Measurement,
-    seen: Seen,
+    seen: FrameInput,
     records: tuple[FoldRecord, ...],
 ) -> Step:
     """A track that has taken a measurement."""
@@ -123,7 +127,7 @@ def _measured(
         before,
         track=track,
         taken=taken,
-        neighbours=beside(before.neighbours, track, taken, seen),
+        neighbours=neighbours_with(before.neighbours, track, taken, seen),
         streaks=streaks_with(before.streaks, track, taken, seen),
         rivals=(),
         unexplained=0,
@@ -133,21 +137,21 @@ def _measured(
 
 
 def follow_chosen(
-    before: Tracked, chosen: Measurement, seen: Seen, settings: FollowSettings
+    before: LiveTrack, chosen: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> Step:
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = all_updated_with(predicted, (chosen,), before, seen, settings)[chosen].state
+    updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state
     if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
-    before: Tracked,
+    before: LiveTrack,
     predicted: TrackState,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     records: tuple[FoldRecord, ...],
     reason: Missed,

@@ -8,11 +8,11 @@ import numpy as np
 from rsoconsole.records import Cause, FoldRecord, Measurement, NotFollowed, NotTaken, TrackState
 from rsoconsole.tracking._gates import nis_of
 from rsoconsole.tracking.association.following import (
-    MAY_BE_FOLLOWED,
+    TRACKABLE_CLASSES,
     FollowSettings,
+    FrameInput,
+    LiveTrack,
     Rival,
-    Seen,
-    Tracked,
     expected_motion,
     three_sigma_deg,
 )
@@ -20,16 +20,16 @@ from rsoconsole.tracking.association.neighbours import Field
 from rsoconsole.tracking.filters import estimator, lqe
 from rsoconsole.tracking.filters.agreement import SHORTER_TOLERANCE, disagreement, motion_between
 from rsoconsole.tracking.filters.streak_length import StreakErrors, along_error_arcsec
-from rsoconsole.tracking.initiation.acquisition import initiated
+from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
 
 SURE_ODDS = 100.0
 """To one, from which on what does not fit takes over."""
-LEAST = 3
+MIN_RIVAL_FRAMES = 3
 """Frames in which it must have been seen."""
-BREAKS = 0.002
+MANOEUVRE_PROBABILITY = 0.002
 """Chance that a prediction breaks, of one frame: a manoeuvre."""
-WRONG_PAIR = 0.05
+WRONG_PAIR_PROBABILITY = 0.05
 """Chance that the two streaks that began a track are not one object, while nothing has met it."""
 UNDETECTED = 0.1
 """Chance that what is in the field and hidden by nothing is not detected."""
@@ -59,7 +59,7 @@ class Step:
     """What one frame makes of one track."""
 
     records: tuple[FoldRecord, ...]
-    after: Tracked | None
+    after: LiveTrack | None
     """None where the track has ended."""
     is_measured: bool = False
     begins_with: Measurement | None = None
@@ -69,11 +69,11 @@ class Step:
 
 def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     step: Step,
-    before: Tracked,
+    before: LiveTrack,
     predicted: TrackState,
     reasons: dict[Measurement, NotTaken],
     is_absent: bool,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
     """A step that coasts, with what fits nothing but each other, and whether that takes over."""
@@ -87,10 +87,10 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     assert step.after is not None
     after = replace(step.after, rivals=rivals, unexplained=unexplained)
     likely = [
-        (odds(rival, predicted, unexplained), rival)
+        (rival_odds(rival, predicted, unexplained), rival)
         for rival in rivals
         if rival.measurements[-1].frame_id == seen.frame_id
-        and any(m.object_class in MAY_BE_FOLLOWED for m in rival.measurements)
+        and any(m.object_class in TRACKABLE_CLASSES for m in rival.measurements)
         # Two streaks alone may be of two objects: what stood beside them then says nothing.
         and not (
             before.track.innovations
@@ -121,7 +121,7 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
 def _rivals_after(
     before: tuple[Rival, ...],
     unfit: tuple[Measurement, ...],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Rival, ...]:
     """The rivals after a frame in which what is followed was not seen; the longest first."""
@@ -138,7 +138,7 @@ def _rivals_after(
 
 
 def _longer(
-    rival: Rival, left: list[Measurement], seen: Seen, settings: FollowSettings
+    rival: Rival, left: list[Measurement], seen: FrameInput, settings: FollowSettings
 ) -> Rival | None:
     """A rival with the best of the measurements that fit it; None where none does."""
     fits: list[tuple[float, Measurement, TrackState]] = []
@@ -159,13 +159,13 @@ def _longer(
     return Rival(measurements=(*rival.measurements, taken), track=track)
 
 
-def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
+def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
     """Of its being what is followed, to its being another object.
 
     ``predicted``: where what is followed should be now; ``unexplained``: frames in which it was
     not detected although nothing hid it.
     """
-    if len(rival.measurements) < LEAST:
+    if len(rival.measurements) < MIN_RIVAL_FRAMES:
         return 0.0
     last = rival.measurements[-1]
     away = motion_between(
@@ -177,28 +177,28 @@ def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
     reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
     another = OTHERS_A_DEG2 / 3600.0**2
     missed = min(unexplained, _MAX_MISSED)
-    breaks = WRONG_PAIR if predicted.innovations == 0 else BREAKS
+    breaks = WRONG_PAIR_PROBABILITY if predicted.innovations == 0 else MANOEUVRE_PROBABILITY
     return float(breaks * reappears / another * UNDETECTED**-missed)
 
 
 def _rival_track(
-    first: Measurement, second: Measurement, seen: Seen, settings: FollowSettings
+    first: Measurement, second: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
     """A track through two measurements of different frames; None where they disagree."""
     if not agree(first, second, seen.exposure_s):
         return None
-    return initiated(first, second, 0, seen, settings)
+    return track_through(first, second, 0, seen, settings)
 
 
 def _rival_updated(
-    predicted: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
+    predicted: TrackState, m: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
     """A track that was predicted to a measurement after it; None where it does not fit."""
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
     errors = StreakErrors(along_error_arcsec(m, expected))
-    update = estimator.weighed(predicted, m, settings.filter, errors)
+    update = estimator.candidate_update(predicted, m, settings.filter, errors)
     return None if lqe.is_gated_out(nis_of(update), settings.filter) else update.state
 
 
@@ -211,7 +211,7 @@ def is_in_field(predicted: TrackState, field: Field | None) -> bool:
     return bool(field.holds(np.array([ra_deg]), np.array([dec_deg]), inside_arcsec)[0])
 
 
-def is_neighbour(m: Measurement, tracked: Tracked) -> bool:
+def is_neighbour(m: Measurement, tracked: LiveTrack) -> bool:
     """Whether a measurement stands where a known neighbour of what is followed should.
 
     ``tracked`` as it was predicted to the measurement's frame.

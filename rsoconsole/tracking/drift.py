@@ -31,7 +31,7 @@ Axis = Literal["azimuth", "altitude", "both"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class SolvedPointing:
     """One solved frame."""
 
     t_utc_ns: int
@@ -74,7 +74,7 @@ class PolarHint:
     """Which way the axis is off; empty where that is too little, or does not show there."""
 
 
-def offsets_arcsec(looks: Sequence[Look]) -> FloatArray:
+def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
     """(n, 2): east (on the sky) and north of the plate over the mount, arcsec."""
     mount = np.array([look.mount_icrs_deg for look in looks]).reshape(-1, 2)
     plate = np.array([look.plate_icrs_deg for look in looks]).reshape(-1, 2)
@@ -82,7 +82,7 @@ def offsets_arcsec(looks: Sequence[Look]) -> FloatArray:
     return np.asarray(3600.0 * np.stack([east, plate[:, 1] - mount[:, 1]], axis=1))
 
 
-def drift_of(looks: Sequence[Look]) -> Drift | None:
+def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
     """The drift over the frames since the camera last turned; None where they are too few or short.
 
     Frames between which the mount was not sent elsewhere share one offset: the scatter of the slews
@@ -136,9 +136,9 @@ def polar_hint(drift: Drift, hour_angle_deg: float, latitude_deg: float) -> Pola
     return PolarHint(axis=axis, error_arcmin=error_arcmin, words=words)
 
 
-def _since_flip(looks: Sequence[Look]) -> list[Look]:
+def _since_flip(looks: Sequence[SolvedPointing]) -> list[SolvedPointing]:
     """The last frames, back to where the camera stood the other way round."""
-    recent: list[Look] = []
+    recent: list[SolvedPointing] = []
     for look in reversed(looks):
         if recent and abs(wrap_180(look.rotation_deg - recent[-1].rotation_deg)) > FLIP_DEG:
             break
@@ -146,7 +146,7 @@ def _since_flip(looks: Sequence[Look]) -> list[Look]:
     return recent[::-1]
 
 
-def _slews(looks: Sequence[Look]) -> IntArray:
+def _slews(looks: Sequence[SolvedPointing]) -> IntArray:
     """The number of the slew that each frame was taken after."""
     mount = np.array([look.mount_icrs_deg for look in looks])
     east = wrap_180(np.diff(mount[:, 0])) * np.cos(np.radians(mount[1:, 1]))

@@ -34,7 +34,7 @@ from rsoconsole.tracking.filters.bank_update import inverted
 from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.filters.sky_path import Plane
 
-DETECTED = 0.9
+DETECTION_PROBABILITY = 0.9
 """Chance that what is in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
 """Streaks in a square arcsec that move like a track and are not it: a crowded slot."""
@@ -42,12 +42,12 @@ _FREEDOM = 4.0
 """Degrees of freedom of the law by which ways err."""
 _ANCHORS = 3
 """Streaks of each track that are held to be right in turn: the likeliest."""
-_AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTED)
-_MISSED = -2.0 * math.log(1.0 - DETECTED)
+_AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTION_PROBABILITY)
+_MISSED = -2.0 * math.log(1.0 - DETECTION_PROBABILITY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
+class TrackCandidates:
     """What a frame may mean for one track."""
 
     predicted: TrackState
@@ -103,7 +103,7 @@ class _Explanation:
     """Column of each track; from the number of streaks on: it was not seen."""
 
 
-def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assignment:
+def assign(tracks: Sequence[TrackCandidates], pattern: Pattern | None = None) -> Assignment:
     """The likeliest way to give the frame's measurements to the tracks.
 
     ``pattern``: where they stood to each other in the frames before.
@@ -133,7 +133,7 @@ def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assig
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))
 
 
-def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
+def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
     columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
     plane = Plane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
     alone = np.full((len(tracks), len(columns)), np.nan)
@@ -167,7 +167,7 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
 
 
 def _ways(
-    tracks: Sequence[Weighed], pattern: Pattern, plane: Plane
+    tracks: Sequence[TrackCandidates], pattern: Pattern, plane: Plane
 ) -> tuple[FloatArray, FloatArray]:
     """Ways and their covariances between all tracks, by the pattern or by the predictions."""
     predicted = [each.predicted for each in tracks]

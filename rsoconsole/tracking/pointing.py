@@ -91,7 +91,7 @@ class PointingModel:
         ]
 
 
-def observed(
+def with_solved_frame(
     before: PointingModel,
     *,
     commanded_ra_deg: float,
@@ -126,7 +126,7 @@ def observed(
     return before.with_last(after)
 
 
-def command_for(
+def pointing_command(
     offset: PointingOffset, ra_icrs_deg: float, dec_icrs_deg: float
 ) -> tuple[float, float]:
     """Where to send the mount so that it looks at this ICRS direction."""

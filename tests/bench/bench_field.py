@@ -19,7 +19,7 @@ from rsoconsole.orbits import (
     match_field,
     nearest_in_epoch_of_each,
 )
-from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.sky import site_gcrs, unit_to_direction
 from rsoconsole.words import NS_PER_S
 from tests.truth.fields_of_truth import (
@@ -51,7 +51,7 @@ class Fields:
         """One field's answers, by class of orbit and line."""
         rng, t = self.rng, self.t_utc_ns + round(self.rng.uniform(0.0, 600.0) * NS_PER_S)
         exposure_s = float(rng.choice([0.3, 1.0, 3.0, 10.0]))
-        seen = Lookout(SITE, t).seen(self.satellites, np.zeros(1))
+        seen = Observer(SITE, t).seen(self.satellites, np.zeros(1))
         up = seen.u[:, 0] @ (z := site_gcrs(SITE, np.array([t]))[0][0]) / np.linalg.norm(z) > 0.35
         is_low = seen.range_km[:, 0] < 3000.0
         wanted = np.flatnonzero(up & (is_low == (rng.random() < 0.5)))

@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
     position_sigmas_km,
     regime_of,
 )
-from rsoconsole.orbits.elements.sky_paths import Exposure, Lookout, drawn
+from rsoconsole.orbits.elements.sky_paths import Exposure, Observer, streak_path
 from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, Spread
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.sky import (
@@ -140,7 +140,7 @@ def passing(
 
     def off(node: float, mean: float) -> FloatArray:
         satellite = SatrecArray([made(node, mean).record])
-        u = Lookout(SITE, t_utc_ns).seen(satellite, np.zeros(1)).u[0, 0]
+        u = Observer(SITE, t_utc_ns).seen(satellite, np.zeros(1)).u[0, 0]
         side = np.cross([0.0, 0.0, 1.0], through)
         return np.array([u @ side, u @ np.cross(through, side)])
 
@@ -284,7 +284,7 @@ def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> Lin
         return None
     if not float(three[1].u[0, 0] @ view.centre) > math.cos(view.radius_rad + 0.35):
         return None
-    path = drawn(*(each.u[0, 0] for each in three), 801)
+    path = streak_path(*(each.u[0, 0] for each in three), 801)
     inside = np.flatnonzero(view.contains(path))
     if inside.size < 2:
         return None

@@ -34,7 +34,7 @@ _HOPELESS = 2000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Alone:
+class TrackletOrbit:
     """What a tracklet tells by itself."""
 
     seen: Sightings
@@ -46,7 +46,7 @@ class Alone:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joined:
+class JointOrbit:
     """What one orbit makes of several tracklets."""
 
     state: State
@@ -58,17 +58,17 @@ class Joined:
     chi2: float
 
 
-def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
+def tracklet_orbit(seen: Sightings, prior: PriorName = "auto") -> TrackletOrbit | None:
     """A tracklet by itself; None where no orbit passes through it."""
     orbit = determine(seen, prior=prior)
     if orbit is None:
         return None
     population = population_of(orbit.r_km, orbit.v_km_s, orbit.prior)
-    found = through((seen,), (orbit.r_km, orbit.v_km_s), seen.epoch_utc_ns, population)
+    found = joint_orbit((seen,), (orbit.r_km, orbit.v_km_s), seen.epoch_utc_ns, population)
     return (
         None
         if found is None
-        else Alone(
+        else TrackletOrbit(
             seen=seen,
             state=found.state,
             population=population,
@@ -78,13 +78,13 @@ def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
     )
 
 
-def log_odds(first: Alone, second: Alone) -> float:
+def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
     """That both are of one object, against a chance meeting; minus infinity where none fits.
 
     One orbit is sought through both, begun from the longer.
     """
     longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
-    both = through(
+    both = joint_orbit(
         (longer.seen, shorter.seen),
         longer.state,
         longer.seen.epoch_utc_ns,
@@ -94,16 +94,16 @@ def log_odds(first: Alone, second: Alone) -> float:
     return _log_odds(first.population, both, first.log_evidence, second)
 
 
-def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> float:
+def log_odds_of_more(start: TrackletOrbit, used: Sequence[Sightings], more: TrackletOrbit) -> float:
     """That ``more`` is of the object of ``start`` and of what was joined to it already."""
     if not used:
         return log_odds(start, more)
     parts = (start.seen, *used)
     epoch = start.seen.epoch_utc_ns
-    before = through(parts, start.state, epoch, start.population)
+    before = joint_orbit(parts, start.state, epoch, start.population)
     if before is None:
         return -float("inf")
-    both = through(
+    both = joint_orbit(
         (*parts, more.seen),
         before.state,
         before.epoch_utc_ns,
@@ -114,7 +114,7 @@ def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> fl
 
 
 def _log_odds(
-    population: Population, both: Joined | None, log_evidence: float, more: Alone
+    population: Population, both: JointOrbit | None, log_evidence: float, more: TrackletOrbit
 ) -> float:
     if both is None:
         return -float("inf")
@@ -129,7 +129,7 @@ def probability_of(log_odds: float) -> float:
     return float(np.nan_to_num(expit(log_odds)))
 
 
-def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
+def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
@@ -154,20 +154,20 @@ def _span_s(seen: Sightings) -> float:
     return float(seen.t_s[-1] - seen.t_s[0])
 
 
-def through(
+def joint_orbit(
     parts: Sequence[Sightings],
     start: State,
     epoch_utc_ns: int,
     population: Population,
     worst_chi2: float = float("inf"),
-) -> Joined | None:
+) -> JointOrbit | None:
     """One orbit through all parts, from ``start``, a state at ``epoch_utc_ns``; with its evidence.
 
     Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
     """
-    seen, which = together(parts)
+    seen, which = merged_tracklets(parts)
     forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
-    state = np.concatenate(carried(start, epoch_utc_ns, seen.epoch_utc_ns))
+    state = np.concatenate(state_at(start, epoch_utc_ns, seen.epoch_utc_ns))
     offset_arcsec = common_error_arcsec(seen)
     last = float("inf")
     for step in range(_STEPS):
@@ -195,7 +195,7 @@ def through(
     log_volume = 3.0 * np.log(2.0 * np.pi) - log_size / 2.0 + np.sum(np.log(scale))
     log_volume -= 2.0 * len(parts) * np.log(offset_arcsec)
     log_prior = log_prior_density(population, state, covariance)
-    return Joined(
+    return JointOrbit(
         state=(state[:3], state[3:]),
         covariance=covariance,
         epoch_utc_ns=seen.epoch_utc_ns,
@@ -204,7 +204,7 @@ def through(
     )
 
 
-def carried(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
+def state_at(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
     """A state at another instant."""
     since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
     r, v = Forces(epoch_utc_ns=from_utc_ns).states(*start, since_s)

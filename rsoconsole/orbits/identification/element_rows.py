@@ -7,7 +7,7 @@ import numpy as np
 
 from rsoconsole.orbits.elements.catalogue import states_gcrs
 from rsoconsole.orbits.identification.element_errors import Regime, regime_of
-from rsoconsole.orbits.identification.single import Compared, Identification
+from rsoconsole.orbits.identification.single import CatalogueComparison, Identification
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 from rsoconsole.words import NS_PER_S
@@ -63,7 +63,7 @@ class ElementRow:
 
 
 def row_of(
-    session: str, track: str, compared: Compared, found: Identification
+    session: str, track: str, compared: CatalogueComparison, found: Identification
 ) -> ElementRow | None:
     """None where the track is not surely named, and where it is seen along its line of sight."""
     if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:

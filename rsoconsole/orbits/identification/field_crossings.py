@@ -14,7 +14,7 @@ import numpy.typing as npt
 from sgp4.api import SatrecArray
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbits.elements.sky_paths import Exposure, Seen, drawn
+from rsoconsole.orbits.elements.sky_paths import Exposure, ObjectPlaces, streak_path
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ERROR_REGIMES,
@@ -285,7 +285,7 @@ class FieldCatalogue:
         ends = opening.u[0, :-1], closing.u[0, :-1]
         longest = float(np.linalg.norm(ends[1] - ends[0], axis=-1).max())
         parts = int(np.clip(np.ceil(longest / (_FINE * view.radius_rad)) + 1, *_PARTS))
-        paths = drawn(ends[0], middle.u[0, :-1], ends[1], parts)
+        paths = streak_path(ends[0], middle.u[0, :-1], ends[1], parts)
         nodes = np.array([sigmas for sigmas, _ in _ACROSS_NODES])
         off = np.einsum("lc,lk,n->clnk", sigma_across[0, :-1], across[0, :-1], nodes)
         # (cases, L, nodes)
@@ -332,7 +332,7 @@ def _leads(
     return np.linspace(*window, count)
 
 
-def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray]:
+def across_of(spread: ElementSpread, seen: ObjectPlaces) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
     across, radial, pole = across_parts(seen)
     by_radial = radial[..., None] * spread.radial_km[:, None, :]
@@ -340,7 +340,7 @@ def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray
     return across, np.hypot(by_radial, by_pole) / seen.range_km[..., None]
 
 
-def across_parts(seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, and their parts (M, L) along the radius and the pole of
     the orbit."""
     r, v = seen.r_km, seen.v_km_s

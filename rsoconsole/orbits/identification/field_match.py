@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from rsoconsole.orbits.elements.sky_paths import Exposure, Seen
+from rsoconsole.orbits.elements.sky_paths import Exposure, ObjectPlaces
 from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.field_crossings import (
     GATE_SIGMAS,
@@ -116,7 +116,7 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Matched:
+class LineMatch:
     """One line's answer."""
 
     verdict: Verdict
@@ -128,7 +128,7 @@ class Matched:
 class FieldMatch:
     """All lines of an exposure and all candidates."""
 
-    lines: tuple[Matched, ...]
+    lines: tuple[LineMatch, ...]
     taken: tuple[float, ...]
     """Of each candidate, the probability that one of the lines is it."""
 
@@ -167,7 +167,7 @@ def _shares(scores: FloatArray) -> FloatArray:
     return found
 
 
-def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
+def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> LineMatch:
     order = np.argsort(-shares, kind="stable")
     none = len(shares) - 1
     choices = tuple(
@@ -184,7 +184,7 @@ def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
         verdict: Verdict = "ambiguous"
     else:
         verdict = "unknown" if best.candidate is None else "identified"
-    return Matched(verdict=verdict, choices=choices)
+    return LineMatch(verdict=verdict, choices=choices)
 
 
 def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
@@ -229,12 +229,12 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Met:
+class _PathAtLine:
     """A path at the lead that brings it nearest to a line."""
 
-    three: tuple[FloatArray, Seen, FloatArray]
+    three: tuple[FloatArray, ObjectPlaces, FloatArray]
     """Unit vectors at opening and closing, and all of the middle."""
-    seen: Seen
+    seen: ObjectPlaces
     """At the instant at which a place of the line is known."""
     lead_s: float
     sigma_along_s: float
@@ -247,7 +247,9 @@ class _Met:
     """By case, the line's own error in them."""
 
 
-def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> _Met | None:
+def _met(
+    view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
+) -> _PathAtLine | None:
     """None where the line is outside the gates along and across."""
     start = int(np.argmax(candidate.u @ line.middle))
     if candidate.u[start] @ line.middle < np.cos(4.0 * view.radius_rad + candidate.gate_across_rad):
@@ -274,7 +276,7 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
     is_off = abs(across_rad) > GATE_SIGMAS * float(across_sigmas.max())
     if is_off or abs(lead_s) > _WIDER * candidate.gate_s:
         return None
-    return _Met(
+    return _PathAtLine(
         three=(three[0].u[0, 0], three[1], three[2].u[0, 0]),
         seen=seen,
         lead_s=lead_s,
@@ -329,7 +331,7 @@ def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
 
 def _log_place(
     candidate: Candidate,
-    met: _Met,
+    met: _PathAtLine,
     along_sigmas: FloatArray,
     shape_and_room_s: tuple[Shape, float],
     view: FieldOfView,

@@ -41,7 +41,7 @@ PLACE_WIDTH = 2.0
 """How many times as far off it may be, one sigma."""
 SCALE_PRIOR = 0.5
 """One sigma of how far off the scale of the measurements' own variances may be."""
-FEWEST = 6
+MIN_MEASUREMENTS = 6
 """Measurements of a mode without which nothing is told of it."""
 _TOO_FAR = 13.8
 """Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
@@ -101,7 +101,7 @@ class TimedDirections:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimated:
+class Estimate:
     """A value with its error, one sigma."""
 
     value: float
@@ -112,15 +112,15 @@ class Estimated:
 class ShutterTiming:
     """What was found of one camera mode; seconds."""
 
-    bias_s: Estimated
+    bias_s: Estimate
     """True mid-exposure of the first row minus the header's."""
-    scatter_s: Estimated
+    scatter_s: Estimate
     """From frame to frame, one sigma."""
-    line_time_s: Estimated
+    line_time_s: Estimate
     is_line_time_found: bool
     """Else it is what was configured, and the bias holds with that alone."""
     middle_row_px: float
-    bias_at_middle_s: Estimated
+    bias_at_middle_s: Estimate
     """At the rows where the streaks lie, where it is known best."""
     measurements: int
     frames: int
@@ -136,7 +136,7 @@ class TimeCalibration:
 
     modes: tuple[ShutterTiming | None, ...]
     """None where a mode has too few measurements."""
-    drift_arcsec: tuple[tuple[Estimated, Estimated], ...]
+    drift_arcsec: tuple[tuple[Estimate, Estimate], ...]
     """Of each night, east and north: measured minus orbit."""
     is_separated: tuple[bool, ...]
     """Of each night: whether its satellites tell drift from time; else the prior does."""
@@ -177,12 +177,14 @@ def calibrate(
     what the orbits are good to, one sigma. Raises OrbitError where no mode has enough measurements.
     """
     counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
-    if max(counts, default=0) < FEWEST:
+    if max(counts, default=0) < MIN_MEASUREMENTS:
         raise OrbitError(
-            f"{sum(counts)} streaks of satellites of the file: a camera mode needs {FEWEST};"
-            " follow navigation satellites that go in several directions"
+            f"{sum(counts)} streaks of satellites of the file: a camera mode needs"
+            f" {MIN_MEASUREMENTS}; follow navigation satellites that go in several directions"
         )
-    is_used = np.array([counts[int(mode)] >= FEWEST for mode in seen.mode]) & _roughly(seen, modes)
+    is_used = np.array([counts[int(mode)] >= MIN_MEASUREMENTS for mode in seen.mode]) & _roughly(
+        seen, modes
+    )
     before = _Before(
         modes=modes,
         nights=nights,
@@ -229,7 +231,7 @@ def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit,
     for _ in range(_ROUNDS):
         far = _distance(seen, fit, before)
         again = could & (far <= _TOO_FAR)
-        if int(np.sum(again)) < FEWEST:
+        if int(np.sum(again)) < MIN_MEASUREMENTS:
             break
         is_same, is_used = np.array_equal(again, is_used), again
         # Gusts give errors the tails of Student's distribution (Lange, Little & Taylor 1989).
@@ -322,7 +324,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
     has_ends = np.array(
         [
             np.sum((seen.mode == m) & seen.is_by_ends & np.isfinite(seen.length_off_arcsec))
-            >= FEWEST
+            >= MIN_MEASUREMENTS
             for m in range(modes)
         ]
     )
@@ -371,8 +373,8 @@ def _calibration(
         modes=found,
         drift_arcsec=tuple(
             (
-                Estimated(value=float(fit.unknowns[at]), sigma=float(sigma[at])),
-                Estimated(value=float(fit.unknowns[at + 1]), sigma=float(sigma[at + 1])),
+                Estimate(value=float(fit.unknowns[at]), sigma=float(sigma[at])),
+                Estimate(value=float(fit.unknowns[at + 1]), sigma=float(sigma[at + 1])),
             )
             for at in range(drift, drift + 2 * nights, 2)
         ),
@@ -392,7 +394,7 @@ def _mode(
 ) -> ShutterTiming | None:
     line, scatter = before.lines[mode], 2 + before.modes + mode
     taken = is_used & (seen.mode == mode)
-    if int(np.sum(taken)) < FEWEST:
+    if int(np.sum(taken)) < MIN_MEASUREMENTS:
         return None
     at = np.array([mode, before.modes + mode])
     bias_s, line_s = fit.unknowns[at]
@@ -403,14 +405,14 @@ def _mode(
     is_found = line[1] == LINE_TIME_PRIOR_S
     line_value_s = float(line_s) + line[0]
     return ShutterTiming(
-        bias_s=Estimated(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
+        bias_s=Estimate(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
         scatter_s=_root(float(fit.variances[scatter]), float(fit.variance_sigmas[scatter])),
-        line_time_s=Estimated(
+        line_time_s=Estimate(
             value=line_value_s, sigma=math.sqrt(float(both[1, 1])) if is_found else 0.0
         ),
         is_line_time_found=is_found,
         middle_row_px=row,
-        bias_at_middle_s=Estimated(
+        bias_at_middle_s=Estimate(
             value=float(bias_s) + line_value_s * row, sigma=math.sqrt(float(ahead @ both @ ahead))
         ),
         measurements=int(np.sum(taken)),
@@ -430,10 +432,10 @@ def _larger(fit: Fit, at: Index) -> FloatArray:
     return stated * widened
 
 
-def _root(variance: float, sigma: float) -> Estimated:
+def _root(variance: float, sigma: float) -> Estimate:
     """The root of a variance and its error; as many sigma from nothing as the variance is."""
     value = math.sqrt(variance)
     error = sigma / (2.0 * max(value, math.sqrt(sigma)))
     if variance < _SURELY_SOME * sigma:
         error = max(error, value * min(1.0, sigma / variance))
-    return Estimated(value=value, sigma=error)
+    return Estimate(value=value, sigma=error)

@@ -39,11 +39,11 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import (
-    CROSSED,
+    ONLY_CROSSING,
     Field,
     Following,
     FollowSettings,
-    Seen,
+    FrameInput,
     follow,
     three_sigma_deg,
 )
@@ -224,7 +224,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
     elif all(m.is_crossing for m in shown.measurements):
-        plain = CROSSED
+        plain = ONLY_CROSSING
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
     absence = functools.partial(
         explain_absence,
@@ -244,7 +244,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     measurements = tuple(m for m in shown.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:
         measurements = (*measurements, chosen)
-    seen = Seen(
+    seen = FrameInput(
         frame_id=taken.frame_id,
         t_mid_utc_ns=t_mid_ns,
         exposure_s=exposure_s,
@@ -309,7 +309,7 @@ def _by_orbit(
     motion = predict_motion(orbit_from_record(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
-    state = estimator.begun_from(
+    state = estimator.restarted_from(
         (motion.ra_icrs_deg, motion.dec_icrs_deg),
         motion.rate_arcsec_s,
         motion.covariance,

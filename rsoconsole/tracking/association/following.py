@@ -34,14 +34,14 @@ class Rival:
 
 
 Choice = Literal["nearest", "most confident"]
-NOTHING_SEEN = Missed(kind="no detection")
-CROSSED = Missed(kind="crossing")
-MAY_BE_FOLLOWED = ("satellite", "undetermined")
+NO_DETECTION = Missed(kind="no detection")
+ONLY_CROSSING = Missed(kind="crossing")
+TRACKABLE_CLASSES = ("satellite", "undetermined")
 """Classes of streaks that start a track; any other is told so, unless the operator chose it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class FrameInput:
     """What one frame showed."""
 
     frame_id: int
@@ -49,7 +49,7 @@ class Seen:
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: Missed | Callable[[], Missed] = NOTHING_SEEN
+    absence: Missed | Callable[[], Missed] = NO_DETECTION
     """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
@@ -91,7 +91,7 @@ class FollowSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked:
+class LiveTrack:
     """One track between two frames."""
 
     track: TrackState
@@ -130,13 +130,13 @@ class Following:
     """Measurements of the last frame, each of which may start a track."""
     earlier: tuple[Measurement, ...] = ()
     """Those of the frames before it that may still start one, with later frames that agree."""
-    tracks: tuple[Tracked, ...] = ()
+    tracks: tuple[LiveTrack, ...] = ()
     """The lead first; empty where nothing is followed."""
     pattern: Pattern = NO_PATTERN
     """Where the tracks stand to each other."""
     last_track_id: int = 0
     """Of the session's last track that has begun; 0 before the first."""
-    dropped: tuple[Tracked, ...] = ()
+    dropped: tuple[LiveTrack, ...] = ()
     """What the operator has dropped and may still be in the field: its streaks begin no track."""
 
     @property
@@ -178,7 +178,7 @@ def not_followed(
     )
 
 
-def of_track(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
+def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
     """What was not taken and what was missed, each with its track."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each

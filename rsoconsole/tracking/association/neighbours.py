@@ -55,7 +55,7 @@ class Neighbour:
         return float(np.hypot(drifted, self.error_arcsec))
 
 
-def remembered(
+def neighbours_after(
     before: tuple[Neighbour, ...],
     taken: Measurement,
     others: Mapping[Measurement, float],

@@ -123,7 +123,7 @@ NO_PATTERN = Pattern()
 """Of a field with fewer than two tracks."""
 
 
-def after(
+def pattern_after(
     before: Pattern,
     alive: Sequence[int],
     seen: Mapping[int, "Place"],

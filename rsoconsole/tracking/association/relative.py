@@ -37,7 +37,7 @@ _TERMS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sights:
+class TrackDirections:
     """What the frames have shown of one track: N of them, in order of time."""
 
     frame_id: IntArray
@@ -96,7 +96,7 @@ class RelativePath:
         return np.asarray(rates * self.frequency_rad_s)
 
 
-def ways_between(one: Sights, other: Sights) -> Ways | None:
+def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
     """The frames that showed both; None where there are too few to tell a motion."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:

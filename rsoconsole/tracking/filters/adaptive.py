@@ -127,7 +127,7 @@ def taken(
     return _state(said.after, along_arcsec, said.covariance, **fields)
 
 
-def begun_from(
+def restarted_from(
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,

@@ -18,7 +18,7 @@ from typing import Literal
 NIS_BAND = (0.0506, 7.3778)
 """Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
 WINDOW = 12
-LEAST = 5
+MIN_UPDATES = 5
 """Fewer NIS say nothing."""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
@@ -45,8 +45,8 @@ def consistency(
     """Judge the last ``WINDOW`` updates, oldest first; residuals (east, north) of the same ones."""
     recent = list(nis)[-WINDOW:]
     count = len(recent)
-    if count < LEAST:
-        words = f"{count} of the {LEAST} updates that it takes to judge the filter"
+    if count < MIN_UPDATES:
+        words = f"{count} of the {MIN_UPDATES} updates that it takes to judge the filter"
         mean = sum(recent) / count if count else None
         return Consistency(verdict="too few", mean=mean, count=count, words=words)
     mean = sum(recent) / count
@@ -109,6 +109,6 @@ def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
 def _correlation(values: Sequence[float]) -> float:
     """Of each with its successor, about zero: an innovation's mean is part of what is asked."""
     power = math.fsum(value * value for value in values)
-    if len(values) < LEAST or power <= 0.0:
+    if len(values) < MIN_UPDATES or power <= 0.0:
         return 0.0
     return math.fsum(a * b for a, b in itertools.pairwise(values)) / power

@@ -178,7 +178,7 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
     )
 
 
-def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,

@@ -156,7 +156,7 @@ def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
     return sum(1 for _ in of_parts)
 
 
-def remembered_with(
+def excesses_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
     """The excess of the streaks up to this one."""
@@ -210,7 +210,7 @@ def across_error_arcsec(
     return math.hypot(_OF_TURN * half, _OF_EXCESS * excess)
 
 
-def turns_with(
+def half_turns_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
     """Half the turns of the streaks up to this one, arcsec."""

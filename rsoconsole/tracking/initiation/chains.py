@@ -16,7 +16,12 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement
 from rsoconsole.sky import IntArray
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen, Tracked
+from rsoconsole.tracking.association.following import (
+    Following,
+    FollowSettings,
+    FrameInput,
+    LiveTrack,
+)
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.filters.agreement import (
     DIRECTION_TOLERANCE_DEG,
@@ -75,7 +80,7 @@ class _Pairs:
     """(seconds, firsts, 2) east and north from frame to frame."""
 
 
-def paired(
+def pairs_between(
     firsts: Sequence[Measurement],
     seconds: Sequence[Measurement],
     exposure_s: float,
@@ -223,25 +228,25 @@ _AS_ANOTHER_ARCSEC = 10.0
 Chain = tuple[Measurement, ...]
 
 
-def is_wide(settings: FollowSettings) -> bool:
+def uses_window(settings: FollowSettings) -> bool:
     """Whether more than two successive frames are asked."""
     return settings.filter.preset == "adaptive"
 
 
-def begun(
+def found_chains(
     before: Following,
     usable: Sequence[Measurement],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
-    tracks: Sequence[Tracked] = (),
+    tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
     """By its last measurement, one of ``usable``: the earlier ones of each chain, in order of time.
 
     ``tracks``: what is followed beside it.
     """
     # Two that the operator wants to be one object are.
-    if not is_wide(settings) or seen.chosen is not None:
-        pairs = paired(before.candidates, usable, seen.exposure_s)
+    if not uses_window(settings) or seen.chosen is not None:
+        pairs = pairs_between(before.candidates, usable, seen.exposure_s)
         return {second: (first,) for second, first in pairs.items()}
     streaks, points = _parted(usable)
     found: dict[Measurement, Chain] = {}
@@ -254,7 +259,7 @@ def begun(
         asked.append(([m for m in older if m.frame_id == last_but_one], UNSURE_COST))
     for these, unpaired in asked:
         left = [m for m in streaks if m not in found]
-        pairs = paired(these, left, seen.exposure_s, ways, unpaired=unpaired)
+        pairs = pairs_between(these, left, seen.exposure_s, ways, unpaired=unpaired)
         found |= {second: (first,) for second, first in pairs.items()}
     return found | _of_points(points, before, seen, settings, ways)
 
@@ -268,7 +273,7 @@ def trials(
 
     ``rates_arcsec_s``: of the tracks beside it, east and north.
     """
-    if not is_wide(settings):
+    if not uses_window(settings):
         return [ON_TRIAL] * len(begun_with)
     found = []
     for chain in begun_with:
@@ -298,7 +303,7 @@ def _same_frames(one: Chain, other: Chain) -> bool:
     return (one[0].frame_id, one[-1].frame_id) == (other[0].frame_id, other[-1].frame_id)
 
 
-def kept(before: Following, taken: Collection[Measurement]) -> Chain:
+def waiting_measurements(before: Following, taken: Collection[Measurement]) -> Chain:
     """Of the frames before this one what may still begin a track with later ones."""
     waiting = [m for m in (*before.earlier, *before.candidates) if m not in taken]
     frames = sorted({m.frame_id for m in waiting}, reverse=True)[: WINDOW - 2]
@@ -316,7 +321,7 @@ def _parted(
 def _of_points(
     points: list[Measurement],
     before: Following,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     ways: Sequence[tuple[float, float]],
 ) -> dict[Measurement, Chain]:
@@ -398,7 +403,7 @@ def _by_frame(points: Sequence[Measurement]) -> Mapping[int, list[Measurement]]:
 
 def _known(
     frames: Sequence[Sequence[Measurement]],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     ways: Sequence[tuple[float, float]],
 ) -> MotionPrior:
