@@ -136,7 +136,7 @@ def nis_of(update: TrackState | Update) -> float:
 
 
 def off_nis(updated: TrackState, settings: FollowSettings) -> float:
-    """How far an innovation is off by the moments: a mixture allows for more."""
+    """NIS by the moments of the mixture alone, which itself allows for more."""
     if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
         return nis_of(updated)
     off = np.array(updated.innovation_arcsec)

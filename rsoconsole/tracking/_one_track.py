@@ -101,7 +101,7 @@ def initiated_again(
 
 
 def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackState:
-    """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
+    """The track predicted to a frame: after a while unseen by the orbit of all measurements.
 
     No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
     its own prediction fits nothing.
@@ -139,7 +139,7 @@ def _measured(
 def follow_chosen(
     before: LiveTrack, chosen: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """What the operator wants followed is taken whatever the gates say, or begins a new track."""
+    """Take the operator's choice whatever the gates say, or begin a new track with it."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state

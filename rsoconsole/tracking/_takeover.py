@@ -47,7 +47,7 @@ _MAX_UNFIT = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reacquired:
-    """What did not fit has turned out to be what is followed."""
+    """Measurements that did not fit and turned out to be the object that is followed."""
 
     pair: tuple[Measurement, Measurement]
     """Its last two, which begin a track again."""
@@ -56,7 +56,7 @@ class Reacquired:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """What one frame makes of one track."""
+    """A track after one frame, with what goes on record."""
 
     records: tuple[FoldRecord, ...]
     after: LiveTrack | None
@@ -160,7 +160,7 @@ def _longer(
 
 
 def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
-    """Of its being what is followed, to its being another object.
+    """Odds that a rival is the object that is followed, and not another one.
 
     ``predicted``: where what is followed should be now; ``unexplained``: frames in which it was
     not detected although nothing hid it.

@@ -35,7 +35,7 @@ _APART_ARCSEC = 12.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedStreak:
-    """What one track takes of a streak of two."""
+    """One track's part of a streak that is of two satellites."""
 
     streak: Measurement
     """As the frame shows it."""
@@ -51,7 +51,7 @@ def shared_streaks(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[int, SharedStreak]:
-    """By a track's place among ``weighed``, what it takes of a streak that is another's as well.
+    """Parts of streaks that are of two tracks, by a track's place among ``weighed``.
 
     Only where no frame could show both apart, one of the two is left without a streak, and the
     streak fits both as one of both.

@@ -1,4 +1,4 @@
-"""How the telescope drifts while its mount tracks, and what that says of the polar axis. Pure.
+"""Drift of the telescope while its mount tracks, and the error of the polar axis. Pure.
 
 The plate says where the telescope looks, the mount where it believes to look; the difference
 changes while the mount tracks on. A polar axis that is off makes the declination drift: near the
@@ -52,7 +52,7 @@ class Rate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """What the last frames on one side of the pier came to."""
+    """Drift over the last frames on one side of the pier."""
 
     frames: int
     hours: float
@@ -65,7 +65,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolarHint:
-    """What the drift in declination says of the polar axis at one hour angle."""
+    """Error of the polar axis by the drift in declination at one hour angle."""
 
     axis: Axis
     error_arcmin: float

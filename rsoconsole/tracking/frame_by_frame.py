@@ -1,4 +1,4 @@
-"""From what each frame showed to what is followed: a fold over recorded inputs.
+"""Tracking frame by frame: a pure fold over recorded inputs.
 
 ``follow(before, seen, settings)`` is pure, so the engine, ``process``, what-if and a replay of a
 session all get the same track from the same inputs, bit for bit. States and their passages are

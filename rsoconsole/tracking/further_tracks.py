@@ -1,4 +1,4 @@
-"""Every satellite in the field: what no track has taken may begin another one. Pure.
+"""Tracks beside the lead: what no track has taken may begin another one. Pure.
 
 Frames that agree on one motion begin it, as they do the first. On trial (``chains.trials``) it ends
 with its first miss, so that false streaks cost a frame or two, and its last streak may begin
@@ -47,7 +47,7 @@ MANY = 6
 
 
 def with_fewer_filters(before: Following) -> Following:
-    """The same tracks; where there are many, those beside the lead go on by fewer filters."""
+    """The state with fewer filters for tracks beside the lead, where there are many."""
     if len(before.tracks) + len(before.dropped) <= MANY:
         return before
     lead, *others = before.tracks
@@ -65,7 +65,7 @@ def _lightened(one: LiveTrack) -> LiveTrack:
 def within_reach(
     measurements: tuple[Measurement, ...], predicted: TrackState
 ) -> tuple[Measurement, ...]:
-    """Those that may be asked whether they are a track's: the others are far beyond any gate."""
+    """Measurements near enough to a prediction to be weighed; others are beyond any gate."""
     here = lqe.direction_icrs_deg(predicted)
     scatter_s = 0.0 if predicted.mixture is None else predicted.mixture.scatter_high_s
     reach_arcsec = _BEYOND_ARCSEC + _BEYOND_SIGMAS * (
@@ -174,7 +174,7 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
 def free_measurements(
     steps: list[Step], seen: FrameInput, settings: FollowSettings
 ) -> tuple[Measurement, ...]:
-    """What may begin a track: nobody has taken it, and nobody waits for it.
+    """Measurements that may begin a track: none has taken them, and none waits for them.
 
     What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
     tracks' is not free.
@@ -240,7 +240,7 @@ def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """With the tracks that begin beside those that there are."""
+    """State and records with the tracks that a frame begins beside the others."""
     free = free_measurements(steps, seen, settings)
     if chains.uses_window(settings):
         before = _with_given_back(before, steps)

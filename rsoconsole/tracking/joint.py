@@ -48,7 +48,7 @@ _MISSED = -2.0 * math.log(1.0 - DETECTION_PROBABILITY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackCandidates:
-    """What a frame may mean for one track."""
+    """Candidates of one track among a frame's measurements."""
 
     predicted: TrackState
     updated: dict[Measurement, Update]
@@ -62,13 +62,13 @@ class TrackCandidates:
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
-        """Those that may."""
+        """Candidates that passed the gates."""
         return tuple(m for m in self.updated if m not in self.reasons)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """What each track takes."""
+    """Measurements assigned to the tracks."""
 
     taken: tuple[Measurement | None, ...]
     is_ambiguous: tuple[bool, ...]

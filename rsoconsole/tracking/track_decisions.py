@@ -1,4 +1,4 @@
-"""The operator's word on whole tracks: one is dropped, or kept whatever it misses. Pure.
+"""The operator's decisions on whole tracks: one is dropped, or kept while unseen. Pure.
 
 What is dropped goes on by itself, on no record and in no list, so that its streaks are known and
 begin no other track; it is forgotten once it has left the field, or may have.
@@ -23,7 +23,7 @@ DROPPED = NotTaken(kind="dropped")
 
 
 def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings) -> Following:
-    """What is followed before a frame, as the operator wants it from this frame on."""
+    """The state before a frame, with the operator's decisions from this frame on."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (
@@ -42,7 +42,7 @@ def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings
 def with_decisions_on_new(
     after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """The same of tracks that the frame itself begins: what is dropped never began."""
+    """State and records with the decisions on tracks that the frame begins."""
     if not (seen.dropped or seen.kept):
         return after, records
     tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
@@ -104,7 +104,7 @@ def marked_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[Fol
 
 
 def first_leads(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
-    """The same, the first one the lead and no other."""
+    """The tracks, the first one the lead and no other."""
     return tuple(
         each
         if each.track.is_lead == (at == 0)

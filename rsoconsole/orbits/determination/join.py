@@ -1,4 +1,4 @@
-"""Are two tracklets of one object? One orbit through both, against two of their own. Pure.
+"""Tracklets of one object: one orbit through all, against one for each. Pure.
 
 The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
 Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
@@ -35,7 +35,7 @@ _HOPELESS = 2000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackletOrbit:
-    """What a tracklet tells by itself."""
+    """The orbit of a tracklet by itself, with its evidence."""
 
     seen: Sightings
     state: State
@@ -47,7 +47,7 @@ class TrackletOrbit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointOrbit:
-    """What one orbit makes of several tracklets."""
+    """One orbit through several tracklets, with its evidence."""
 
     state: State
     """At ``epoch_utc_ns``."""
@@ -79,7 +79,7 @@ def tracklet_orbit(seen: Sightings, prior: PriorName = "auto") -> TrackletOrbit 
 
 
 def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
-    """That both are of one object, against a chance meeting; minus infinity where none fits.
+    """Logarithm of the odds that both are of one object; minus infinity where no orbit fits.
 
     One orbit is sought through both, begun from the longer.
     """
@@ -95,7 +95,7 @@ def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
 
 
 def log_odds_of_more(start: TrackletOrbit, used: Sequence[Sightings], more: TrackletOrbit) -> float:
-    """That ``more`` is of the object of ``start`` and of what was joined to it already."""
+    """Logarithm of the odds that ``more`` is of the object of ``start`` and of ``used``."""
     if not used:
         return log_odds(start, more)
     parts = (start.seen, *used)
@@ -123,7 +123,7 @@ def _log_odds(
 
 
 def probability_of(log_odds: float) -> float:
-    """Of the same; 0 where nothing could be computed."""
+    """Probability of one object by log odds; 0 where those could not be computed."""
     from scipy.special import expit
 
     return float(np.nan_to_num(expit(log_odds)))
@@ -146,7 +146,7 @@ def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]
 
 
 def common_error_arcsec(seen: Sightings) -> float:
-    """By how much all directions of one tracklet may be off together, by the span of all."""
+    """One sigma of what all directions of a tracklet are off together, by the span of all."""
     return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 

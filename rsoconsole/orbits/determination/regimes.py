@@ -33,7 +33,7 @@ AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regime:
-    """Where orbits of a kind are, and what is believed of them."""
+    """A kind of orbit: its range of semi-major axes, and the prior for it."""
 
     words: str
     """The belief."""
@@ -45,7 +45,7 @@ class Regime:
 
     @property
     def dimensions(self) -> int:
-        """Of the belief."""
+        """Number of quantities that the prior constrains."""
         return 2 if self.prior.a_km is None else 3
 
     def holds(self, state: State) -> bool:
@@ -103,7 +103,7 @@ def widened_covariance(found: Fit) -> FloatArray:
 
 
 def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str]:
-    """What the orbit may be called, and why, in words."""
+    """Label of an orbit, and the reason in words."""
     doubt = _doubt(seen, found, prior, rivals)
     if doubt is not None:
         return doubt

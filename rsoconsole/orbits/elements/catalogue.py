@@ -61,7 +61,7 @@ class CatalogueEntry:
 
     @property
     def eccentricity(self) -> float:
-        """As published."""
+        """Eccentricity as published."""
         return float(self.record.ecco)
 
 

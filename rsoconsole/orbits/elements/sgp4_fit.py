@@ -80,7 +80,7 @@ class MeanElements:
         return record
 
     def rounded(self) -> "MeanElements":
-        """As two lines can tell them; what the angles lose the anomaly makes good."""
+        """The elements to the digits of two lines; the mean anomaly makes up for the angles."""
         raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
         anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
         return replace(

@@ -1,4 +1,4 @@
-"""Where objects are seen from a site if they run ahead of their elements or behind them. Pure.
+"""Paths of catalogued objects on the sky, ahead of their elements or behind them. Pure.
 
 An object that is ``ahead``, in seconds, is now where its elements put it that much later, seen
 from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.

@@ -1,4 +1,4 @@
-"""What orbits there are: how likely a given one is before it is seen. Pure.
+"""Prior densities of orbits: how likely one is before it is seen. Pure.
 
 Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of
 two in any of them moves a probability of 0.9 to 0.95.
@@ -56,7 +56,7 @@ _MEO_KM = (18_000.0, 34_000.0)
 
 
 def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Population:
-    """By the prior under which an orbit was found, else by its size."""
+    """The population of an orbit: by the prior of its fit, else by its size."""
     if prior in POPULATIONS:
         return POPULATIONS[prior]
     a, k, h, *_ = equinoctial(np.concatenate([r_km, v_km_s]))

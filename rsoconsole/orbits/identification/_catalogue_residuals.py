@@ -65,7 +65,7 @@ def compare(
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
 ) -> Comparison:
-    """Every entry against the directions. Entries that SGP4 cannot carry there are left out."""
+    """Compare every entry with the directions; entries at which SGP4 fails are left out."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))

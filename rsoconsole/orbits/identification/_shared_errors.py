@@ -30,7 +30,7 @@ _LEAST = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """How what elements are off is shared: factors of the variances of ``element_errors``."""
+    """How errors of elements are shared: factors of the variances of ``element_errors``."""
 
     probability: float
     shared_undisturbed: float = 0.0
@@ -63,7 +63,7 @@ class Pair:
 
 
 def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
-    """Of the nth object of a comparison."""
+    """The pair of a track and the nth object of its comparison."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
@@ -80,7 +80,7 @@ def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
 
 
 class SharedErrors:
-    """What one case makes of T tracks and N objects.
+    """Densities of T tracks and N objects in one case of shared errors.
 
     ``pairs[t][n]`` is None where the object is none that the track could be of;
     ``unknown`` (T,): logarithm of the density of objects that no catalogue knows.

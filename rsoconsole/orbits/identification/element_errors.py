@@ -64,7 +64,7 @@ MANOEUVRED: dict[Regime, Spread] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorFactors:
-    """By what the assumed spreads of undisturbed objects of one kind of orbit are multiplied."""
+    """Factors of the assumed spreads of undisturbed objects of one kind of orbit."""
 
     along_at_epoch: float = 1.0
     along_by_age: float = 1.0
@@ -74,17 +74,17 @@ class ErrorFactors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementErrors:
-    """What elements are off, as it is assumed or was measured."""
+    """Errors of elements by kind of orbit, as assumed or measured."""
 
     undisturbed: Mapping[Regime, Spread]
     manoeuvred: Mapping[Regime, Spread]
 
     def of(self, regime: Regime, *, is_moved: bool) -> Spread:
-        """Of one case."""
+        """Spread of a kind of orbit, of manoeuvred or of undisturbed objects."""
         return (self.manoeuvred if is_moved else self.undisturbed)[regime]
 
     def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
-        """With other spreads where there are factors.
+        """The errors with their spreads scaled where there are factors.
 
         Those of manoeuvred objects stay, but that a manoeuvre takes no error away: they are nowhere
         narrower than the others.
@@ -115,13 +115,13 @@ _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO"
 
 
 def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
-    """Which kind of orbit elements describe."""
+    """Kind of orbit of one element set."""
     number = regime_numbers(np.array(revolutions_a_day), np.array(eccentricity))
     return ERROR_REGIMES[int(number)]
 
 
 def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> npt.NDArray[np.intp]:
-    """The same of elements (...): places in ``ERROR_REGIMES``."""
+    """Kinds of orbit of elements (...), as indices of ``ERROR_REGIMES``."""
     is_geo = (revolutions_a_day > 0.85) & (revolutions_a_day < 1.15)
     return np.where(
         eccentricity > 0.25, 3, np.where(revolutions_a_day > 9.0, 2, np.where(is_geo, 0, 1))
@@ -129,12 +129,12 @@ def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> n
 
 
 def manoeuvred_probability(regime: Regime, age_days: float) -> float:
-    """That an object of which no more is known has been moved since its elements' epoch."""
+    """Probability that an object was manoeuvred since the epoch of its elements."""
     return float(manoeuvred_probabilities(regime, np.array(age_days)))
 
 
 def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray:
-    """The same at ages (...)."""
+    """Probabilities of a manoeuvre at ages (...) of the elements."""
     interval = _BETWEEN_MANOEUVRES_DAYS[regime]
     return np.asarray(_CONTROLLED[regime] * (1.0 - np.exp(-np.abs(age_days) / interval)))
 

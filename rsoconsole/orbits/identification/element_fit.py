@@ -1,4 +1,4 @@
-"""By what the assumed errors of elements must be multiplied to fit one's own nights. Pure.
+"""Factors of the assumed errors of elements, fitted to one's own nights. Pure.
 
 Three factors of a kind of orbit (``ErrorFactors``), by maximum a posteriori: each row is of an
 undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), which a wide tail
@@ -45,7 +45,7 @@ still."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFactors:
-    """What the rows of one kind of orbit say."""
+    """Factors fitted to the rows of one kind of orbit."""
 
     regime: Regime
     factors: ErrorFactors
@@ -60,7 +60,7 @@ class FittedFactors:
 
 
 def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
-    """Of each kind of orbit that rows are of."""
+    """Fit the factors of each kind of orbit that there are rows of."""
     regimes = dict.fromkeys(each.regime for each in rows)
     return tuple(
         _fitted(regime, [each for each in rows if each.regime == regime])

@@ -41,7 +41,7 @@ _STRANGE_LOW_KM = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ElementSpread:
-    """Of M objects in three cases, (M, 3) each: kept to the orbit, moved, strange."""
+    """Errors of M element sets in three cases, (M, 3) each: undisturbed, manoeuvred, strange."""
 
     share: FloatArray
     radial_km: FloatArray
@@ -52,7 +52,7 @@ class ElementSpread:
     """(M,)"""
 
     def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
-        """The same of some of the objects."""
+        """Errors of the chosen objects."""
         return ElementSpread(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
@@ -62,7 +62,7 @@ def element_spread(
     speed_km_s: FloatArray,
     errors: ElementErrors = ASSUMED,
 ) -> ElementSpread:
-    """Of objects (M,) in those regimes, with elements so old, at that speed."""
+    """Errors of M element sets by kind of orbit, age and speed."""
     count = len(regimes)
     share, radial, along, across = (np.zeros((count, 3)) for _ in range(4))
     for number, regime in enumerate(ERROR_REGIMES):
@@ -111,7 +111,7 @@ IndexArray = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldOfView:
-    """What a frame looks at."""
+    """Field of view of one exposure."""
 
     site: Site
     t_mid_utc_ns: int
@@ -192,7 +192,7 @@ class FieldCatalogue:
         )
 
     def candidates(self, view: FieldOfView) -> tuple[Candidate, ...]:
-        """Those that can have crossed a field, in order of catalogue number."""
+        """Objects that can have crossed a field, in order of catalogue number."""
         self._choose(view.t_mid_utc_ns)
         if not self._sets:
             return ()

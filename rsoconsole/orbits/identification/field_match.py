@@ -55,7 +55,7 @@ _MIN_PACE = 1e-3 * ARCSEC_RAD
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """What was seen in an exposure."""
+    """A streak of one exposure."""
 
     a: FloatArray
     """(3,) unit vector of one end."""
@@ -84,7 +84,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """How a line lies to a candidate's path."""
+    """Offsets of a line from a candidate's path, and the likelihood of the match."""
 
     along_s: float
     """How far ahead of its elements the object was; below 0: behind."""

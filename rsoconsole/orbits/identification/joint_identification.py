@@ -92,7 +92,7 @@ def identify_jointly(
 def name_together(
     compared: Sequence[CatalogueComparison], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
-    """The same, of tracks that were compared with the catalogue before."""
+    """Names of tracks that were compared with the catalogue before: one answer for each."""
     found: dict[int, Identification] = {}
     for group in _groups(compared):
         members = [compared[n] for n in group]

@@ -1,4 +1,4 @@
-"""Is a track of an object that was seen before and that no catalogue knows? Pure.
+"""Uncorrelated tracks: whether one is of an uncatalogued object seen before. Pure.
 
 What was seen before says where the object should be, and how it should move, with an error that
 grows with time. Of an orbit that keeps to itself that is its own covariance and what its forces
@@ -69,7 +69,7 @@ _EACH = 24
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EarlierTrack:
-    """What one earlier track says of its object."""
+    """One earlier track of an uncatalogued object."""
 
     number: int
     """Of the object."""
@@ -114,7 +114,7 @@ class _Offset:
 def correlate_tracks(
     tracks: Sequence[Sightings], site: Site, before: Sequence[EarlierTrack]
 ) -> tuple[Correlation, ...]:
-    """Which objects the tracks of one night are of; two seen at once are of two objects.
+    """Correlate the tracks of a night with objects; two seen at once are of two objects.
 
     ``before`` may hold several tracks of one object: the likeliest of them counts.
     """

@@ -63,7 +63,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeapTrack:
-    """What may have drawn the streaks, the likeliest first; probabilities add up to 1."""
+    """Hypotheses of what drew the streaks, the likeliest first; probabilities add up to 1."""
 
     site: Site
     timing: Timing
@@ -75,7 +75,7 @@ class LeapTrack:
         return self.hypotheses[0]
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
-        """Where it will be by the n-th hypothesis; None where that is below the ground."""
+        """Place by the n-th hypothesis; None where that is below the ground."""
         each = self.hypotheses[number]
         if each.orbit is None:
             return cloud_ahead(each.cloud, self.site, t_utc_ns, each.scatter_s)
@@ -93,7 +93,7 @@ class LeapTrack:
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
     ) -> SkyPath | None:
-        """Where the shutter will find it, by the n-th hypothesis, for a while.
+        """Path by the n-th hypothesis, as the shutter will find it.
 
         None where it sets within two steps. Covariances hold what the shutter scatters.
         """
@@ -109,7 +109,7 @@ class LeapTrack:
 def path_of_orbit(
     orbit: KnownOrbit, site: Site, t_utc_ns: IntArray, scatter_s: float = 0.0
 ) -> SkyPath | None:
-    """Where an orbit leads, at instants in order; None where it has come down.
+    """Path of an orbit on the sky, at instants in order; None where it has come down.
 
     ``scatter_s`` of the shutter that will look: along the way, in the covariances.
     """
@@ -173,7 +173,7 @@ def begin_leap_track(
 
 
 def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
-    """With one more streak, later than all others; None where it fits no hypothesis.
+    """The track with one more streak, a later one; None where it fits no hypothesis.
 
     What the shutter scatters, as far as nobody has measured it, and what shakes the image are
     learned on the way.

@@ -1,4 +1,4 @@
-"""Which low orbits pass through one streak, and where they lead: the admissible region. Pure.
+"""Low orbits through one streak, and where they lead: the admissible region. Pure.
 
 A streak gives a direction and its rate; range and range rate remain. Low orbits are nearly circles,
 and a circle through a direction with a rate has one range: so the region is small. How round orbits

@@ -51,7 +51,7 @@ Vector = tuple[float, float, float]
 
 
 class Motion(Protocol):
-    """What carries a state through time."""
+    """A propagator: carries a state through time."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
@@ -62,7 +62,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forces:
-    """What moves the object beside the point mass."""
+    """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
     """Instant to which times are counted."""

@@ -1,4 +1,4 @@
-"""Where an orbit puts the object, and how sure that is. Pure."""
+"""Places on the sky that an orbit predicts, with their covariance. Pure."""
 
 from dataclasses import dataclass
 
@@ -111,7 +111,7 @@ class SkyMotion:
 
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
-    """What a filter on place and rates would have to know; None where there is no place."""
+    """Place, rates and their covariance, as a filter needs them; None where there is no place."""
     instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
     ahead = predict(orbit, site, instants)
     places = ahead.places

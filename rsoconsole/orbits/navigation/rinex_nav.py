@@ -117,7 +117,7 @@ class BroadcastOrbit:
 
 
 def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
-    """What texts, by the names of their files, say together.
+    """Read RINEX texts, by the names of their files, as one.
 
     Raises OrbitError naming file and line for what is no navigation file, and for damage. A last
     message that breaks off (the file was still being written) is left out.

@@ -1,4 +1,4 @@
-"""What a shutter does, from satellites whose orbits are known better than any clock here. Pure.
+"""Timing of a shutter, from satellites whose orbits are known better than any clock here. Pure.
 
 A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
 direction minus its orbit, at the instant that the frame's header names, is
@@ -96,7 +96,7 @@ class TimedDirections:
         return len(self.row_px)
 
     def of(self, chosen: Mask) -> "TimedDirections":
-        """Some of them."""
+        """The chosen directions."""
         return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
@@ -110,7 +110,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterTiming:
-    """What was found of one camera mode; seconds."""
+    """Timing of one camera mode; seconds."""
 
     bias_s: Estimate
     """True mid-exposure of the first row minus the header's."""
@@ -159,7 +159,7 @@ class _Before:
 
     @property
     def unknowns(self) -> int:
-        """How many there are: biases, line times, drifts."""
+        """Number of unknowns: biases, line times, drifts."""
         return 2 * self.modes + 2 * self.nights
 
 

@@ -1,4 +1,4 @@
-"""What the fold over frames goes by: what one frame showed, and what is tracked. Pure."""
+"""Input and state of the fold over frames: a frame's measurements, and the tracks. Pure."""
 
 import math
 from collections.abc import Callable
@@ -42,7 +42,7 @@ TRACKABLE_CLASSES = ("satellite", "undetermined")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameInput:
-    """What one frame showed."""
+    """What one frame gives the fold: measurements, field, and the operator's decisions."""
 
     frame_id: int
     t_mid_utc_ns: int
@@ -71,13 +71,13 @@ class FrameInput:
 
     @property
     def why_absent(self) -> Missed:
-        """What a miss of this frame is put down to."""
+        """Reason of a miss in this frame."""
         return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowSettings:
-    """What the fold depends on beside its inputs."""
+    """Settings of the fold."""
 
     filter: FilterConfig
     half_field_deg: float
@@ -151,7 +151,7 @@ class Following:
 
     @property
     def track_id(self) -> int | None:
-        """Of the lead; None where there is none."""
+        """Number of the lead track; None where there is none."""
         return self.tracks[0].track.track_id if self.tracks else None
 
     def without_track(
@@ -160,7 +160,7 @@ class Following:
         candidates: tuple[Measurement, ...] = (),
         earlier: tuple[Measurement, ...] = (),
     ) -> "Following":
-        """Nothing is followed any more; the next track is another one."""
+        """The state without any track; the next one has another number."""
         return Following(
             state=state,
             candidates=candidates,
@@ -179,7 +179,7 @@ def not_followed(
 
 
 def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
-    """What was not taken and what was missed, each with its track."""
+    """The records with the track that measurements were refused by, and that was missed."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
         for each in records

@@ -1,4 +1,4 @@
-"""Who stands beside what is followed, so that neither is taken for the other after a coast.
+"""Neighbours of what is followed, told from it by their pattern after a coast.
 
 Satellites of one slot have one rate and one streak, and after a long coast the prediction's
 bounds hold several of them: position alone would then take whichever happens to lie nearer.
@@ -50,7 +50,7 @@ class Neighbour:
     """Sigma of both places then, as far as the track has learnt how much its streaks err."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
-        """How well its place is known by then, on each axis."""
+        """One sigma of its place at an instant, on each axis."""
         drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
         return float(np.hypot(drifted, self.error_arcsec))
 
@@ -90,7 +90,7 @@ def neighbours_after(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """What the frame could show."""
+    """Field of the frame on the sky."""
 
     wcs: Wcs
     width_px: int

@@ -1,4 +1,4 @@
-"""Where the satellites of a field stand to each other, from the frames that showed both. Pure.
+"""Relative positions of a field's satellites, from the frames that showed both. Pure.
 
 What a frame's time or plate is wrong by moves all of its streaks alike, so the way from one to
 another knows nothing of it (differential coordinates). Of every two tracks that way and its rate
@@ -99,7 +99,7 @@ def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Place:
-    """What a frame has shown of one track."""
+    """Place and rate of one track in a frame."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -110,7 +110,7 @@ class Place:
 
     @classmethod
     def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
-        """Of the streak that a track has taken; ``along_arcsec`` as ``own_covariance`` has it."""
+        """Place of the streak that a track has taken; ``along_arcsec``: see ``own_covariance``."""
         return cls(
             ra_icrs_deg=m.ra_icrs_deg,
             dec_icrs_deg=m.dec_icrs_deg,

@@ -1,4 +1,4 @@
-"""How two satellites of a field move against each other, from the frames that showed both. Pure.
+"""Relative motion of two satellites of a field, from the frames that showed both. Pure.
 
 What shutter and plate are wrong by moves both streaks of a frame alike, so each axis of the way
 from one to the other is fitted by itself, frame by frame, and knows nothing of it. The path is an
@@ -38,7 +38,7 @@ _TERMS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackDirections:
-    """What the frames have shown of one track: N of them, in order of time."""
+    """Directions of one track in N frames, in order of time."""
 
     frame_id: IntArray
     """(N,)"""
@@ -53,7 +53,7 @@ class TrackDirections:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ways:
-    """From one track to another in the N frames that showed both."""
+    """Relative positions of two tracks in the N frames that showed both."""
 
     t_utc_ns: IntArray
     """(N,)"""
@@ -264,7 +264,7 @@ def pair_motion(
     warned_arcsec: float = 0.0,
     warned_ahead_s: float = 0.0,
 ) -> PairMotion:
-    """How two tracks move to each other at an instant, for the record.
+    """Relative motion of two tracks at an instant, for the record.
 
     ``warned_arcsec`` and ``warned_ahead_s``: how near, and how soon, an approach is warned of.
     """

@@ -109,7 +109,7 @@ def innovations(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[Innovation]:
-    """How far measurements at the predicted instant are off the track, what ``taken`` begins with.
+    """Innovations of measurements at the predicted instant, with which ``taken`` begins.
 
     Each with what its streak adds.
     """
@@ -296,7 +296,7 @@ def _state(
 
 
 def scatter_words(state: TrackState, known_s: float) -> str | None:
-    """What a track has learnt of scatter along its motion; None: nothing.
+    """Scatter along the motion that a track has learnt, in words; None: nothing.
 
     One streak alone does not tell the shutter from an end that is found badly, so it is called
     the shutter's only under a condition. ``known_s``: what the measurements contain already.
@@ -314,7 +314,7 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
 
 
 def summary_words(state: TrackState | None, known_s: float) -> str:
-    """In a few words for a narrow screen what motion is believed, and the scatter; may be empty."""
+    """Likeliest motion and timing scatter in a few words, for a narrow screen; may be empty."""
     if state is None or state.mixture is None:
         return ""
     name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])

@@ -40,7 +40,7 @@ class Motion:
 
     @property
     def length_arcsec(self) -> float:
-        """Its length."""
+        """Length of the displacement."""
         return math.hypot(self.east_arcsec, self.north_arcsec)
 
     @property

@@ -45,7 +45,7 @@ SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Which errors of measurements are weighed against each other."""
+    """Variance scales and timing scatters that a bank weighs against each other."""
 
     variance_scales: FloatArray
     """(V,)"""
@@ -141,7 +141,7 @@ class Bank:
 
     @property
     def variance_scale(self) -> float:
-        """As it is believed in the middle."""
+        """Mean of the variance scale."""
         return float(self.variance_scale_probabilities @ self.grid.variance_scales)
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
@@ -338,7 +338,7 @@ def _noise(
 
 
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Where no orbit passes, or none is asked for."""
+    """Mean and covariance of the bend where no orbit passes, or none is asked for."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 

@@ -1,4 +1,4 @@
-"""Which filter a preset means: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
+"""The filter of a preset: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
 
 Nights are replayed by the preset that they were recorded with, so no preset ever changes what it
 makes of given measurements.

@@ -1,4 +1,4 @@
-"""Whether a filter believes itself rightly: what its innovations say of Q and R. Pure.
+"""Consistency of a filter: what its innovations say of Q and R. Pure.
 
 The normalised innovation squared (NIS) of a sound filter with two measured coordinates is
 chi-square distributed with 2 degrees of freedom, and innovations of successive frames know nothing
@@ -29,7 +29,7 @@ Verdict = Literal["too few", "sound", "over-confident", "under-confident"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
-    """What the last innovations say of the filter."""
+    """Consistency of a filter by its last innovations."""
 
     verdict: Verdict
     mean: float | None
@@ -70,7 +70,7 @@ def consistency(
 
 @lru_cache(maxsize=256)
 def mean_band(count: int) -> tuple[float, float]:
-    """Within which the mean of ``count`` NIS lies 95 times in 100, for a sound filter."""
+    """Bounds of the mean of ``count`` NIS of a sound filter, 95 times in 100."""
     return _mean_exceeded(count, 0.975), _mean_exceeded(count, 0.025)
 
 

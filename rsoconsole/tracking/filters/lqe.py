@@ -69,7 +69,7 @@ def span_s(first: Measurement, second: Measurement) -> float:
 
 
 def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict[str, Any]:
-    """What the first state of a track says of where it comes from, whatever the preset."""
+    """Fields of a track's first state that do not depend on the preset."""
     return {
         "kind": "initial",
         "frame_id": second.frame_id,
@@ -80,7 +80,7 @@ def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict
 
 
 def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
-    """What a state says of its track and of the states before it, whatever the preset.
+    """Fields of a track's next state that do not depend on the preset.
 
     ``changed``: what is not as ``before`` has it; a prediction, unless that says another kind.
     """
@@ -102,7 +102,7 @@ def update_fields(
     innovation_arcsec: FloatArray,
     sigma_arcsec: FloatArray,
 ) -> dict[str, Any]:
-    """What a state says of the measurement that it was updated with, whatever the preset."""
+    """Fields of an updated state that do not depend on the preset."""
     return next_fields(
         predicted,
         measurement.frame_id,

@@ -1,4 +1,4 @@
-"""What the length of a streak says of the error of its middle. Pure.
+"""Error of a streak's middle, judged by the streak's length. Pure.
 
 The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
 opened, of cloud, of a star upon it. Their sum is the streak's excess over the length that its
@@ -79,7 +79,7 @@ NO_STREAKS = StreakHistory()
 
 
 def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """By how much a streak is longer than its motion in one exposure; None: it has no length."""
+    """Excess of a streak's length over its motion in one exposure; None: it has no length."""
     streak = streak_motion(measurement)
     if streak is None or measurement.is_clipped or measurement.is_crossing:
         return None

@@ -176,7 +176,7 @@ def new_track(
     is_lead: bool,
     trial: int = chains.ON_TRIAL,
 ) -> LiveTrack:
-    """What is followed from two measurements on, or more of them."""
+    """A new track through two measurements or more."""
     track = track_through(chain[0], chain[1], track_id, seen, settings)
     streaks = streaks_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
@@ -242,7 +242,7 @@ def streaks_with(
 def errors_of(
     m: Measurement, expected: Motion, before: StreakHistory, settings: FollowSettings
 ) -> StreakErrors:
-    """What a measurement's streak shows of the errors of its middle, for the preset that asks.
+    """Errors of a streak's middle by its shape; none for presets other than ``adaptive``.
 
     ``before``: the track's streaks up to it.
     """

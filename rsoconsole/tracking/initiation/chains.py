@@ -240,7 +240,7 @@ def found_chains(
     settings: FollowSettings,
     tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
-    """By its last measurement, one of ``usable``: the earlier ones of each chain, in order of time.
+    """Chains that begin tracks: by the last measurement the earlier ones, in order of time.
 
     ``tracks``: what is followed beside it.
     """
@@ -269,7 +269,7 @@ def trials(
     settings: FollowSettings,
     rates_arcsec_s: Sequence[tuple[float, float]] = (),
 ) -> list[int]:
-    """Of each chain that begins a track, how often that must be measured to outlive a miss.
+    """Measurements that the track of each chain needs before it outlives a miss.
 
     ``rates_arcsec_s``: of the tracks beside it, east and north.
     """
@@ -304,7 +304,7 @@ def _same_frames(one: Chain, other: Chain) -> bool:
 
 
 def waiting_measurements(before: Following, taken: Collection[Measurement]) -> Chain:
-    """Of the frames before this one what may still begin a track with later ones."""
+    """Measurements of earlier frames that may still begin a track with later ones."""
     waiting = [m for m in (*before.earlier, *before.candidates) if m not in taken]
     frames = sorted({m.frame_id for m in waiting}, reverse=True)[: WINDOW - 2]
     return tuple(m for m in waiting if m.frame_id in frames)
